@@ -69,7 +69,7 @@ def test_a_plane_shows_what_is_proved_not_known_and_refuted_at_the_swept_values(
 @pytest.mark.whole
 def test_a_bar_shows_the_same_and_nothing_proved_is_said():
     (axes,) = plots.zwidth(table("b", [10.0]), {}).axes
-    assert carets(axes) == [(REFUTED, 1.0)]
+    assert carets(axes) == [(REFUTED, pytest.approx(0.808))]  # below the star
     (part,) = hatched(axes)
     assert {x for x, _ in part} == {PROVED, REFUTED}
     figure = plots.zwidth(table("b", [10.0], proved=False), {})
@@ -77,4 +77,4 @@ def test_a_bar_shows_the_same_and_nothing_proved_is_said():
     assert "nothing proved" in [text.get_text() for text in axes.texts]
     (whole,) = hatched(axes)
     assert {x for x, _ in whole} == {0.0, axes.get_xlim()[1]}
-    assert {"not known", "proved for all: none"} <= set(said(figure))
+    assert "not known" in said(figure)

@@ -28,6 +28,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     varied = {axis.path: _values(axis) for axis in spec.for_all.changing} if spec.for_all else {}
     if spec.drawing:
         found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} in any order" for path, each in varied.items()]
+        frames += [*_unknown(spec, swept), *_messages(spec)]
         return "; ".join(frames + ([f"linear while {', '.join(found)}; simulate goes beyond"] if found else []))
     read, values = keys_of_page(spec.values), spec.values
     parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read)]
@@ -38,6 +39,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
         parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
     if VELOCITY in read:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
+    parts += _unknown(spec, swept)
     late = values["device.delay"]
     if "device.delay" in swept:
         parts.append("amplifier's delay swept")
@@ -69,6 +71,24 @@ def _frames_that_vary(spec, varied, read) -> Iterator[str]:
     if INTEGRATION in read:
         over = "the time since the last frame" if spec.step == "elapsed" else f"{ratio} ticks, however long a frame is"
         yield f'integrated over {over} (step = "{spec.step}")'
+
+
+def _unknown(spec, swept) -> Iterator[str]:
+    """Yield the numbers of [for_all] that are constant and not known."""
+    for axis in spec.for_all.unknown if spec.for_all else ():
+        if axis.path not in swept:
+            unit = spec.names.keys[axis.path].unit
+            yield f"{axis.name} {'of' if axis.values else 'from'} {_values(axis)}{f' {unit}' if unit not in ('', '1') else ''}"
+
+
+def _messages(spec) -> Iterator[str]:
+    """Yield what the messages of each channel may do."""
+    known = scalars(spec.values)
+    for block in spec.drawing.channels:
+        late, lost = (value_of(dict(block.keys)[key], known) for key in ("late", "lost"))
+        said = [f"late by up to {late:g} ticks"] * bool(late)
+        said += ["lost at random"] if block.loses_at_random else [f"lost up to {lost:g} in a row"] * bool(lost)
+        yield f"messages of {block.name} {' or '.join(said) or 'all in time'}"
 
 
 def _values(axis) -> str:

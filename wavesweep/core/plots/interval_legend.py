@@ -6,7 +6,18 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.plots.members import Member, look_of
-from wavesweep.core.plots.regions import BEYOND, CARET, FELT_LINE, RIGHT, SHADE, UP, handles_of, range_end
+from wavesweep.core.plots.regions import (
+    BEYOND,
+    CARET,
+    DOWN,
+    FELT_LINE,
+    LEFT,
+    RIGHT,
+    SHADE,
+    UP,
+    handles_of,
+    range_end,
+)
 from wavesweep.core.plots.shown import Shown
 from wavesweep.core.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting, paler
 from wavesweep.core.plots.words import unit, valued
@@ -37,17 +48,23 @@ def entries_of(shown: Shown, panels: Sequence[float]) -> tuple[list[Any], list[A
             values = layout.members
             names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
         names = [
-            name + _extent(shown, member) + " (at the dots)" * (member.joined and layout.x is not None)
+            name
+            + _extent(shown, member)
+            + " (at the dots)" * bool(member.joined and layout.x is not None and member.rows["intervals"].any())
             for name, member in zip(names, members, strict=True)
         ]
-        entries = handles_of(names, [member.look for member in members])
+        entries = [] if layout.x is None else handles_of(names, [member.look for member in members])  # bars have their names
     if members and members[-1].proved:
         rows, colour = members[-1].rows, members[-1].look.colour
         if layout.x is not None and rows["intervals"].any():
             entries[-1] = Patch(facecolor=paler(colour, SHADE), edgecolor=colour, label=entries[-1].get_label())
-        entries += [] if rows["settled"].all() else [Patch(**UNKNOWN, label=NOT_KNOWN)]
-        if np.isfinite([rows["fails_below"], rows["fails_from"]]).any():
-            entries.append(Line2D([], [], marker=RIGHT if layout.x is None else UP, **CARET, label=REFUTED))
+        nowhere = layout.x is not None and not shown.columns["intervals"].any()
+        entries += [] if rows["settled"].all() or nowhere else [Patch(**UNKNOWN, label=NOT_KNOWN)]
+        carets = [
+            each for end, *each in (("from", RIGHT, UP), ("below", LEFT, DOWN)) if np.isfinite(rows[f"fails_{end}"]).any()
+        ]
+        if carets:
+            entries.append(Line2D([], [], marker=carets[0][layout.x is not None], **CARET, label=REFUTED))
     return entries, _marks(shown, members, panels)
 
 
@@ -72,12 +89,15 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> 
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if shown.best:
         handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
-    if shown.own_places(panels):
+    if shown.own_design(panels)[0]:
         handles.append(Line2D([], [], **OWN, label="nominal design"))
     ended = [
-        np.isfinite([each.rows["low_omega"], each.rows["high_omega"]]).any(0) & ~each.rows["certified"] for each in members
+        (np.isfinite([each.rows["low_omega"], each.rows["high_omega"]]).any(0) | plane)
+        & ~each.rows["certified"]
+        & (each.rows["intervals"] > 0)
+        for each in members
     ]
-    if (plane and not certain) or any(rows.any() for rows in ended):
+    if any(rows.any() for rows in ended):
         dashed = {"linestyle": "--", "label": "not certified"}
         dotted = Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed)
         handles.append(dotted if plane and len(members) == 1 and not shown.whose else Line2D([], [], color=DOUBTFUL, **dashed))
@@ -93,14 +113,15 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> 
 def _best_in_words(shown: Shown, sure: str) -> str:
     """The largest value and, of a wall, the stiffness felt; sure: what to say of it if others are in doubt."""
     best, facts = shown.best, shown.facts
-    sure = sure if best["certified"] else ""
-    kind = row_kinds()[best.get("guarantee", "")]
+    kind = row_kinds()[best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else ""]
+    sure = sure if best["certified"] and not kind.proved else ""
+    sure += f", {kind.legend}" * (shown.whose == "hand")
     title, over = kind.largest, "over " if np.isnan(best["high_omega"]) and not kind.proved else ""
     felt = best.get("felt_high", np.nan)
     if shown.along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
         start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
         return f"{title}{sure}: {over}{best['high']:.5g} {unit(shown.along, facts)}".rstrip() + start
-    title = title.replace("largest", "stiffest felt") + (sure and ",") + sure
+    title = title.replace("largest", "stiffest felt") + (sure and ",") * (not sure.startswith(",")) + sure
     return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {over}{best['high']:.5g} N/m"
 
 

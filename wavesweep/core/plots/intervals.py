@@ -13,7 +13,7 @@ from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
 from wavesweep.core.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with
 from wavesweep.core.plots.members import HALF_BAR, Member, damping_of, draw_bars, member_curves, over_one_damping, specs_of
-from wavesweep.core.plots.regions import draw_felt, draw_for_all, draw_for_all_bar, draw_region, mark_range, view_of
+from wavesweep.core.plots.regions import ALONE, draw_felt, draw_for_all, draw_for_all_bar, draw_region, mark_range, view_of
 from wavesweep.core.plots.sampling import Blocks, blocks_of, note_values, rows_where
 from wavesweep.core.plots.scales import by_factors, is_logarithmic
 from wavesweep.core.plots.shown import Shown
@@ -24,6 +24,7 @@ from wavesweep.core.tables.planes import incomplete, region_of, smooth_axes
 
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 1.6  # points between thin bars of two members
+_ROOM = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 
 
@@ -88,13 +89,15 @@ def _draw(shown: Shown) -> Any:
     height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
     with figure(usual, height) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
+        reached = list(shown.view)
         for axes, value in zip(grid.flat, panels, strict=False):
-            _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down))
+            reached += _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down))
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
-        for axes in grid.flat if layout.x is not None and shown.by_factors else ():
-            by_factors(axes.yaxis, *shown.view)
-        (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(shown.view)
+        view = min(reached), max(reached)
+        for axes in grid.flat if shown.by_factors else ():
+            by_factors(axes.xaxis if layout.x is None else axes.yaxis, *view)
+        (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(view)
         for number, axes in enumerate(grid.flat[: len(panels)]):
             axes.tick_params(labelbottom=number + across >= len(panels))
             mark_range(axes, shown.columns, bars=layout.x is None)
@@ -105,28 +108,33 @@ def _draw(shown: Shown) -> Any:
     return canvas
 
 
-def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float]) -> None:
-    layout = shown.layout
+def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float]) -> list[float]:
+    """Draw a panel, and return how far boundaries go between the values of the table, with some room."""
+    layout, reached = shown.layout, []
     columns = rows_with(shown.columns, {layout.panels: panel} if layout.panels else {})
     members = shown.members(columns)
     if layout.x is None:
         draw_bars(axes, members)
     else:
-        _draw_plane(shown, axes, columns, members, inches)
+        reached = _draw_plane(shown, axes, columns, members, inches)
     if layout.panels is not None:
         axes.set_title(valued(layout.panels, panel, shown.facts))
     if shown.best and (layout.panels is None or shown.best[layout.panels] == panel):
         axes.plot(*shown.place(shown.best, members), **BEST)
-    for place in shown.own_places([panel]):
+    for place in shown.own_design([panel])[0]:
         axes.plot(*place, **OWN)
     for name, height in shown.limits_of_walls().items():
         axes.axhline(height, **LIMIT, linestyle=LIMITS[name][1])
     for place, member in enumerate(members) if layout.x is None else ():
         if member.proved:
             draw_for_all_bar(axes, place, HALF_BAR, member.rows, shown.span)
+    return reached
 
 
-def _draw_plane(shown: Shown, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float]) -> None:
+def _draw_plane(
+    shown: Shown, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float]
+) -> list[float]:
+    reached: list[float] = []
     x, (low, high) = shown.layout.x, (shown.layout.points[0], shown.layout.points[-1])
     if not (columns["intervals"] > 0).any():
         nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
@@ -141,9 +149,10 @@ def _draw_plane(shown: Shown, axes: Any, columns: Columns, members: Sequence[Mem
         region = replace(region, unknown=[]) if member.joined else region  # nothing is computed between its dots
         filled = member.proved or (len(members) == 1 and shown.whose != "spec")
         draw_region(axes, region, member.look, filled, shift, len(members))
+        reached += [_ROOM * y for line in (*region.certain, *region.doubtful) for _, y in line]
         if shown.felt:
             draw_felt(axes, region, member.look)
-        if member.proved:
+        if member.proved and (columns["intervals"] > 0).any():  # without a stable loop nothing is open
             draw_for_all(axes, x, member.rows, shown.span)
         for end, limit in zip(("low", "high"), shown.span, strict=True) if member.joined else ():
             far = np.abs(member.rows[end] - limit) > 0.01 * (shown.span[1] - shown.span[0])  # false where it is missing
@@ -154,6 +163,7 @@ def _draw_plane(shown: Shown, axes: Any, columns: Columns, members: Sequence[Mem
         more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
         low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)
     axes.set_xlim(low, high)
+    return [y for y in reached if y > shown.view[1]]
 
 
 def _name_axes(shown: Shown, canvas: Any) -> None:
@@ -168,8 +178,14 @@ def _name_axes(shown: Shown, canvas: Any) -> None:
     unmarked = [each.undrawn(facts, layout.x, shown.along) for each in modules("marks")]
     said, _, _ = assumed(facts).partition(":")  # usual engines follow
     kind = facts.get("spec", {}).get("controller", {}).get("kind")
-    one = f"{kind}, {said}" if said and kind and shown.whose != "spec" else ""  # controller, wall, delay and velocity
-    note_below(canvas, required, layout.left_out, *unmarked, one, axis=along if bars else label(layout.x, facts))
+    one = f"{kind}, {said}" if kind else said.capitalize()  # controller, wall, delay and velocity
+    one = one if said and shown.whose != "spec" else ""
+    missing = shown.own_design(layout.panel_values or (np.nan,))[1]
+    alone = any(each.get_gid() == ALONE for axes in canvas.axes for each in axes.collections)
+    between = "Nothing is known between thin lines." * alone
+    note_below(
+        canvas, required, layout.left_out, between, missing, *unmarked, one, axis=along if bars else label(layout.x, facts)
+    )
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)

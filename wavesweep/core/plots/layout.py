@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
+from wavesweep.core.columns import Columns, whose_column
 from wavesweep.core.stability.certificate import FELT_ALIKE
-from wavesweep.core.tables.row_kinds import proved_kinds
+from wavesweep.core.tables.row_kinds import COMPUTED, row_kinds
 
 # What a person can still read in one figure.
 MOST_MEMBERS = 8
@@ -148,7 +148,8 @@ def evenly(
 def best_row(columns: Columns) -> dict[str, Any]:
     """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable.
 
-    If there are any, rows proved for all numbers come first, then certified ones, then those with a known stiffness felt.
+    If there are any, rows of what is promised, for all numbers or for hands, come first, then certified ones, then those with a
+    known stiffness felt.
     """
     rows = columns["intervals"] > 0
     if not rows.any():
@@ -157,14 +158,18 @@ def best_row(columns: Columns) -> dict[str, Any]:
     if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
         known = ~np.isnan(columns["felt_high"])
         merit = np.where(known, columns["felt_high"], merit)
-    ranks = (np.isin(columns.get("guarantee", np.full(rows.size, "")).astype(str), proved_kinds()), columns["certified"], known)
-    for better in ranks:
-        rows = rows & better if (rows & better).any() else rows
+    whose, kinds = whose_column(columns), list(row_kinds())
+    promise = np.zeros(rows.size, int)
+    if whose in ("guarantee", "hand"):
+        promise = np.array([0 if word in COMPUTED else len(kinds) - kinds.index(word) for word in columns[whose].tolist()])
+    ranks = (promise, columns["certified"], known)
+    for rank in ranks:
+        rows = rows & (rank == rank[rows].max())
     merit = np.where(rows, merit, -np.inf)
     most = merit.max()
     row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
     best = {name: column[row] for name, column in columns.items()}
-    return best | {"merit": merit[row], "rank": tuple(bool(better[row]) for better in ranks)}
+    return best | {"merit": merit[row], "rank": tuple(int(rank[row]) for rank in ranks)}
 
 
 def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:

@@ -164,7 +164,8 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
         if not stable.size:
             nothing = "nothing known to be stable" if unknown else "nowhere stable"
             said = "nothing proved" if member.proved else nothing
-            axes.annotate(said, (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
+            at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
+            axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
             low, high = rows["low"][row], rows["high"][row]
             bar = {"width": high - low, "left": low, "height": 2 * HALF_BAR, "linewidth": 0}
@@ -173,5 +174,6 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
             ends = [rows[end][row] for end in ("low", "high") if not np.isnan(rows[f"{end}_omega"][row])]
             if ends:
                 axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, colors=edge, linestyles=style)
-    axes.set_yticks(range(len(members)), [fill(member.name, 14) if member.guarantee else member.name for member in members])
+    names = [fill(member.name, 14) if member.guarantee else member.name for member in members]
+    axes.set_yticks(range(len(members)) if any(names) else [], names if any(names) else [])
     axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))

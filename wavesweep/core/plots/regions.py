@@ -11,9 +11,10 @@ from wavesweep.core.tables.planes import Region, View
 
 SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
-CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 4}
+CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 6}  # seen on the star of the best design
 LEFT, RIGHT, UP, DOWN = 8, 9, 10, 11  # carets whose base is at the point
 FELT_LINE = (0, (1, 1.2))
+ALONE = "alone"  # gid of thin bars
 
 Span = tuple[float, float]
 
@@ -63,7 +64,7 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
         chosen = [(x, each) for x, each in region.bars if each.certified == certified]
         if chosen:
             spans = np.array([(x, each.low, each.high) for x, each in chosen]).T
-            axes.vlines(*spans, colors=[colour], linewidths=0.8, linestyles=line, **place)
+            axes.vlines(*spans, colors=[colour], linewidths=0.8, linestyles=line, gid=ALONE, **place)
         ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]  # get a stroke
         if ends:
             axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=4, **place)
@@ -109,7 +110,10 @@ def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, spa
                 axes.barh(place, high - low, left=low, height=2 * half, **UNKNOWN)
     for name, caret in (("fails_below", LEFT), ("fails_from", RIGHT)):
         known = columns[name][np.isfinite(columns[name])]
-        axes.plot(known, np.full(known.size, place), marker=caret, **CARET)
+        if known.size:  # an empty line that is not clipped takes room below the panel
+            axes.plot(
+                known, np.full(known.size, place - 0.6 * half), marker=caret, clip_on=False, **CARET
+            )  # the star has the middle
 
 
 def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.ndarray]]:

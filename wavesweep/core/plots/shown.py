@@ -10,10 +10,12 @@ from wavesweep.core.columns import Columns, whose_column
 from wavesweep.core.plots.layout import Layout
 from wavesweep.core.plots.members import Member, members_of, specs_of
 from wavesweep.core.plots.regions import felt_differs, range_end
+from wavesweep.core.plots.words import valued
 from wavesweep.core.tables.columns import swept_range
 from wavesweep.core.tables.planes import spec_of
 
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
+_LOWEST, _BELOW = 0.1, 3  # of an axis of bars from 0 on, in whose lowest part all limits would be; where it then begins
 
 
 class Shown:
@@ -54,26 +56,29 @@ class Shown:
         bar = {name: row[name] for name in self.layout.bars[0]}
         return row["high"], self.layout.bars.index(bar) if bar in self.layout.bars else np.nan
 
-    def own_places(self, panels: Sequence[float]) -> list[tuple[float, float]]:
-        """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it."""
+    def own_design(self, panels: Sequence[float]) -> tuple[list[tuple[float, float]], str]:
+        """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it; otherwise none, and
+        the sentence that names the number which is not shown.
+        """
         layout, spec = self.layout, self.spec
         if spec is None or self.whose == "spec" or (layout.x is None and self.whose):  # bars of hands are not designs
-            return []
+            return [], ""
         bars = layout.bars[0] if layout.x is None else ()
         names = (self.along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)
         own = {name: spec.own(spec.names.find(name).path) for name in names if name}
         if None in own.values():  # an edge of a filter's band, from which its order and cutoff follow
-            return []
+            return [], ""
         shown = {name: (value,) for name, value in layout.fixed.items()}
-        shown |= {layout.panels: panels, layout.family: layout.members}
-        there = all(own[name] in values for name, values in shown.items() if name)
-        there = there and all(low <= own[self.along] <= high for low, high in (self.swept, self.view))
-        bar = {name: own[name] for name in bars}
-        if not there or (layout.x is None and bar not in layout.bars):
-            return []
+        shown |= {layout.panels: panels, layout.family: layout.members} | (layout.beside if layout.x is None else {})
+        away = [name for name, values in shown.items() if name and own[name] not in values]
+        spans = {self.along: (max(self.swept[0], self.view[0]), min(self.swept[1], self.view[1]))}
+        spans |= {layout.x: (layout.points[0], layout.points[-1])} if layout.x else {}
+        away += [name for name, (low, high) in spans.items() if not low <= own[name] <= high]
+        if away:
+            return [], f"Not shown: the nominal design, with {valued(away[0], own[away[0]], self.facts)}."
         if layout.x is None:
-            return [(own[self.along], layout.bars.index(bar))]
-        return [(own[layout.x], own[self.along])] if layout.points[0] <= own[layout.x] <= layout.points[-1] else []
+            return [(own[self.along], layout.bars.index({name: own[name] for name in bars}))], ""
+        return [(own[layout.x], own[self.along])], ""
 
     def _limits(self) -> tuple[bool, tuple[float, float]]:
         """Whether a scale of factors shows the limits, most of which an even one would squeeze into its lowest part, and the
@@ -87,6 +92,8 @@ class Shown:
         real = ends[~np.isnan(np.concatenate([columns["low_omega"], columns["high_omega"]]))]
         factors = bool(np.isfinite(swept[0]) and swept[0] > 0 and real.size and np.median(real) < _SQUEEZED * real.max())
         top = float(np.nanmax(np.concatenate([columns["high"], columns.get("fails_from", [])]), initial=0.0))
+        if self.layout.x is None and swept[0] == 0 and real.size and 0 < real.max() < _LOWEST * top:
+            return True, (real[real > 0].min() / _BELOW, top * _ROOM)
         bottom = float(np.nanmin(columns["low"], initial=swept[0] if 0 < swept[0] < top else 0.0))
         if top <= bottom:
             return factors, swept if np.isfinite(swept).all() else (bottom, 1.0)

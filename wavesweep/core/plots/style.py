@@ -227,15 +227,17 @@ def distinct_look(index: int) -> Look:
 def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
     """Write notes below the panels, and above them the name of an axis that they share. The figure grows with the lines.
 
-    The notes are lines of the label of an axis: the layout makes room for that, and for nothing that is placed by hand.
+    The notes are lines of the label of an axis, below an empty one: the layout makes room for that, and for nothing that is
+    placed by hand.
     """
     from textwrap import wrap
 
     width = int(NOTE * canvas.get_figwidth())
     lines = [line for text in sentences for part in text.splitlines() for line in wrap(part, width)]
     if axis or lines:
-        canvas.set_figheight(canvas.get_figheight() + 0.12 * len(lines))
-        canvas.supxlabel("\n".join([axis, *lines] if axis else lines), fontsize=8 if axis else 7)
+        lines = [axis, *([""] if lines else []), *lines] if axis else lines
+        canvas.set_figheight(canvas.get_figheight() + 0.12 * (len(lines) - bool(axis)))
+        canvas.supxlabel("\n".join(lines), fontsize=8 if axis else 7)
 
 
 def warn_above(canvas: Any, text: str) -> None:
