@@ -58,7 +58,6 @@ def vouched(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(12)
 @pytest.mark.parametrize("number", range(RENAMES))
 @pytest.mark.parametrize(("before", "after"), [("", None), ("one", None), ("one", 4), (4, None), (4, 4)], ids=str)
 def test_a_kill_before_any_rename_leaves_old_or_new_results_and_no_mixture(columns, facts, tmp_path, before, after, number):
