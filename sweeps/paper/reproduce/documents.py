@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from reproduce.readings import CHOICES
+from reproduce.readings import CHOICES, COUPLINGS
 from reproduce.specs import load_paper
 from reproduce.verdicts import VERDICTS
 from wavesweep.core.columns import Columns
@@ -91,8 +91,9 @@ def statements_text(columns: Columns) -> str:
 
 def _choices_tried() -> list[tuple]:
     own = load_paper("fig6").values
-    paths = dict.fromkeys(choice.path for choice in CHOICES)
-    others = {path: ", ".join(_short(choice.value) for choice in CHOICES if choice.path == path) for path in paths}
+    choices = (*CHOICES, *COUPLINGS)
+    paths = dict.fromkeys(choice.path for choice in choices)
+    others = {path: ", ".join(_short(choice.value) for choice in choices if choice.path == path) for path in paths}
     return [(f"`{path}`", _short(own[path]), others[path]) for path in paths]
 
 

@@ -95,6 +95,12 @@ def readings(choices: Iterable[Choice], most: int = 2) -> tuple[Reading, ...]:
 
 DIRECT = readings(under("device."))
 SLOW = readings(under("device.", "environment.delay"))
+# Of virtual coupling [3] the paper gives no number.
+COUPLINGS = (
+    *_numbers("controller.K_VC", "coupling of {:g} N/m", 300.0, 3000.0),
+    *_numbers("controller.B_VC", "coupling of {:g} N*s/m", 2.0, 20.0),
+)
+COUPLED = readings((*under("device.", "environment."), *COUPLINGS))
 PMW = readings(under("device.", "environment.", "filters.lp1."))
 PMW_LM = readings(CHOICES)
 FILTERS = readings(under("filters."))

@@ -12,9 +12,9 @@ from reproduce.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE, j
 # A part of a statement that no other has -> its verdict, and the reason that it has to be this one.
 EXPECTED = {
     "The delay of computationally": (REPRODUCED, "a sampled wall tolerates less stiffness the longer its force is held"),
-    "the simulation loop is stable": (UNTESTABLE, "[3] has virtual coupling, which nothing here has"),
-    "increase the gain of the force": (UNTESTABLE, "as before"),
-    "increase the range of contact": (UNTESTABLE, "as before"),
+    "the simulation loop is stable": (INFERRED, "a soft coupling; behind a stiff one a soft local model is dc-slow, unstable"),
+    "increase the gain of the force": (CONTRADICTED, "a stiffer local model is the stabler one"),
+    "increase the range of contact": (INFERRED, "without one every implicit wall is stable; behind an explicit one none"),
     "wave aliasing": (REPRODUCED, "without a filter all 20 aliases fold onto one sample"),
     "To eliminate aliasing": (CONTRADICTED, "a Butterworth filter lets something alias, whatever its order and cutoff"),
     "low-pass antialiasing filter": (CONTRADICTED, "as before, with HP's part on top"),
