@@ -13,7 +13,10 @@ import pytest
 
 import wavesweep
 from wavesweep.core.cli import main
+from wavesweep.core.spec import load
 from wavesweep.core.spec.writing import as_toml
+from wavesweep.core.tables.intervals import intervals
+from wavesweep.reports.words import interval_rows, question
 
 pytestmark = pytest.mark.slow
 PD = {
@@ -156,3 +159,18 @@ def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, c
     for wrong in ("report.pdf", "", "-", "nowhere/mine.toml/x.html"):
         Path("nowhere").touch()
         assert main(["report", "mine.toml", "-o", wrong]) == 2
+
+
+@pytest.mark.asks("for_all")
+def test_rows_of_messages_lost_at_random_have_their_words():
+    tables = {
+        "rates": {"tick_hz": 1.0},
+        "numbers": {"K": 0.1},
+        "block": {"plant": {"type": "tf", "num": [1], "den": [1, 0]}, "net": {"type": "channel", "loss": 0.3}},
+        "wire": {"net.u": "-K*plant.y", "plant.u": "net.y"},
+        "sweep": {"along": "K", "K": {"start": 0, "stop": 3}},
+    }
+    spec = load(tables)
+    assert question(spec) == "For which K from 0 to 3 is the loop stable, with messages that are late or lost?"
+    _, rows = interval_rows(intervals(spec, jobs=1))
+    assert [(row[0], row[-1]) for row in rows] == [("nominal numbers", "certified"), ("proved in mean square", "proved")]

@@ -17,7 +17,7 @@ from wavesweep.core.cli.studies import one_spec
 )
 @run_options()
 def poles(spec: str, options: Options, over: str) -> None:
-    """List the modes of a loop: frequency, damping ratio, time constant, the states that take part; or draw a root locus.
+    """List the modes of a loop with frequency, damping and states, and draw their root locus over a number.
 
     SPEC is a TOML file. The poles are the eigenvalues of its own loop from one frame to the next, with all its rates; a row
     each, the slowest first. What drifts is left out. Since a frame shows only an image of what is faster, each mode is followed
