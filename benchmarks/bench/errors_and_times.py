@@ -86,16 +86,16 @@ def _legend(canvas: Any, rows: Mapping[str, np.ndarray], methods: list[str]) -> 
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], **_look(name, methods)) for name in methods]
-    names = [f"{name}, {_sizes(rows, name)}" for name in methods]
+    names = [f"{name} ({_sizes(rows, name)})" for name in methods]
     handles.append(Line2D([], [], color="0.4", linestyle="none", marker="|", markersize=9))
     handles.append(Line2D([], [], color="0.4", linestyle="none", marker="o", markersize=4, markerfacecolor="white"))
-    names += ["from a known loop (mark) up to a first call (end of the line)", "hollow: misses intervals"]
+    handles.append(Line2D([], [], linestyle="none"))
+    names += ["up to a first call of the loop", "hollow: misses intervals", "(columns, or frequencies, asked for)"]
     canvas.legend(handles, names, loc="outside lower center", ncols=2)
 
 
 def _sizes(rows: Mapping[str, np.ndarray], method: str) -> str:
     """The sizes of the questions of a method, those of its marks."""
-    of = rows["method"] == method
-    sizes, noun = rows["size"][of], "frequencies" if (rows["part"][of] == "response").all() else "columns"
-    low, high = (f"{end:g}" for end in (sizes.min(), sizes.max()))
-    return f"{low} to {high} {noun}" if low != high else f"{low} {noun}"
+    sizes = rows["size"][rows["method"] == method].astype(int)
+    low, high = (f"{end:,}" for end in (sizes.min(), sizes.max()))
+    return f"{low} to {high}" if low != high else low

@@ -69,7 +69,7 @@ class Patience:
     most: int
 
 
-FULL = Patience(0.8, 2, 25)
+FULL = Patience(0.4, 2, 12)
 QUICK = Patience(0.0, 1, 1)
 
 

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 def bench(quick: bool, options: Options) -> None:
     """Measure run time against error, for this tool and for other methods.
 
-    Takes no SPEC, and about four minutes. Errors are relative to references of 50 digits. All run times use one thread,
-    and the two methods of each ratio run alternately. One table and one figure are written to results/bench, or to --out:
-    critical stiffness and responses, the cost of compiling, of slices, of workers and of starting, a profile, and hard
-    cases in which digits are lost.
+    Takes no SPEC, and about eight minutes. Errors are relative to references of 50 digits. All run times use one thread,
+    and the two methods of each ratio run alternately: with loops known from a call before, and as a first call. One table
+    and one figure are written to results/bench, or to --out: critical stiffness and responses, the cost of compiling, of
+    slices, of workers and of starting, a profile, and hard cases in which digits are lost.
     """
     _refuse(options, "not possible here; the problems of the benchmark are fixed, so that runs can be compared")
     # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
