@@ -244,7 +244,7 @@ class Loop:
     def _frame(self, kind: str, columns: Columns) -> DataFrame:
         columns = kind_named(kind).completed(columns)
         along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
-        return frame(columns, _units(self.spec, kind, tuple(columns), along), self.spec.for_all)
+        return frame(columns, _units(self.spec, kind, tuple(columns), along), self.spec.members)
 
     def _read(self, spec: Spec) -> frozenset[str]:
         return self.read if spec is self.spec else keys_of(spec)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from wavesweep.core.reading.axes import Axis, axis_place, build_axis
 from wavesweep.core.reading.checking import show
@@ -29,6 +29,7 @@ class ForAll(Asked):
     unknown but constant. lost: how many slow results in a row may fail to come.
     """
 
+    members: ClassVar[str] = "[for_all]"
     axes: tuple[Axis, ...]
     varying: frozenset[str] = frozenset()
     lost: int = 0

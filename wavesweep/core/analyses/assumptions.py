@@ -25,7 +25,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     own, the sentence says so, and names the usual practice of engines, which is less kind than the default. A drawn loop shows
     all of that itself; its sentence says within which limits of its blocks it is linear.
     """
-    varied = {axis.path: _values(axis) for axis in spec.for_all.changing} if spec.for_all else {}
+    varied = {axis.path: _values(axis) for axis in spec.changing}
     if spec.drawing:
         found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} in any order" for path, each in varied.items()]
         frames += [*_unknown(spec, swept), *_messages(spec)]

@@ -122,9 +122,9 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     if spec.drawing and spec.drawing.channels:
         if command not in (*FOR_ALL, "simulate"):
             yield f"{spec.name}: {command} has all messages in time; zwidth, stability-region and check say what holds without"
-    elif spec.for_all and command not in (*FOR_ALL, "margins"):  # which says itself what it cannot hold for
+    elif spec.members and command not in (*FOR_ALL, "margins"):  # which says itself what it cannot hold for
         others = "zwidth, stability-region, margins, check and design"
-        yield f"{spec.name}: {command} is of the spec's own numbers; {others} look at all of [for_all]"
+        yield f"{spec.name}: {command} is of the spec's own numbers; {others} look at all of {spec.members}"
     for each in overrides if command in (*INTERVALS, "bode", "passivity") else ():
         name = each.partition("=")[0].strip()
         key = spec.names.find(name)

@@ -18,13 +18,16 @@ class Asked:
     """The value of a table. What a class does not say itself is so by default.
 
     files: that it names, relative to the spec's folder. given: paths of keys that a device could have given. hardware: what it
-    gives of the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`.
+    gives of the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. members: the name of a
+    table that answers can hold for, beside the spec's own numbers. changing: axes of numbers that may change in every frame.
     """
 
     __slots__ = ()
     files: tuple[str, ...] = ()
     given: Collection[str] = ()
     hardware: Mapping[str, Any] = MappingProxyType({})
+    members: str = ""
+    changing: Collection[Any] = ()
 
     def on(self, device: HapticDevice | None) -> Asked:
         """Return the value with the numbers of a device, except for those that are given themselves."""

@@ -45,6 +45,16 @@ class Spec(Studies):
         return [each for each in self.asked.values() if each is not None]
 
     @property
+    def members(self) -> str:
+        """The name of the table that answers can hold for, beside the spec's own numbers; empty if they are of these alone."""
+        return next((each.members for each in self._asked() if each.members), "")
+
+    @property
+    def changing(self) -> tuple[Axis, ...]:
+        """The axes of numbers that may change in every frame."""
+        return tuple(axis for each in self._asked() for axis in each.changing)
+
+    @property
     def values(self) -> Mapping[str, float | int | str]:
         """The resolved value of every path (`environment.K_VE`), in the order and the units of `KEYS`; read-only."""
         return MappingProxyType(self._values)

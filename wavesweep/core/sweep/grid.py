@@ -221,7 +221,7 @@ def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops
 
     Along a number a drawing has the longest tick that the loops have in common, unless frames are composed of its own ticks.
     """
-    if spec.drawing and along and not spec.for_all:
+    if spec.drawing and along and not spec.members:
         return Loops(with_common_tick(spec.drawing, values), values)
     return Loops(spec.drawing or loop_drawing(values, (along,)), values)
 

@@ -25,20 +25,17 @@ class Shared(dict):
         return dict, (dict(self),)  # who reads a pickled DataFrame needs no part of this package
 
 
-OWN = "the spec's own numbers alone, and not all of [for_all]"  # what a table without a column `guarantee` is of
-
-
-def frame(columns: Columns, units: Mapping[str, str], for_all: object = None) -> DataFrame:
+def frame(columns: Columns, units: Mapping[str, str], members: str = "") -> DataFrame:
     """Columns as a DataFrame, whose `.attrs` has their `units`.
 
-    for_all: what the spec says of [for_all]; if it does and the rows are of its own numbers, `guarantee` in `.attrs` says so.
+    members: see `Spec`; if there are any and the rows are of the spec's own numbers, `guarantee` in `.attrs` says so.
     """
     import pandas
 
     found = pandas.DataFrame(dict(columns))
     found.attrs["units"] = Shared(units)
-    if for_all and "guarantee" not in columns:
-        found.attrs["guarantee"] = OWN
+    if members and "guarantee" not in columns:
+        found.attrs["guarantee"] = f"the spec's own numbers alone, and not all of {members}"
     return found
 
 
@@ -51,7 +48,7 @@ def framed(table: Table) -> DataFrame:
     columns = table.watched(tally.add).columns
     fields = table.fields or fields_of(table.kind, columns, table.facts)
     specs = (table.facts.get("specs") or {"": table.facts.get("spec") or {}}).values()
-    of_own = table.kind != "design" and any("for_all" in each for each in specs)
-    found = frame(columns, {field.name: field.unit for field in fields}, of_own)
+    members = "[for_all]" if table.kind != "design" and any("for_all" in each for each in specs) else ""
+    found = frame(columns, {field.name: field.unit for field in fields}, members)
     found.attrs |= {"facts": Shared(table.facts), "summary": Shared(tally.numbers(table.facts))}
     return found
