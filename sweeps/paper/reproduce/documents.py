@@ -14,6 +14,22 @@ from wavesweep.core.columns import Columns
 
 _PREFACE = """# The paper's statements
 
+{counted}
+
+- **Reproduced** whatever is inferred: what direct coupling does, what a slow wall costs in stability, what a local model in the
+  power domain gains and threatens, and that downsampling makes waves alias (2, 3, 8 to 10, 13, 15, 16, 21, 41).
+- **Contradicted**: that filters make the wave channel passive, that a local model of fixed stiffness gains nothing, and the
+  axes of Figure 4 (11, 12, 14, 5, 37). All else hangs on an inferred value, or cannot be tested here.
+
+Four things matter for a design:
+
+1. *The wave channel is not passive*: LP1 and filter bank leave its norm above 1 (11, 12, 14; [one that is](passive-bank.md)).
+2. *The 800 N/m of Figure 4* need an explicit wall; implicit, every wall is stable (36, 37; [choices](open-choices.md)).
+3. *K_LM and Kp matter little for stability* (Figure 5) with an implicit wall, not with an explicit one (38 to 40).
+4. *PMW+LM is felt closer to the ideal than PMW* at low frequencies under most readings, at high ones less surely (31 to 34).
+
+## How statements were tried
+
 Words in quotation marks are the paper's own; what follows them says which part is judged. Each statement is tried under
 many readings of what the paper leaves open, since its Table 1 is lost: the spec's own values, every single choice below in
 their place, and every pair of choices, as far as the loops in question read them.
@@ -85,8 +101,8 @@ def statements_text(columns: Columns) -> str:
     ]
     table = _table(("#", "where", "the paper says", "verdict", "holds in", "numbers", "smallest change that turns it"), cells)
     tests = "\n".join(f"{r['number']}. {r['test']}" for r in rows)
-    preface = _PREFACE.format(choices=_table(("key", "own", "also"), _choices_tried()))
-    return f"{preface}\n{counted(columns)}.\n\n{table}\n\n## How each is judged\n\n{tests}\n"
+    preface = _PREFACE.format(counted=f"{counted(columns)}.", choices=_table(("key", "own", "also"), _choices_tried()))
+    return f"{preface}\n{table}\n\n## How each is judged\n\n{tests}\n"
 
 
 def _choices_tried() -> list[tuple]:

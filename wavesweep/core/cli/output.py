@@ -204,6 +204,9 @@ def produce_intervals(
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         if hands and not options.to_stdout and not options.overwrite:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
+        loud = not (talk().quiet or talk().as_json)
+        if loud and along is None and specs[0].wall and specs[0].names.find(specs[0].along).path == specs[0].wall[0]:
+            say(f"along {specs[0].along} this is the table of `wavesweep zwidth`")
         return [replace(intervals(specs[0], along=along, hands=hands, **work), kind=kind)]
 
     produce([kind], [source], options, compute)

@@ -48,7 +48,7 @@ def zwidth(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
 
     The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has the stiffness K_VE (N/m) and
     the damping B_VE (N*s/m). SPEC is a TOML file; its [sweep] table gives the range of K_VE, the values of B_VE, and those of
-    any other axis, such as the wave impedance b.
+    any other axis, such as the wave impedance b. `stability-region` gives the same table along any other number.
 
     The table has a row per stable interval of K_VE, from low to high. There can be several, with unstable walls between
     them; all are found. felt_low and felt_high are the stiffness that the hand feels at both ends, which is below K_VE if
@@ -77,7 +77,8 @@ def stability_region(spec: str, options: Options, for_hands: tuple[str, ...]) ->
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
     such as "device.damping"), and its [sweep] table the range of that axis and the values of the others. The columns are
-    those of zwidth; with --for-hands the files are stability-region-hands.*.
+    those of zwidth, and along K_VE, the default, the whole table is that of zwidth; with --for-hands the files are
+    stability-region-hands.*.
 
     \b
     Examples:
