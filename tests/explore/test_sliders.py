@@ -87,6 +87,7 @@ def test_the_copied_text_keeps_the_simulation_and_the_design_study():
         assert load(tomllib.loads(text_of(spec))).asking("design").sha256 == spec.asking("design").sha256
 
 
+@pytest.mark.asks("designs")
 def test_a_design_study_that_the_numbers_rule_out_is_not_copied():
     tables = {"controller": {"kind": "pmw"}, "design": {"vary": {"filters.lp1.cutoff_hz": [20.0, 300.0]}}}
     tables["design"]["wish"] = {"z_width": {"B_VE": [1.0]}}
