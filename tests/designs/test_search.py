@@ -201,6 +201,7 @@ def coupled(ticks, K, mass):
     return np.linalg.matrix_power(tick, ticks - 1) @ np.vstack([tick[:2], [K, 1.0, 0.0]])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("listed", [{}, {"device.mass": [0.08, 0.125]}])
 def test_wishes_under_frames_that_vary_are_about_the_wall_that_is_proved(listed):

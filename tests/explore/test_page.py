@@ -236,6 +236,7 @@ def test_a_saved_page_has_the_sweep_in_it():
     assert data["designs"][0]["ranges"][0]["certified"]
 
 
+@pytest.mark.thorough
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("source", [ARM, UNEVEN], ids=["drawn", "uneven"])

@@ -109,6 +109,7 @@ def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
         assert growth(family.at(K), word) == pytest.approx(expected, rel=0.03)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_pattern_that_is_found_grows_and_what_is_proved_does_not():
     found = bracket(family := frames_of_controller(fig4(), Frames(LENGTHS)), 20.0, (0.0, 5000.0))

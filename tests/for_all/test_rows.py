@@ -148,6 +148,7 @@ def test_frames_of_any_length_in_any_order(lengths, more, proved, refuted):
     assert row["counterexample"].startswith("frames ")
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_results_that_fail_to_come_are_held():
     (_,), (row,) = for_all(FIG4, lost=2)

@@ -63,6 +63,7 @@ def test_no_loop_of_a_box_has_less_than_what_is_proved():
     assert "k = 3" in found["delay"].counterexample
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_lifted_signal_has_margins_for_all_but_no_delay():
     """At its counterexamples the loop has exactly what is refuted."""

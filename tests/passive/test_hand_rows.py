@@ -57,6 +57,7 @@ def test_the_other_rows_are_those_of_the_plain_table():
         same(rows, intervals(loop).columns)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_certified():
     damping = np.array([0.0, 2.9])

@@ -126,9 +126,10 @@ TO_BEGIN_WITH = sorted(path.stem for path in (SWEEPS / "templates").glob("*.toml
 
 
 @pytest.mark.whole
-@pytest.mark.sample(1)
 @pytest.mark.slow
-@pytest.mark.parametrize("name", TO_BEGIN_WITH)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.thorough] * (name != "current-loop")) for name in TO_BEGIN_WITH]
+)
 def test_a_drawn_loop_to_begin_with_is_stable_and_proved(name, wavesweep, tmp_path, monkeypatch):
     """It needs no change for the questions that its comment asks, and is not at its limit; each number has a meaning."""
     monkeypatch.chdir(tmp_path)

@@ -43,6 +43,7 @@ def test_what_overflows_is_not_known_and_the_rest_is():
     assert (loop.spectral_radius(b=np.concatenate([found.low + 1e-9, found.high * (1 - 1e-9)])) < 1).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_range_that_overflows_throughout_has_no_interval_and_a_reason():
     """Nothing is invented where nothing is known."""
