@@ -68,7 +68,7 @@ def test_loops_with_other_numbers_of_slices_go_together(opened):
         for some in ([0, 1, 2, 3], [0], [1], [2], [3])
     ]
     whole, *each = (part.intervals(with_batch(part.loops.cut, part.which.max() + 1), (0.0, 20000.0)) for part in found)
-    assert opened == [True] * 5
+    assert opened == [True] * 4  # the slices [0] and [1] alone have one loop, which is remembered
     assert whole.column.tolist() == [0, 1, 2, 3]
     assert whole.high.tolist() == [float(part.high[0]) for part in each]
     assert whole.high.max() < 20000

@@ -225,7 +225,10 @@ def _without(loops, number, size, path="", swapped=False, *, alone=False, felt):
     if path:
         others = {each: v for each, v in loops.values.items() if np.ndim(v) and each != path}
         first, of = distinct_rows(others, size)
-        loops, beside = loops.some(first).changed({path: 0.0}), loops.values[path]
+        beside, some = loops.values[path], loops.some(first) if first.size > 1 else loops.one(first[0])
+        loops = some.changed({path: 0.0})
+    elif size == 1 and not alone:
+        loops = loops.one(0)
     if any(np.ndim(v) for v in loops.values.values()):
         without = open_loops(loops, *numbers, felt=felt, each=alone)
     else:
