@@ -261,6 +261,7 @@ def test_a_braked_mass_has_no_pole_at_one_beside_its_drift():
         assert wall_cut(wavesweep.compile(tables | held).spec.values).poles_at_one == 0
 
 
+@pytest.mark.asks("prove")
 @pytest.mark.sample(3)
 @pytest.mark.parametrize("kind", ["dc-slow", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("delay", [0, 1, 20])
