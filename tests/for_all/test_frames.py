@@ -45,7 +45,7 @@ def large(eigenvalues):
 
 @pytest.mark.slow
 @pytest.mark.sample(20)
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("integration", INTEGRATIONS)
 @pytest.mark.parametrize(("ticks", "delay"), [(1, 0), (1, 1), (7, 0), (7, 2), (7, FRAME)])
 def test_one_length_for_ever_is_the_loop_of_that_ratio(kind, integration, ticks, delay):

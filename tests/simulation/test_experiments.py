@@ -105,7 +105,7 @@ FRAMES = [
 @pytest.mark.parametrize("frames", FRAMES)
 @pytest.mark.parametrize("delay", [0, 3, "frame"])
 @pytest.mark.parametrize("step", ["elapsed", "nominal"])
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("effects", [{}, {"wall": 0.001, "late": 9, "dropped": 0.2}])
 def test_no_bit_differs_when_the_caller_triggers_slow_steps(kind, step, delay, frames, effects, tmp_path):
     need("gcc")

@@ -128,7 +128,7 @@ def test_a_force_may_be_called_as_a_word_a_macro_or_a_function_of_c(word, tmp_pa
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("delay", [0, 3, 20])
 def test_no_bit_differs_with_effects_of_a_device(kind, delay, tmp_path):
     need("gcc")

@@ -81,7 +81,7 @@ EFFECTS = {"wall": 0.002, "late": 9, "dropped": 0.3, "jitter": 0.2, "friction": 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effects", [{}, EFFECTS])
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize(("ratio", "delay"), [(1, 0), (2, 1), (7, 0), (7, 2), (7, "frame")])
 def test_frames_of_one_length_are_those_of_the_ratio_to_the_last_bit(kind, ratio, delay, effects):
     loop = {"controller": {"kind": kind, "Kp": 20.0}, "rates": {"ratio": ratio}, "filters": FIG4["filters"]}
@@ -120,7 +120,7 @@ def alike(symbol, ticks, delay, following):
 
 @pytest.mark.sample(8)
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("integration", INTEGRATIONS)
 @pytest.mark.parametrize("step", ["elapsed", "nominal"])
 def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, step):
@@ -134,7 +134,9 @@ def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, ste
     pattern = [(5, 2), (9, 5), (7, LOST), (7, 0)]
     frames = [{"ticks": ticks} | ({"lost": True} if delay == LOST else {"delay": delay}) for ticks, delay in pattern]
     environment = {"integration": integration, "step": step, "K_VE": 60.0}
-    spec = fig4(frames, controller={"kind": kind}, environment=environment)
+    spec = fig4(
+        frames, controller={"kind": kind, "K_VC": 60.0, "B_VC": 4.0}, environment=environment, local_model={"K_LM": 60.0}
+    )
     family = frames_of_controller(dict(spec.values), Frames((5, 7, 9), (0, 2, 5), 1, step == "elapsed"))
     word = tuple(
         next(i for i, symbol in enumerate(family.symbols) if alike(symbol, *each, following))

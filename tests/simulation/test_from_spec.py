@@ -90,7 +90,7 @@ def test_a_call_that_makes_no_sense_is_refused(force, changes, words):
         simulated(spec(), force, **changes)
 
 
-@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
 def test_the_table_has_the_same_columns_for_every_controller(kind):
     columns = recorded(simulated(spec(kind, late=3, dropped=0.2)))
     assert list(columns) == [field.name for field in kind_named("simulate").fields]

@@ -45,7 +45,7 @@ def test_random_frequencies_hold_at_50_digits(kind, seed):
 
 @pytest.mark.sample(2)
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("seed", [0, 3, 12])
 def test_multiples_of_the_slow_rate_hold_at_50_digits(kind, seed):
     """The formula is 0/0 there with a drift: its limit, the mean of both sides a hundred-billionth away."""
