@@ -24,6 +24,7 @@ panel: what a page of `explore` shows in addition: `data(spec)`; `quick(spec, qu
     `ANSWERS`, more questions that it answers, of (spec, question, data).
 shell: what a shell completes, `register()` before the line is parsed, and `prepare(command)`.
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
+walls: `walls_of` several specs, the table and figure of `zwidth` for them.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
 
@@ -96,8 +97,9 @@ CAPABILITIES = (
     ),
     Capability(
         "compare",
-        {"compare": "Compare the Z-width and the responses of several specs, in a figure and two tables."},
+        {"compare": "Compare several specs: the old name of zwidth SPEC... and bode SPEC... in one."},
         kinds=("compare", "compare-bode"),
+        offers=("walls",),
     ),
     Capability(
         "simulation",
@@ -197,6 +199,20 @@ TABLES = MappingProxyType(
 )
 
 HANDS = MappingProxyType({"passive": "passive", "box": "for_all", "port": "passive"})  # words of --for-hands, likewise
+
+
+# What a user asks, and the commands that answer it, in the order of the help; others are among OTHER_COMMANDS.
+QUESTIONS = MappingProxyType(
+    {
+        "Describe a loop": ("init", "keys", "identify"),
+        "Is it stable, and how far": ("check", "zwidth", "stability-region", "why", "margins", "poles", "passivity"),
+        "How does it behave": ("bode", "simulate", "compare"),
+        "Which design, and how to build it": ("design", "explore", "report", "export"),
+        "Tables and words": ("plot", "inspect", "verify", "explain"),
+        "The paper, and speed": ("paper", "bench"),
+    }
+)
+OTHER_COMMANDS = "Other commands"
 
 
 def home_of(command: str) -> Capability | None:

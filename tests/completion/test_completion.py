@@ -56,6 +56,12 @@ def test_commands_are_completed(complete):
     assert complete("--ver") == ["--version"]
 
 
+def test_cuts_and_numbers_of_a_root_locus_are_those_of_the_spec(complete):
+    spec = str(Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml")
+    assert complete("margins", spec, "--cut", "") == ["control.y", "current.y", "motor.v"]
+    assert complete("check", spec, "--root-locus", "k") == ["kt", "kp", "ki"]
+
+
 def test_keys_for_set_are_completed(complete):
     assert complete("zwidth", "a.toml", "--set", "contr") == [
         f"controller.{name}=" for name in ("kind", "b", "Kp", "K_VC", "B_VC")

@@ -12,7 +12,7 @@ from wavesweep.core.cli.studies import refuse_equal_names, several_specs
 @several_specs
 @run_options("workers")
 def compare(specs: tuple[str, ...], options: Options) -> None:
-    """Compare the Z-width and the responses of several specs, in a figure and two tables.
+    """Compare several specs: the old name of zwidth SPEC... and bode SPEC... in one.
 
     Each SPEC is a TOML file with its own [sweep] and [bode] tables. The table compare has a row per spec and stable interval of
     K_VE: the column spec, then the columns of zwidth. The table compare-bode has the responses, as bode writes them. The

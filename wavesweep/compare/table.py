@@ -24,12 +24,37 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     one if its controller does not read it. The second is that of `responses`. work: as for `intervals`;
     its progress is called with the counts of one spec after the other, and with those of all responses.
     """
-    from wavesweep.core.analyses.responses import units_in
-
     for spec in specs:  # before the work for any of them
         sweep_axes(spec, "K_VE")
         if missing := spec.without_hand():
             raise SpecError(missing)
+    walls, found = _walls(specs, **work)
+    both = responses(specs, **(work | {"part": "responses "}))
+
+    def forget():  # once both tables are written
+        for table in (*found, both):
+            table.forget()
+
+    return [walls, replace(both, kind="compare-bode", forget=forget)]
+
+
+def walls_of(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
+    """The first of these tables alone."""
+    for spec in specs:  # before the work for any of them
+        sweep_axes(spec, "K_VE")
+    walls, found = _walls(specs, **work)
+
+    def forget():
+        for table in found:
+            table.forget()
+
+    return [replace(walls, forget=forget)]
+
+
+def _walls(specs: Sequence[Spec], **work: Unpack[Options]) -> tuple[Table, list[Table]]:
+    """The table `compare`, and those of each spec that it is made of."""
+    from wavesweep.core.analyses.responses import units_in
+
     # In turn: each uses all workers.
     for spec in specs:
         spec.refuse_require("compare")
@@ -42,13 +67,7 @@ def compare(specs: Sequence[Spec], **work: Unpack[Options]) -> list[Table]:
     felt = [(spec.name, spec.units_felt[0]) for spec in specs]
     units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt, "open_low": walls, "open_high": walls}
     facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units)
-    both = responses(specs, **(work | {"part": "responses "}))
-
-    def forget():  # once both tables are written
-        for table in (*found, both):
-            table.forget()
-
-    return [Table.of("compare", columns, facts), replace(both, kind="compare-bode", forget=forget)]
+    return Table.of("compare", columns, facts), found
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:

@@ -4,6 +4,7 @@ A command may complete a parameter of its own by click's `shell_complete`.
 """
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from types import MappingProxyType
@@ -67,8 +68,24 @@ def prepare(command: click.Command) -> click.Command:
 
 
 def _completer(candidates: Callable[..., Iterable[CompletionItem]]) -> Callable:
-    of_spec = candidates in (settings, axes)
-    return lambda context, incomplete: list(candidates(incomplete, *([_drawn_keys(context)] if of_spec else [])))
+    read = {settings: _drawn_keys, axes: _drawn_keys, cuts: _signals}.get(candidates)
+    return lambda context, incomplete: list(candidates(incomplete, *([read(context)] if read else [])))
+
+
+def _tables(context: click.Context) -> Iterator[dict]:
+    """The tables of the specs that are typed already; a spec that is still written, or none at all, is left out."""
+    given = [context.params.get("spec"), *(context.params.get("specs") or ())]
+    # Where an option has no value yet, click leaves arguments where they are.
+    for path in filter(None, [*given, *context.args]):
+        with suppress(WavesweepError):
+            yield read_file(path)[0]
+
+
+def _signals(context: click.Context) -> list[str]:
+    """The outputs of blocks that some wire reads in the specs that are typed already."""
+    wires = (tables.get("wire") for tables in _tables(context))
+    texts = (str(text) for each in wires if isinstance(each, dict) for text in each.values())
+    return sorted({signal for text in texts for signal in re.findall(r"[A-Za-z_][\w.]*\.[A-Za-z_]\w*", text)})
 
 
 def _drawn_keys(context: click.Context) -> dict[str, Key]:
@@ -77,12 +94,7 @@ def _drawn_keys(context: click.Context) -> dict[str, Key]:
     These are its rate, its numbers by their names and paths and as axes, and the keys of its blocks.
     """
     found: dict[str, Key] = {}
-    given = [context.params.get("spec"), *(context.params.get("specs") or ())]
-    # Where an option has no value yet, click leaves arguments where they are.
-    for path in filter(None, [*given, *context.args]):
-        tables: dict = {}
-        with suppress(WavesweepError):  # a spec that is still written, or none at all
-            tables = read_file(path)[0]
+    for tables in _tables(context):
         if not any(mark in tables for mark in MARKS):
             continue
         numbers, blocks = (each if isinstance(each, dict) else {} for each in map(tables.get, ("numbers", "block")))
@@ -131,6 +143,11 @@ def axes(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
     return iter(_among(_axes(drawn))(incomplete))
 
 
+def cuts(incomplete: str, signals: Iterable[str]) -> Iterator[CompletionItem]:
+    """Signals at which a loop can be broken."""
+    return (CompletionItem(signal) for signal in signals if signal.startswith(incomplete))
+
+
 def _axes(drawn: Mapping[str, Key] = MappingProxyType({})) -> dict[str, str]:
     if drawn:
         return {name: key.description for name, key in drawn.items() if "." not in name}
@@ -160,7 +177,8 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     **dict.fromkeys(("spec", "specs", "log", "table", "tables", "out", "directory", "save"), _files),
     **dict.fromkeys(("kind", "example"), _loops),
     "overrides": settings,
-    "along": axes,
+    **dict.fromkeys(("along", "locus", "over"), axes),
+    "cut": cuts,
     "name": keys,
     "device": _among({name: device.title for name, device in DEVICES.items()}),
     "backend": _among({"loky": "processes of this machine", "threading": "threads", "dask": "with --scheduler"}),

@@ -39,7 +39,7 @@ function drawStep() {
   const s = answer.step, name = route ? `${route[1]} after a step of ${route[0]}` : `T at ${cut} after a step`, wide = s.value?.length;
   if (s.error) return nothing("l0", name, s.error);
   const last = s.time_s.at(-1), ms = last < 1 ? 1e3 : 1, ends = [...s.value, s.final, 0], least = Math.min(...ends), most = Math.max(...ends), more = 0.06 * (most - least || 1);
-  const x = [0, last * ms], y = [least - more, most + more], p = panel("l0", x, y, false, nice(...x, 5), nice(...y, 4), `time (${ms > 1 ? "ms" : "s"})`, name + (s.unit === "1" ? "" : ` (${s.unit})`));
+  const x = [0, last * ms], y = [least - more, most + more], p = panel("l0", x, y, false, nice(...x, 5), nice(...y, 4), `time (${ms > 1 ? "ms" : "s"})`, name + (s.unit === "ratio" ? "" : ` (${s.unit})`));
   if (s.settling_s) p.inside.append(part("band", `M${p.r.left},${p.Y(s.final * 1.02)}H${p.r.right}V${p.Y(s.final * 0.98)}H${p.r.left}z`));
   p.inside.append(part("thin", `M${p.r.left},${p.Y(s.final)}H${p.r.right}`));
   p.inside.append(part("curve", s.value.map((v, i) => i ? `H${p.X(s.time_s[i] * ms).toFixed(1)}V${p.Y(v).toFixed(1)}` : `M${p.X(0)},${p.Y(v).toFixed(1)}`).join("")));

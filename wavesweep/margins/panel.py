@@ -11,6 +11,7 @@ import numpy as np
 from wavesweep.core.analyses.steps import routes_of, step_at, step_between
 from wavesweep.core.errors import UsageError, WavesweepError
 from wavesweep.core.plots.sampling import extremes
+from wavesweep.core.reading.keys import RATIO
 from wavesweep.core.response.step import Step
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.certificate import words
@@ -71,7 +72,7 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
         step = step_between(spec, (route[0], route[1]), MOST) if route else step_at(spec, cut, MOST)
     except UsageError:
         return {"open": curve, "step": {"error": "it does not come to rest, or too slowly to tell"}}
-    unit = spec.unit_between(*route) if route else "1"
+    unit = spec.unit_between(*route) if route else RATIO
     return {"open": curve, "step": _numbers(step, 1.0 if route else -1.0) | {"unit": unit}}
 
 
@@ -103,7 +104,7 @@ def margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
         {
             "name": each.name,
             "value": each.value,
-            "unit": UNITS.get(each.name, "1"),
+            "unit": UNITS.get(each.name, RATIO),
             "hz": each.omega / (2 * np.pi),
             "line_hz": line,
             "doubt": word,

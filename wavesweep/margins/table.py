@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.keys import RATIO
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.certificate import words
 from wavesweep.core.tables.kind import Kind, Line, Numbers, SingleBlockTally, from_spec, plain
@@ -72,7 +73,7 @@ def _columns(cut: str, found: Sequence[Any], bound: np.ndarray, hz: np.ndarray) 
         "cut": np.full(len(found), cut, object),
         "margin": np.array([each.name for each in found], object),
         "value": np.array([each.value for each in found]),
-        "unit": np.array([UNITS.get(each.name, "1") for each in found], object),
+        "unit": np.array([UNITS.get(each.name, RATIO) for each in found], object),
         "omega": np.array([each.omega for each in found]),
         "bound": bound,
         "certified": doubts == "",
@@ -141,7 +142,7 @@ def _line(name: str, margin: Numbers, more: str) -> Line:
         return f"{SAID[name]}: {doubt}{more}", True
     if not margin["limited"]:
         return f"{SAID[name]}: {doubt or 'no limit'}", bool(doubt)
-    unit = "" if margin["unit"] == "1" else f" {margin['unit']}"
+    unit = "" if margin["unit"] == RATIO else f" {margin['unit']}"
     return f"{SAID[name]} {margin['value']:.6g}{unit}{more}{doubt and ', '}{doubt}", bool(doubt)
 
 

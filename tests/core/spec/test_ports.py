@@ -38,7 +38,7 @@ def test_all_pairs_are_asked_for_unless_bode_names_an_end():
 
 @pytest.mark.parametrize(
     ("source", "output", "unit"),
-    [("ref", "speed", "1"), ("ref", "angle", "rad/(rad/s)"), ("load", "speed", "(rad/s)/(N*m)"), ("load", "twice", "")],
+    [("ref", "speed", "ratio"), ("ref", "angle", "rad/(rad/s)"), ("load", "speed", "(rad/s)/(N*m)"), ("load", "twice", "")],
 )
 def test_the_unit_of_a_response_is_that_of_the_output_over_that_of_the_input(source, output, unit):
     assert load(tables()).unit_between(source, output) == unit

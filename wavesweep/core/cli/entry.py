@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.capabilities import CAPABILITIES, home_of, modules
+from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, home_of, modules
 from wavesweep.core.cli.stopping import Stopped, signals_unwind
 from wavesweep.core.cli.talk import Talk, talk
 from wavesweep.core.errors import SpecError, WavesweepError
@@ -104,10 +104,13 @@ class LazyGroup(click.Group):
         return [*named, *click.Command.shell_complete(self, ctx, incomplete)]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands from the table, without importing their modules as click would."""
+        """List the commands by question, from the table, without importing their modules as click would."""
         del ctx
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        others = tuple(name for name in COMMANDS if not any(name in names for names in QUESTIONS.values()))
+        for question, names in (*QUESTIONS.items(), (OTHER_COMMANDS, others)):
+            if rows := [(name, COMMANDS[name]) for name in names if name in COMMANDS]:
+                with formatter.section(question):
+                    formatter.write_dl(rows)
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from wavesweep.capabilities import modules
 from wavesweep.core.cli.options import Options, run_options
 
 one_spec = click.argument("spec")
@@ -41,9 +42,9 @@ def refuse_equal_names(sources: tuple[str, ...]) -> None:
 
 
 @click.command("zwidth")
-@one_spec
+@several_specs
 @_of_intervals
-def zwidth(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
+def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...]) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
     The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has the stiffness K_VE (N/m) and
@@ -58,15 +59,25 @@ def zwidth(spec: str, options: Options, for_hands: tuple[str, ...]) -> None:
     device alone; operator, the spec's own; passive, box or port. The column settled is 1 if a row for a box is proved but for a
     thousandth of the interval at each end, and 0 if a search found no unstable hand.
 
+    Of several specs the table is compare.*, with the column spec, and the figure has a colour for each.
+
     \b
     Examples:
       wavesweep zwidth sweeps/paper/fig4.toml
       wavesweep zwidth mine.toml --for-hands box --for-hands port
       wavesweep zwidth mine.toml --set device.mass=0.2 --set 'sweep.B_VE=[0, 1, 5]'
+      wavesweep zwidth mine.toml other.toml
     """
-    from wavesweep.core.cli.output import produce_intervals
+    from wavesweep.core.cli.output import produce, produce_intervals
 
-    produce_intervals("zwidth", spec, options, along="K_VE", for_hands=for_hands)
+    if len(specs) == 1:
+        return produce_intervals("zwidth", specs[0], options, along="K_VE", for_hands=for_hands)
+    refuse_equal_names(specs)
+    if for_hands:
+        raise click.UsageError("--for-hands: expected one spec beside it, found several; give each its own command")
+    for walls in modules("walls"):
+        return produce(["compare"], specs, options, walls.walls_of)
+    raise click.UsageError("expected one spec, since the capability compare is not there, found several")
 
 
 @click.command("stability-region")

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from wavesweep.core.reading.keys import RATIO
 from wavesweep.core.results import fields
 from wavesweep.core.tables.columns import at_port, unlike_units
 
@@ -78,7 +79,7 @@ def printed(units: Iterable[str]) -> str:
     """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
     texts = [
         re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(each).replace("*", "·"))
-        if each != "1"
+        if each not in ("1", RATIO)
         else ""
         for each in units
     ]

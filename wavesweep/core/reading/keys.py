@@ -26,6 +26,7 @@ STEPS = {"elapsed": "the time since its last frame, as game engines do", "nomina
 SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
 FILTERS = ("lp1", "hp", "lp2")
 BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
+RATIO = "ratio"  # unit of a value without one in a column of units, where a bare 1 would be read as a number
 HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks

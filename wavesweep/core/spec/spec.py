@@ -12,7 +12,7 @@ from wavesweep.core.drawing.drawing import RATE, Drawing, path_of
 from wavesweep.core.errors import Mistake, SpecError, UsageError
 from wavesweep.core.reading.axes import Axis
 from wavesweep.core.reading.checking import Mistakes, nearest
-from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
+from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, KEYS, RATIO, SYMBOLS, TURNED, Names
 from wavesweep.core.reading.reading import Leaf, Place, plain
 from wavesweep.core.reading.tables import Asked, table_at, tables
 from wavesweep.core.spec.resolving import Given, is_frame, resolve, resolve_drawn
@@ -140,7 +140,7 @@ class Spec(Studies):
         if not (over and under):
             return ""
         if under in (over, "1"):
-            return "1" if over == under else over
+            return RATIO if over == under else over
         return f"{f'({over})' if '/' in over else over}/{f'({under})' if {'/', '*'} & {*under} else under}"
 
     def mistake(self, path: str, expected: str, found: str) -> Mistake:
