@@ -166,3 +166,10 @@ def test_a_loop_with_other_numbers_is_that_of_a_spec_with_them():
         loop.with_(Kpp=3)
     with pytest.raises(SpecError):
         loop.with_(b=-1)
+
+
+def test_the_radius_of_a_loop_at_one_rate_is_that_of_a_frame():
+    loop = wavesweep.compile({"controller": {"kind": "dc"}})
+    one, two, five = loop.spectral_radius(**{"rates.ratio": [1, 2, 5]})
+    assert one < 1
+    assert (two, five) == (pytest.approx(one**2), pytest.approx(one**5))

@@ -15,6 +15,8 @@ from scipy.linalg import expm
 import wavesweep
 from support.marched_hands import growth, random_hand
 from support.specs import nested, random_values
+from wavesweep.core.spec import load
+from wavesweep.for_all import every_hand
 
 SURELY = 1e-7  # above 1, from which on a radius contradicts
 CLEARLY = 1e-3  # below 1, from which on a value that no row has is missing
@@ -468,6 +470,41 @@ def built_in(rng):
     return Claim(tables, "K_VE", words, member, kind)
 
 
+def every_hand_damping(rng):
+    """The damping that `check` says is enough for every passive hand while frames vary; members resonate with a light device.
+
+    A hand that holds the device with a spring leaves nothing but its damping at their frequency, so that any lack of it shows.
+    """
+    values = random_values(int(rng.integers(2**31)), str(rng.choice(SLOW[:2])))
+    lengths = sorted({int(each) for each in rng.choice([2, 3, 4, 5, 6], 2, replace=False)})
+    delay = rng.choice(["frame", "0", "1", str(lengths[0])])
+    values |= {"rates.ratio": lengths[0], "environment.delay": "frame" if delay == "frame" else int(delay)}
+    values |= {"environment.integration": "explicit", "device.velocity": "difference", "local_model.B_LM": 0.0}
+    values |= dict.fromkeys(HAND, 0.0) | {"device.mass": 1e-4}
+    values["environment.K_VE"], values["local_model.K_LM"] = (10 ** rng.uniform(1, 3, 2)).tolist()
+    values["environment.B_VE"] = float(rng.choice([0.0, rng.uniform(0, 1)]))
+    tables = nested(values) | {"for_all": {VARY: {"values": lengths, "varying": True}}}
+    tables["environment"]["step"] = "elapsed"
+
+    def rows_of(tables):
+        needed = (every_hand.damping(load(tables)) or {}).get("needed")
+        return [{"low": 1.5 * needed, "high": needed}] if needed else []  # the nearer to the second, the more it says
+
+    def member(rng, value):
+        length = int(rng.choice(lengths))
+        own = values | {"rates.ratio": length, "device.damping": float(value)}
+        own["environment.delay"] = length if delay == "frame" else int(delay)
+        own["operator.mass"] = float(10 ** rng.uniform(-4, -2))
+        lines = np.pi * values["rates.fast_hz"] / length * np.arange(1, length + 1)  # where samples may keep their phase
+        omega = np.append(lines * rng.uniform(0.97, 1.03, (20, length)), np.pi * values["rates.fast_hz"] * rng.random(100))
+        stiffness = (own["operator.mass"] + values["device.mass"]) * omega**2
+        radius = wavesweep.compile(nested(own)).spectral_radius(**{"operator.stiffness": stiffness})
+        facts = {"ticks": length, "mass": own["operator.mass"], "omega": float(omega[radius.argmax()])}
+        return float(radius.max()), facts
+
+    return Claim(tables, "K_VE", "", member, "damping for every hand", rows_of=rows_of)
+
+
 def run(tables, word, ticks):
     """By how much the steps of a loop grow between the second and the last third of a run of some frames, repeated."""
     seconds = ticks / tables["rates"]["fast_hz"]
@@ -517,4 +554,5 @@ KINDS = (
     box_margins,
     two_ports,
     built_in_words,
+    every_hand_damping,
 )

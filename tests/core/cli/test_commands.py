@@ -138,6 +138,9 @@ def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep,
     assert "replaced the results of this spec; changed: environment.delay 0 -> 3, b 25 -> 40\n" in err
     assert json.loads(run("--json")[1])["changed"] == ["environment.delay 3 -> 0", "b 40 -> 25"]
     assert len(sweep.seen) == 5
+    (tmp_path / "other.toml").write_text((tmp_path / spec).read_text())
+    code, _, err = wavesweep("zwidth", "other.toml", "--no-plot", "--set", "b=30", "--out", "results/wall", "--overwrite")
+    assert (code, "changed" in err) == (0, False)  # another spec's results are no former ones of this spec
 
 
 @pytest.mark.parametrize(

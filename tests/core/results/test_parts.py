@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 
 from wavesweep.core import results
@@ -114,6 +115,9 @@ def test_blocks_and_groups_leave_no_trace_in_the_parts(columns, facts, same, par
         publish(Table("zwidth", lambda blocks=blocks: blocks, facts), tmp_path / str(size), partition=partition)
     folder = tmp_path / "64" / "zwidth.parquet"
     assert len(list(folder.iterdir())) == -(-64 // partition)
+    parts = [pyarrow.parquet.ParquetFile(part).metadata for part in folder.iterdir()]
+    sizes = [part.row_group(number).num_rows for part in parts for number in range(part.num_row_groups)]
+    assert max(sizes) == min(10, partition)  # a part that is larger than a group is read a group at a time
     for other in ("7", "1"):
         for part in folder.iterdir():
             assert (tmp_path / other / "zwidth.parquet" / part.name).read_bytes() == part.read_bytes()

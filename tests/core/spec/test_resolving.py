@@ -98,3 +98,10 @@ def test_the_rate_limits_no_filter_that_a_controller_does_not_read(kind):
     if read:
         with pytest.raises(SpecError, match=r"expected a number < 6.5 \(half of rates.fast_hz\)"):
             load(tables)
+
+
+def test_a_limit_whose_own_value_is_wrong_is_not_applied():
+    with pytest.raises(SpecError) as caught:
+        load(tables("lp1", order=1, cutoff_hz=4000) | {"rates": {"fast_hz": -1000.0}})
+    assert "rates.fast_hz" in str(caught.value)
+    assert "cutoff_hz" not in str(caught.value)
