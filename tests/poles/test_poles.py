@@ -56,16 +56,6 @@ def test_the_radius_is_that_of_the_loop_and_drift_is_left_out():
     assert not found.states.str.contains("position").any()
 
 
-def test_check_names_the_states_of_the_slowest_mode_and_of_the_least_damped():
-    found = wavesweep.verdict(APART)
-    assert found["slowest"]["states"][0].startswith("one")
-    assert found["least_damped"] is None or found["least_damped"]["damping_ratio"] <= found["slowest"]["damping_ratio"]
-    heavy = {**APART, "block": APART["block"] | {"two": {"type": "mass", "mass": 2.0, "damping": 2.0, "stiffness": 20000.0}}}
-    found = wavesweep.verdict(heavy)
-    assert (found["slowest"]["states"][0][:3], found["least_damped"]["states"][0][:3]) == ("one", "two")
-    assert found["least_damped"]["damping_ratio"] == pytest.approx(0.005, rel=1e-6)
-
-
 def test_a_root_locus_has_the_poles_of_every_value_and_its_ends_are_on_the_circle():
     spec = load(tomllib.loads(DRIVE))
     (axis,) = axes_asked(spec, {"kp": [0.2, 5.0, 40.0]})
@@ -167,3 +157,22 @@ def test_the_command_writes_a_table_a_figure_and_json_over_a_number(wavesweep, t
     assert (tmp_path / "again/poles.png").read_bytes() == (tmp_path / "kp/poles.png").read_bytes()
     code, _, err = wavesweep("poles", "drive.toml", "--over", "kq")
     assert (code, "kq: expected the name of a numeric key" in err) == (2, True)
+
+
+def test_a_root_locus_has_lines_through_the_poles_of_a_held_force_and_the_whole_circle():
+    m, d, k, kd = 0.1, 0.02, 250.0, 0.4
+    loop = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 20.0, "kd": kd},
+        "block": {"m": {"type": "mass", "mass": m, "damping": d, "stiffness": k}, "s": {"type": "hold", "every": 5}},
+        "wire": {"s.u": "-kp*m.x - kd*m.v", "m.f": "s.y"},
+    }
+    numbers = np.linspace(1.0, 400.0, 60)
+    (axes, _) = wavesweep.compile(loop).plot_root_locus("kp", numbers.tolist()).axes
+    whole = expm(5e-3 * np.array([[0, 1, 0], [-k / m, -d / m, 1 / m], [0, 0, 0]]))
+    (lines,) = [each for each in axes.collections if hasattr(each, "get_segments") and len(each.get_segments()) > 50]
+    vertices = np.concatenate(lines.get_segments()) @ np.array([1, 1j])
+    for kp in numbers:
+        for pole in np.linalg.eigvals(whole[:2, :2] - np.outer(whole[:2, 2], [kp, kd])):
+            assert np.abs(vertices - pole).min() < 1e-9
+    assert axes.get_xlim()[0] <= -1 < 1 <= axes.get_xlim()[1]
