@@ -13,12 +13,14 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
-from wavesweep.capabilities import CAPABILITIES
+from wavesweep.capabilities import CAPABILITIES, of_library
+from wavesweep.core import api
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.reproducibility import one_thread
 from wavesweep.core.spec import load
 from wavesweep.core.tables import fields as tables_fields
+from wavesweep.core.tables import kind_named
 from wavesweep.core.tables.fields import COLUMNS, Field
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.core.tables.responses import responses
@@ -245,3 +247,20 @@ def test_a_derived_column_needs_only_its_field(monkeypatch):
     rows = wavesweep.compile(load(spec)).stable_intervals("K_VE", B_VE=[1.0, 2.0])
     assert rows["width"].tolist() == (rows["high"] - rows["low"]).tolist()
     assert intervals(load(spec)).columns["width"].tolist() == rows["width"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("call", "kind"),
+    [
+        (api.Loop.stable_intervals, "zwidth"),
+        (api.Loop.response, "bode"),
+        (of_library("Loop.margins"), "margins"),
+        (of_library("Loop.passivity"), "passivity"),
+        (of_library("filter_choices"), "passivity-filters"),
+        (of_library("Loop.sensitivity"), "why"),
+    ],
+)
+def test_the_help_of_a_call_names_its_columns_with_their_units(call, kind):
+    for column in (each for each in kind_named(kind).fields if not each.optional):
+        assert re.search(rf"\b{column.name}\b", call.__doc__), column.name
+    assert any(unit in call.__doc__ for unit in ("rad/s", "Hz", "m/N"))

@@ -126,8 +126,9 @@ class Loop:
         along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
         (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
         `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
-        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high, low_hz, high_hz. Of a spec with
-        [for_all] the rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are
+        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high (N/m), low_hz, high_hz (Hz), open_places,
+        open_low, open_high. Of a spec with [for_all] the rows
+        that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are
         of its own numbers, and say so in `.attrs["guarantee"]`. Errors: UsageError if a spec would not accept a name, SpecError
         if it would not accept a value or a combination.
         require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1},
@@ -158,6 +159,9 @@ class Loop:
     ) -> DataFrame:
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
+        A row per frequency: controller, frequency_hz (Hz), omega_Ts (rad per fast sample), admittance_re, admittance_im,
+        admittance_abs (m/N), admittance_deg, impedance_re, impedance_im, impedance_abs (N/m), impedance_deg (deg), worst_gain
+        (m/N), stable, admittance_error, impedance_error, worst_gain_error (relative), doubt.
         frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
         from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None. In
         place of an output any signal of the loop, "block.port", does.

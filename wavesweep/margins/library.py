@@ -23,6 +23,8 @@ class Loop(api.Loop):
     def margins(self, cut: str = "") -> DataFrame:
         """Margins of the loop broken at a signal, as `wavesweep margins` computes them: a DataFrame.
 
+        A row per margin: cut, margin (its name), value in its unit (a ratio, deg or s), omega (rad/s from frame to frame) and
+        hz (Hz, the line that a spectrum shows), bound (relative), certified, doubt, limited (whether there is a limit at all).
         cut: an output of a block that a wire reads, "block.port"; by default the only one that acts on the plant. Errors:
         UsageError for another signal, or if the loop is not stable. Accuracy: every row has a bound on its relative error, or
         a reason of doubt.

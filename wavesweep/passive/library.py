@@ -24,7 +24,9 @@ class Loop(api.Loop):
     def passivity(self, **axes: Numbers) -> DataFrame:
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
 
-        axes: see `Loop`. Accuracy: see ACCURACY.md.
+        channel_norm (passive up to 1), channel_omega (rad/s, of that norm), port_margin (m/N, the smallest eigenvalue of the
+        Hermitian part, force to displacement), port_omega (rad/s), channel_passive, port_passive, stable, damping_needed
+        (N*s/m of further device damping for a passive port). axes: see `Loop`. Accuracy: see ACCURACY.md.
         """
         spec = naming(self.spec, axes)
         return self._frame("passivity", table.in_memory(spec, axes_asked(spec, axes)))
@@ -40,7 +42,8 @@ class Loop(api.Loop):
 def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:
     """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
 
-    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
+    A DataFrame with the axes of [sweep] and the columns of `Loop.passivity`. source: a spec, a path, or nested tables.
+    tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
     """
     return framed(table.passivity(spec_of(source), tolerance, **work))
 
@@ -48,6 +51,8 @@ def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) 
 def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
     """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
 
-    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
+    A DataFrame: lp1_order, lp1_cutoff_hz (Hz), channel_norm and its channel_omega (rad/s), excess (norm less 1), energy_gain
+    (J per J sent), bank_norm (with the filter bank), certified, sufficient_order (the least for the tolerance). source: a spec,
+    a path, or nested tables. tolerance: as for `passivity`.
     """
     return framed(table.filter_choices(spec_of(source), tolerance))

@@ -21,7 +21,9 @@ class Loop(api.Loop):
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
 
         along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
-        and number, with the columns of `wavesweep why`: elasticity is d ln limit/d ln number, slope d limit/d number. By the
+        and number, with the columns of `wavesweep why`: along, interval, side, crossing, corner, quantity, limit_value in
+        unit, omega (rad/s), hz and second_hz (Hz) and damping_ratio of the mode, states, number and its value in number_unit,
+        elasticity, slope, certified, doubt. elasticity is d ln limit/d ln number, slope d limit/d number. By the
         implicit function theorem. Errors: UsageError if a spec would not accept a name or a value.
         Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
         """

@@ -34,6 +34,7 @@ class Loop(api.Loop):
     def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
         """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
+        It begins with tick, frame, phase (ticks into the frame) and time_s (s); signals follow in their units.
         force: the hand's force (N), or the signal of the input that [simulate] has `from`, per tick, `(ticks,)`; by default
         the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
         Errors: as for a spec.
