@@ -148,13 +148,11 @@ def _regions(frames, errors, span, names, bounds, slack, balls) -> Regions:
         of_frames = lambda column, t: replace(found := plain(column, t), E=scaled(found.E, column, t))  # noqa: E731
         of_errors = lambda column, t: tuple(scaled(part, *np.broadcast_arrays(column, t)) for part in rough(column, t))  # noqa: E731
     panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds)
-    tiles = Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)
-    if panels is not None:
-        parts = []
-        for some, kept in panels.without_forgotten():
-            own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
-            parts.append(tiles_of(some, own, span, names.size, slack))
-        tiles = Tiles.join(parts)
+    parts = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
+    for some, kept in panels.without_forgotten() if panels is not None else ():
+        own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
+        parts.append(tiles_of(some, own, span, names.size, slack))
+    tiles = Tiles.join(parts)
     attached = slack(span[0]), slack(span[1])
     if balls is not None:
         tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *part: balls(int(names[at]), *part))
