@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 from flint import acb, arb, arb_mat, arb_poly, ctx
-from scipy.sparse.csgraph import connected_components
 
 from wavesweep.core.drawing.drawn_block import Plant
 from wavesweep.core.drawing.expressions import Tree, degree, evaluate, is_constant
+from wavesweep.core.monodromy.product import blocks_of
 from wavesweep.prove.ticks import Loop, UndecidedError, reads
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
@@ -53,9 +53,7 @@ class Family:
         self.loop, self.span, self.budget = loop, span, budget
         low, high = map(arb, span)
         places = loop.pattern(low.union(high))
-        count, of = connected_components(places, connection="strong")
-        parts = [np.flatnonzero(of == number) for number in range(count)]
-        self.parts = [part.tolist() for part in parts if places[np.ix_(part, part)].any()]
+        self.parts = [part.tolist() for part in blocks_of(places) if places[np.ix_(part, part)].any()]
         self.size = len(places)
         self.degree = _degree(loop)
         self.bent = any(_branches(tree, loop.number) for _, tree in loop.drawing.trees())

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.core.monodromy.product import blocks_of
 from wavesweep.core.stability.along_any import EXACT
 from wavesweep.core.stability.certificate import CROWDED, NONE, ROUNDING, SEARCH
 from wavesweep.core.stability.frames import level, pole_inside
@@ -56,20 +57,12 @@ def _loops_of(frames, errors, span, columns, place):
     E = E.reshape(columns, points.size, *E.shape[1:])
     finite, loops = np.isfinite(E).all((-1, -2)), []
     there = (finite[..., None, None] & (E + np.eye(E.shape[-1]) != 0)).any((0, 1))
-    for block in _blocks(there):
+    for block in blocks_of(there):
         own = block[:, None], block
         if there[own].any():
             loops.append(_Loops(frames, errors, np.flatnonzero(finite.any(-1)), E.shape[-1], block))
             place.refuse(E[finite][:, *own])
     return loops, finite.any(-1)
-
-
-def _blocks(there):
-    """The states of each diagonal block: those that act on one another."""
-    from scipy.sparse.csgraph import connected_components
-
-    name = connected_components(there, connection="strong")[1]
-    return [np.flatnonzero(name == each) for each in np.unique(name)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
