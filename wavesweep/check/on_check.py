@@ -59,7 +59,8 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         if going_on := _going_on(spec, each):
             yield DETAIL, f"  {going_on}"
     for state in ("stable", "unstable"):
-        others = [each for each in found["limits"] if each not in bounded and each["stable"] == (state == "stable")]
+        # By its intervals: at an end of one, as Kp = 0 is of a loop that drifts there, a value counts as not inside.
+        others = [each for each in found["limits"] if each not in bounded and bool(each["intervals"]) == (state == "stable")]
         if not others:
             continue
         spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
