@@ -66,6 +66,7 @@ def test_the_front_is_that_of_the_other_commands(run):
     assert rows["holds"].all()
     assert (np.diff(rows["z_width"]) <= 0).all()
     assert (np.diff(rows["transparency"]) <= 0).all()
+    assert main(["plot", str(results / "design.parquet")]) == 0
     package = json.loads((results / "design.datapackage.json").read_text(encoding="utf-8"))
     names = package["wavesweep"]["best"]
     assert names[0] == "best/mine-01.toml"

@@ -157,8 +157,11 @@ def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str
     if held and 1 < len(values) <= POINTS_OF_A_LINE:  # the last value is held for a tick as well
         times, values = np.append(times, 2 * times[-1] - times[-2]), np.append(values, values[-1])
         style = {"drawstyle": "steps-post"}
-    dashes = LINES[len(axes.get_lines()) % len(LINES)]
-    axes.plot(*extremes(times, values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
+    before = len(axes.get_lines())
+    style |= {"marker": "."} if len(values) == 1 else {}
+    below = not before and not held  # wide and pale, so that an energy on another is seen
+    style |= {"linestyle": LINES[before % len(LINES)], "linewidth": 1.8 if below else 0.9}
+    axes.plot(*extremes(times, values), color=paler(colour, 0.5 if below else 1), label=label, **style)
 
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:

@@ -245,7 +245,8 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         if kind in kinds() and (missing := set(kind_named(kind).names) - set(names)):
             raise UsageError(f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}")
         columns = in_order(kind, read(path), facts)
-        fields_of(kind, columns, facts)
+        if kind not in kinds() or kind_named(kind).fields:  # the columns of a design study follow from its spec
+            fields_of(kind, columns, facts)
     except (AttributeError, KeyError, IndexError, TypeError, ValueError, WavesweepError) as error:
         if isinstance(error, UsageError):
             raise
