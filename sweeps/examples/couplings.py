@@ -48,6 +48,6 @@ for kind, colour in KINDS.items():
     found = found[found.low == 0]
     right.plot(found.B_VE, found.felt_high, color=colour, linestyle="--" if kind == "dc" else "-", zorder=2 + (kind == "dc"))
 left.set(xlabel="frequency (Hz)", ylabel="transmitted impedance (N/m)")
-right.set(xlabel="damping of the wall (N·s/m)", ylabel=f"stiffest felt at rest, walls to {TRIED:g} (N/m)", ylim=0)
+right.set(xlabel="damping of the wall (N·s/m)", ylabel=f"stiffest felt at rest (N/m),\nof walls to {TRIED:g} N/m", ylim=0)
 figure.legend(loc="outside upper center", ncols=2, fontsize=7)
 figure.savefig(Path(sys.argv[1]) / "couplings.png", dpi=150)
