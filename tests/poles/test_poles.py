@@ -56,17 +56,6 @@ def test_the_radius_is_that_of_the_loop_and_drift_is_left_out():
     assert not found.states.str.contains("position").any()
 
 
-@pytest.mark.asks("check")
-def test_check_names_the_states_of_the_slowest_mode_and_of_the_least_damped():
-    found = wavesweep.verdict(APART)
-    assert found["slowest"]["states"][0].startswith("one")
-    assert found["least_damped"] is None or found["least_damped"]["damping_ratio"] <= found["slowest"]["damping_ratio"]
-    heavy = {**APART, "block": APART["block"] | {"two": {"type": "mass", "mass": 2.0, "damping": 2.0, "stiffness": 20000.0}}}
-    found = wavesweep.verdict(heavy)
-    assert (found["slowest"]["states"][0][:3], found["least_damped"]["states"][0][:3]) == ("one", "two")
-    assert found["least_damped"]["damping_ratio"] == pytest.approx(0.005, rel=1e-6)
-
-
 def test_a_root_locus_has_the_poles_of_every_value_and_its_ends_are_on_the_circle():
     spec = load(tomllib.loads(DRIVE))
     (axis,) = axes_asked(spec, {"kp": [0.2, 5.0, 40.0]})
