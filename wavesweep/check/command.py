@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
     from wavesweep.core.spec import Spec
 
-MOST = 15  # lines without --all
+MOST = 18  # lines without --all
 STEPS = 3  # commands that are named, at most
 
 
@@ -34,7 +34,7 @@ STEPS = 3  # commands that are named, at most
     "--all",
     "whole",
     is_flag=True,
-    help="Print all that is known, not only the 15 lines that matter most: also states, methods, times, and what is skipped.",
+    help="Print all that is known, not only the 18 lines that matter most: also states, methods, times, and what is skipped.",
 )
 @click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
 @click.option(
@@ -52,7 +52,7 @@ def check(
     """Judge a spec's own design, and say what to do next.
 
     SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
-    whether the loop is stable. Then comes what decides it, in up to 15 lines, the most important ones: the range in which the
+    whether the loop is stable. Then comes what decides it, in up to 18 lines, the most important ones: the range in which the
     loop stays stable if one number changes and all others are kept; the delay up to which it is stable; the stiffness that the
     hand feels; the slowest mode and, if it rings, the least damped one; the norm of the wave channel; the assumptions. A number
     that the spec does not give has its default, and is marked so. The last lines name the commands that go on from there.
