@@ -93,7 +93,8 @@ def outweighed_in_words(band: Mapping[str, object]) -> str:
     for low, high in band["outweighed_bands_hz"]:
         start = "up " if low == LOWEST_HZ and high else f"from {low:.3g} "
         bands.append(start + ("Hz on" if high is None else f"to {high:.3g} Hz"))
-    return f"free motion outweighs it {' and '.join(bands)}" if bands else ""
+    said = " and ".join(filter(None, [", ".join(bands[:-1]), *bands[-1:]]))
+    return f"free motion outweighs it {said}" if said else ""
 
 
 def felt_at_rest(spec: Spec, loop) -> dict | None:

@@ -12,6 +12,7 @@ from wavesweep.core.analyses.feel import felt_at_rest
 from wavesweep.core.analyses.lines_of_loops import lines_in_loops
 from wavesweep.core.analyses.loops import drift_of, frames_with_reliability, refuse_singular
 from wavesweep.core.analyses.poles import ON_CIRCLE, leading, named_modes
+from wavesweep.core.reading.keys import LARGEST
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of
 from wavesweep.core.sweep.grid import own_loop
@@ -23,10 +24,10 @@ SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 
 def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
     """The range about the value of a number in which its stable intervals are looked for."""
-    value, wall, largest = spec.values[path], spec.wall, np.finfo(float).max
+    value, wall = spec.values[path], spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    low, high = sorted((start, float(np.clip(FAR * (value or usual), -largest, largest))))
+    low, high = sorted((start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))))
     return low, high
 
 
