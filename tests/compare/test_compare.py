@@ -72,7 +72,7 @@ def test_it_writes_two_tables_and_their_figures(compare):
     assert "direct: largest stable K_VE: " in err
     assert "; stiffest wall as the hand feels it at rest: " in err
     assert "2 curves of 4 different frequencies\n" in err
-    assert "assumes: direct: wall at the slow rate, without integration, delay of 3 ticks, exact velocity; kind" in err
+    assert "assumes: direct: wall at the slow rate, without integration, delay of 3 ticks, exact velocity; " in err
 
 
 def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
