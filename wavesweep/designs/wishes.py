@@ -31,6 +31,7 @@ DENSE = 8 * NODES  # points of a piece among which a least value is looked for
 BAND_HZ = (0.1, 10.0)
 BATCH = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
+BEGUN = 1e-9  # of the range of walls: ratios begin there, as at no wall the numbers that follow it leave a drift
 DELAY = "environment.delay"
 
 
@@ -138,7 +139,8 @@ class _Stiffest:
 
 def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     """designs: paths of the numbers of designs. wished: whether the felt stiffness is needed."""
-    axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
+    start = BEGUN * stop if points.ties else 0.0
+    axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), start, stop, False)
 
     def stiffest_of(points):  # all different
         value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
@@ -147,7 +149,7 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
             rows = at_points(spec, axis, changes, points.ties, felt=wished)
             at = part[rows["slice"]]
             certified[at] = rows["certified"]
-            first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
+            first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= start)
             value[at[first]] = np.fmin(rows["high"], rows["open_low"])[first]
             felt[at[first]] = np.where(rows["open_low"] < rows["high"], np.nan, rows["felt_high"])[first]
         return value, felt, certified
