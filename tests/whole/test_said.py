@@ -18,7 +18,7 @@ SECTION = re.compile(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", re.MULTILINE)
 SAID = {path.stem: SECTION.findall(path.read_text(encoding="utf-8")) for path in sorted(HERE.glob("*.txt"))}
 # What differs from run to run, or from machine to machine: times, last digits, and what rounding leaves of nothing.
 LOOSE = (
-    (r"^.* done .* after \d+ s.*\n", ""),  # progress, on a machine that takes long
+    (r"^.* (done|still at work) .*after \d+ s.*\n", ""),  # progress, on a machine that takes long
     (r"(\b\d+\.\d{8})\d{3,}(?=[,\s])", "\\1..."),
     (r"[\d.]+e-1[5-9]\b", "...e-16"),
     (r"\bin \d+\.\d\d s\b", "in ... s"),

@@ -14,21 +14,13 @@ from wavesweep.core.cli.studies import one_spec
     help="Write a second table, passivity-filters: the norm of the channel with LP1 of order 1 to 8 at several cutoffs.",
 )
 @click.option(
-    "--tolerance",
-    metavar="SHARE",
-    type=click.FloatRange(min=0.0),
-    default=1e-3,
-    show_default=True,
-    help="Energy (J per J sent) that aliasing may add for the channel to count as passive, here and with --filters.",
-)
-@click.option(
     "--along",
     metavar="NAME",
     help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel, with their proof. "
     "[sweep] gives its range.",
 )
 @run_options("workers", "long")
-def passivity(spec: str, options: Options, filters: bool, tolerance: float, along: str | None) -> None:
+def passivity(spec: str, options: Options, filters: bool, along: str | None) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
     A passive loop gives out no energy, so it is stable with every passive hand. SPEC is a TOML file; each axis of its [sweep]
@@ -58,10 +50,10 @@ def passivity(spec: str, options: Options, filters: bool, tolerance: float, alon
     def compute(specs, **work):
         (loaded,) = specs
         if along:
-            return [tables.passive_along(loaded, along, tolerance, **work)]
-        choices = [tables.filter_choices(loaded, tolerance)] if filters else []  # first, since a spec may have none
+            return [tables.passive_along(loaded, along, **work)]
+        choices = [tables.filter_choices(loaded)] if filters else []  # first, since a spec may have none
         choices += [tables.over_frequency(loaded)] if loaded.drawing and loaded.drawing.environment else []
-        return [tables.passivity(loaded, tolerance, **work), *choices]
+        return [tables.passivity(loaded, **work), *choices]
 
     if along and filters:
         raise click.UsageError("--filters: expected without --along, which has a table of its own")

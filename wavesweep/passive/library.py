@@ -26,7 +26,8 @@ class Loop(api.Loop):
 
         channel_norm (passive up to 1), channel_omega (rad/s, of that norm), port_margin (m/N, the smallest eigenvalue of the
         Hermitian part, force to displacement), port_omega (rad/s), channel_passive, port_passive, stable, damping_needed
-        (N*s/m of further device damping for a passive port). axes: see `Loop`. Accuracy: see ACCURACY.md.
+        (N*s/m of further device damping for a passive port), channel_hz, port_hz. axes: see `Loop`. Accuracy: see
+        ACCURACY.md.
         """
         spec = naming(self.spec, axes)
         return self._frame("passivity", table.in_memory(spec, axes_asked(spec, axes)))
@@ -52,7 +53,7 @@ def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
     """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
 
     A DataFrame: lp1_order, lp1_cutoff_hz (Hz), channel_norm and its channel_omega (rad/s), excess (norm less 1), energy_gain
-    (J per J sent), bank_norm (with the filter bank), certified, sufficient_order (the least for the tolerance). source: a spec,
-    a path, or nested tables. tolerance: as for `passivity`.
+    (J per J sent), bank_norm (with the filter bank), certified, sufficient_order (the least for the tolerance), channel_hz.
+    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
     """
     return framed(table.filter_choices(spec_of(source), tolerance))

@@ -95,6 +95,7 @@ def _blocks(found: Run) -> Iterator[Columns]:
     from wavesweep.passive.job import blocks
 
     for axes, columns in blocks(found):
+        columns |= {name.replace("_omega", "_hz"): column / (2 * np.pi) for name, column in columns.items() if "_omega" in name}
         known = {each.name: np.ascontiguousarray(columns[each.name]) for each in KINDS[0].fields if each.name in columns}
         yield axes | known
 
@@ -135,7 +136,8 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     columns = filter_table(spec.values, cutoffs_hz=cutoffs)
     enough = sufficient_order(columns, tolerance)
     orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
-    columns = columns | {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
+    columns |= {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
+    columns |= {"channel_hz": columns["channel_omega"] / (2 * np.pi)}
     rows = columns["certified"].size
     counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
     methods = {

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 from support.intervals import intervals_of, pairs
-from support.specs import INTEGRATIONS, values_of
+from support.specs import INTEGRATIONS, nested, random_values, values_of
 
+from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.analyses.open_loops import wall_cut
+from wavesweep.core.monodromy.drift import errors_of_closed
+from wavesweep.core.monodromy.periodic import ticks_of
+from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import loops_of
 
 IMPEDANCES = [1e-6, 2.273804480282737e-06, 0.3, 1e6]
 
@@ -25,3 +30,17 @@ def test_an_end_keeps_its_digits_at_a_tiny_wave_impedance():
     )
     found = intervals_of(values, fixed=6.741149374749543)
     np.testing.assert_allclose(pairs(found), [(0.0, 9968.451663783808)], rtol=1e-11)
+
+
+def test_bounds_hold_what_rounding_leaves_of_a_shift_that_depends_on_numbers():
+    """A shift that is found in the frame is off by more than the frame's entries where these differ by orders of magnitude."""
+    found, eps = 0, np.finfo(float).eps
+    for seed in range(12):
+        spec = load(nested(random_values(seed, "pmw-lm") | {"controller.Kp": 0.0}))
+        loops, b = loops_of(spec, spec.values), spec.values["controller.b"]
+        drift = drift_of(loops.changed({"controller.b": np.array([0.5, 2.0]) * b}))
+        near = loops.changed({"controller.b": b * (1 + eps * np.arange(32))})
+        E, dE = errors_of_closed(ticks_of(near.drawn(), alone=True, terms=True), drift)
+        found += bool(drift.folded)
+        assert (np.ptp(E, axis=0) <= 2 * dE.max(0) + 64 * eps * np.abs(E).max(0)).all()
+    assert found

@@ -11,7 +11,7 @@ from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.monodromy.circle import solve
 from wavesweep.core.monodromy.periodic import Ticks, frame_of, known_frames, ticks_of
 from wavesweep.core.monodromy.product import product_with_errors
-from wavesweep.core.monodromy.rounding import ALIKE, balance, measured_frame, radius_hidden
+from wavesweep.core.monodromy.rounding import ALIKE, ROUNDING, balance, measured_frame, radius_hidden
 
 SAME = 1e-12  # relative difference of a factor between two loops below which it does not depend on their numbers
 ROUGH = 1e-9  # error of an entry, in units that give rows and columns similar sizes, from which on its effect is looked for
@@ -211,7 +211,17 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     rest = np.array([i for i in range(len(index)) if i not in folded], int)
     V = consistent_solution(E[..., rest], -E[..., folded])
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        return found[..., rest[:, None], rest] + (-V if sign < 0 else np.abs(V)) @ found[..., folded[:, None], rest]
+        if sign < 0:
+            return found[..., rest[:, None], rest] - V @ found[..., folded[:, None], rest]
+        # To first order V changes by A^+ (dA V + dE_S), of A = E_R with rows of equal size, which is solved for V; the solution
+        # adds to each column its rounding, relative to the size of the column (Householder).
+        size = np.abs(E[..., rest]).max(-1, keepdims=True)
+        size, V = np.where(size > 0, size, 1.0), np.abs(V)
+        A, S, dA, dS = (part[..., at] / size for part in (E, found) for at in (rest, folded))
+        columns = [rest.size * ROUNDING * np.linalg.norm(part, axis=-2, keepdims=True) for part in (A, S)]
+        dV = np.abs(np.linalg.pinv(np.nan_to_num(A))) @ ((dA + columns[0]) @ V + dS + columns[1])
+        own = V @ found[..., folded[:, None], rest] + dV @ np.abs(E[..., folded[:, None], rest])
+        return found[..., rest[:, None], rest] + own
 
 
 def consistent_solution(A, b) -> np.ndarray:
@@ -263,10 +273,7 @@ def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
 
 
 def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms.
-
-    The bounds take a shift that depends on the numbers as it is computed.
-    """
+    """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms."""
     changes, sizes = [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps]
     E, dE = product_with_errors(ticks.kind, changes, sizes, each=True)
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
