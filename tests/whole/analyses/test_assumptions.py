@@ -28,6 +28,15 @@ def test_swept_values_are_neither_defaults_nor_single():
     assert "optimistic defaults of environment.integration and device.velocity: engines usually" in said
 
 
+def test_messages_of_a_swept_number_are_a_range():
+    lossy = {"bus": {"type": "channel", "lost": "2*n - 1", "late": "k"}, "r": {"type": "integrator"}}
+    tables = {"rates": {"tick_hz": 1}, "numbers": {"g": 1.0, "n": 3, "k": 1}, "block": lossy}
+    tables |= {"wire": {"bus.u": "-g*r.y", "r.u": "bus.y"}, "sweep": {"n": [2, 5, 1], "k": [1]}}
+    spec = load(tables)
+    assert assumes(spec) == "messages of bus late by up to 1 tick or lost up to 5 in a row"
+    assert assumes(spec, ["numbers.n", "numbers.k"]) == "messages of bus late by up to 1 tick or lost up to 1 to 9 in a row"
+
+
 def test_frames_that_vary_are_named_with_the_delay_and_the_step_that_they_have():
     lengths = {"for_all": {"rates.ratio": {"values": [17, 34, 50], "varying": True}}, "controller": {"kind": "pmw"}}
     own = {"rates": {"ratio": 17}, "device": {"velocity": "difference"}}

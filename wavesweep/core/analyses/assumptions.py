@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import product
 from types import MappingProxyType
 
 from wavesweep.core.drawing.drawing import name_of, path_of, scalars
@@ -28,7 +29,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     varied = {axis.path: _values(axis) for axis in spec.changing}
     if spec.drawing:
         found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} in any order" for path, each in varied.items()]
-        frames += [*_unknown(spec, swept), *_messages(spec)]
+        frames += [*_unknown(spec, swept), *_messages(spec, swept)]
         return "; ".join(frames + ([f"linear while {', '.join(found)}; simulate goes beyond"] if found else []))
     read, values = keys_of_page(spec.values), spec.values
     parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read)]
@@ -81,14 +82,26 @@ def _unknown(spec, swept) -> Iterator[str]:
             yield f"{axis.name} {'of' if axis.values else 'from'} {_values(axis)}{f' {unit}' if unit not in ('', '1') else ''}"
 
 
-def _messages(spec) -> Iterator[str]:
-    """Yield what the messages of each channel may do."""
-    known = scalars(spec.values)
+def _messages(spec, swept) -> Iterator[str]:
+    """Yield what the messages of each channel may do; a number of a swept axis is a range."""
+    known, axes = scalars(spec.values), [axis for axis in (*spec.sweep, *spec.bode) if axis.path in swept]
+
+    def ends(tree):
+        """The least and the largest value of a key."""
+        own = [axis for axis in axes if axis.path in {path_of(name) for name, _ in names_in(tree)}]
+        names, values = [name_of(axis.path) for axis in own], [axis.values or (axis.start, axis.stop) for axis in own]
+        found = [float(value_of(tree, known | dict(zip(names, each, strict=True)))) for each in product(*values)]
+        return sorted({min(found), max(found)})
+
     for block in spec.drawing.channels:
-        late, lost = (value_of(dict(block.keys)[key], known) for key in ("late", "lost"))
-        said = [f"late by up to {late:g} ticks"] * bool(late)
-        said += ["lost at random"] if block.loses_at_random else [f"lost up to {lost:g} in a row"] * bool(lost)
+        late, lost = (ends(dict(block.keys)[key]) for key in ("late", "lost"))
+        said = [f"late by up to {_range(late)} tick{'s' * (late != [1])}"] * any(late)
+        said += ["lost at random"] if block.loses_at_random else [f"lost up to {_range(lost)} in a row"] * any(lost)
         yield f"messages of {block.name} {' or '.join(said) or 'all in time'}"
+
+
+def _range(ends) -> str:
+    return " to ".join(f"{end:g}" for end in ends)
 
 
 def _values(axis) -> str:
