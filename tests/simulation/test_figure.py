@@ -128,3 +128,22 @@ def test_a_loop_without_a_hand_is_drawn_again_from_its_file(tmp_path):
     _, columns, facts = read_table(save(run, tmp_path / "simulate.parquet"))
     assert list(columns) == list(run.columns)
     assert len(plots.simulate(columns, facts).axes) == 6
+
+
+def test_outputs_of_one_unit_and_size_share_a_panel_and_lost_messages_are_seen():
+    ports = {
+        "inputs": {"ref": {"signal": "ref", "unit": "rad/s"}},
+        "outputs": {name: {"signal": f"{name}.v", "unit": "rad/s"} for name in ("motor", "load", "slip")},
+    }
+    block = {"net": {"type": "channel"}}
+    spec = {"ports": ports, "block": block, "simulate": {"input": "step", "at_s": 0.0, "messages": {"net": [0, "2 lost", 3]}}}
+    columns = {"tick": np.arange(4), "phase": np.zeros(4, int), "time_s": np.arange(4.0), "late": np.array([0, -1, -1, 3])}
+    columns |= {"ref": np.ones(4), "motor": np.linspace(0, 1, 4), "load": np.linspace(0, 0.9, 4), "slip": np.full(4, 1e-3)}
+    drawn = plots.simulate(columns, {"spec": spec})
+    assert [axes.get_ylabel() for axes in drawn.axes] == ["motor, load (rad/s)", "slip (rad/s)", "late (ticks)"]
+    above, below, messages = drawn.axes
+    assert [line.get_label() for line in above.lines] == ["motor", "load", "ref"]
+    assert len(below.lines) == 1
+    assert messages.lines[0].get_label() == "messages of net"
+    assert messages.get_yticklabels()[0].get_text() == "lost"
+    assert drawn.get_supxlabel() == "Messages, repeated: net in time, 2 lost, 3 ticks late."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from wavesweep.core.plots.style import (
     TWO_COLUMNS,
     distinct_colour,
     figure,
+    fitting,
     is_narrow,
     note_below,
     paler,
     warn_above,
+    wide,
 )
 from wavesweep.core.plots.words import assumption, at_hand, printed, with_unit
 from wavesweep.core.tables.columns import signals_of
@@ -29,6 +32,8 @@ from wavesweep.core.tables.planes import spec_of
 _DETAIL_FRAMES = 40
 _LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _DETAIL_TICKS = 800  # at least, of a drawn loop
+_ALIKE = 20.0  # times as large, at most, is a signal that shares a panel with another
+_TITLE = 24  # letters in a line of a panel's name
 Panel = tuple[str, Sequence[tuple[str, str, str, bool]]]
 """The name of an axis, and column, label and colour of its signals, and whether they are held over a tick."""
 _AT_THE_HAND = (  # panel and its unit; column, label and number of the colour of each signal, and whether it is held
@@ -54,14 +59,17 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     around a change of contact, if possible after the run has settled; without contact around the start of a step or a
     pulse, or at the end.
     """
+    from matplotlib.ticker import ScalarFormatter
+    from matplotlib.transforms import blended_transform_factory
+
     spans = _spans(columns, facts)
-    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts)]
+    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts), *_messages(columns, facts)]
     with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
         for row, (title, signals) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
                 for signal in signals:
-                    _draw_signal(axes, {name: column[span] for name, column in columns.items()}, *signal)
+                    _draw_signal(axes, {name: column[span] for name, column in columns.items()}, *signal, len(signals) == 1)
                 if title.startswith("position") and "wall" in facts["spec"]["simulate"]:
                     wall = 1e3 * facts["spec"]["simulate"]["wall"]
                     axes.axhline(wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
@@ -72,17 +80,26 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
             axes.set_xlabel("time (s)")
         if len(spans) > 1:
             grid[0, 0].axvspan(*columns["time_s"][spans[1]][[0, -1]], color=paler("0.75", 0.6), linewidth=0)
-            grid[0, 1].set_title("shaded: in detail" if is_narrow() else "the shaded stretch in detail")
+            if is_narrow():
+                grid[-1, 1].set_xlabel("shaded time (s)")
+            else:
+                grid[0, 1].set_title("the shaded stretch in detail")
         for row in grid:  # legends are outside of the panels: a signal that fills its panel leaves no corner free
-            entries = row[-1].get_legend_handles_labels()
+            handles, labels = row[-1].get_legend_handles_labels()
             place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 1.2, "borderpad": 0.2}
             if is_narrow():
-                row[0].set_title(" ")  # room for the legend, which is wider than its panel
-                place |= {"loc": "lower left", "bbox_to_anchor": (-0.4, 0.98), "ncols": 4, "columnspacing": 0.8}
-            if entries[0]:
-                row[0 if is_narrow() else -1].legend(*entries, fontsize=7, **place).set_in_layout(not is_narrow())
+                across = fitting(labels, wide(TWO_COLUMNS), 7)
+                row[0].set_title("\n".join([" "] * -(-len(labels) // across)))  # room for the legend
+                left = blended_transform_factory(canvas.transFigure, row[0].transAxes)
+                place |= {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": across, "columnspacing": 0.8}
+                place |= {"bbox_transform": left}
+                for axes in row:  # no power of ten above the panel, where the legend is
+                    if isinstance(axes.yaxis.get_major_formatter(), ScalarFormatter):
+                        axes.yaxis.set_major_formatter("{x:g}")
+            if handles:
+                row[0 if is_narrow() else -1].legend(handles, labels, fontsize=7, **place).set_in_layout(not is_narrow())
         warn_above(canvas, _unstable(facts))
-        note_below(canvas, assumption(facts))
+        note_below(canvas, _in_turn(facts), assumption(facts))
         canvas.align_ylabels()
     return canvas
 
@@ -91,6 +108,7 @@ def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
     """Yield the panels of what a simulation with a hand has."""
     left_out = () if "max_force" in facts["spec"]["simulate"] else ("f_device",)
     words = _DRAWN if "block" in facts["spec"] else {}
+    left_out = {*left_out, *(name for name in ("f_h", "energy_hand") if name in columns and not columns[name].any())}
     present = (signal for signal in _AT_THE_HAND if signal[2] in columns and signal[2] not in left_out)
     for (title, unit), signals in groupby(present, key=lambda signal: signal[:2]):
         named = [(name, words.get(said, said), distinct_colour(n), held) for *_, name, said, n, held in signals]
@@ -98,22 +116,59 @@ def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
 
 
 def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
-    """Panels of inputs that are not at rest, of each output, with inputs of its unit, and of all other signals."""
+    """Panels of inputs that are not at rest, of outputs, and of all other signals.
+
+    Outputs of one unit and about one size share a panel, with the inputs that are like them.
+    """
     units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
+    sizes = {name: np.abs(columns[name]).max(initial=0.0, where=np.isfinite(columns[name])) for name in units}
     ports = facts["spec"].get("ports", {})
     inputs = [name for name in ports.get("inputs", {}) if name in units and columns[name].any()]
     outputs = [name for name in ports.get("outputs", {}) if name in units]
     others = [name for name in units if name not in (*ports.get("inputs", {}), *outputs)]
-    panels = {name: [name, *(each for each in inputs if units[each] == units[name])] for name in outputs}
-    shown = {each for names in panels.values() for each in names}
-    panels = {name: [name] for name in inputs if name not in shown} | panels | ({"signals": others} if others else {})
+
+    def alike(one: str, other: str) -> bool:
+        low, high = sorted((sizes[one], sizes[other]))
+        return units[one] == units[other] and (low == 0 or high <= _ALIKE * low)
+
+    panels: list[list[str]] = []
+    for name in outputs:
+        with_those = next((panel for panel in panels if all(alike(name, each) for each in panel)), None)
+        panels += [[name]] if with_those is None else []
+        if with_those is not None:
+            with_those.append(name)
+    titles = [", ".join(panel) for panel in panels]
+    panels = [[*panel, *(name for name in inputs if alike(name, panel[0]))] for panel in panels]
+    alone = [name for name in inputs if not any(name in panel for panel in panels)]
+    named = [*((name, [name]) for name in alone), *zip(titles, panels, strict=True), *([("signals", others)] if others else [])]
     return [
         (
-            with_unit(title, printed([units.get(title) or "1"])),
+            "\n".join(wrap(with_unit(title, "" if names is others else printed([units[names[0]] or "1"])), _TITLE)),
             [(name, name, IDEAL if name in inputs else distinct_colour(n), True) for n, name in enumerate(names)],
         )
-        for title, names in panels.items()
+        for title, names in named
     ]
+
+
+def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
+    """The panel of how late messages or slow results come, if some do and it is known of which channel."""
+    channels = [name for name, block in facts["spec"].get("block", {}).items() if block["type"] == "channel"]
+    if "late" not in columns or not columns["late"].any() or len(channels) > 1:
+        return []
+    return [
+        ("late (ticks)", [("late", f"messages of {channels[0]}" if channels else "slow results", distinct_colour(0), False)])
+    ]
+
+
+def _in_turn(facts: Mapping[str, Any]) -> str:
+    """The patterns of late and lost messages that a run repeats."""
+    words = {0: "in time", 1: "1 tick late"}
+    given = facts["spec"]["simulate"].get("messages", {}).items()
+    said = [
+        f"{name} {', '.join(each if isinstance(each, str) else words.get(each, f'{each} ticks late') for each in late)}"
+        for name, late in given
+    ]
+    return f"Messages, repeated: {'; '.join(said)}." if said else ""
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:
@@ -149,8 +204,11 @@ def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
     return int(np.searchsorted(columns["time_s"], options["at_s"])) if options["input"] in ("step", "pulse") else rows
 
 
-def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool) -> None:
-    """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps."""
+def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str, held: bool, alone: bool) -> None:
+    """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps.
+
+    How late messages are is drawn as a dot in each tick. alone: whether no other signal is in the panel.
+    """
     times, values, style = columns["time_s"], columns[name] * (1e3 if name in ("x", "x_s") else 1), {}
     if np.isnan(values).all():
         return
@@ -159,7 +217,13 @@ def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str
         style = {"drawstyle": "steps-post"}
     before = len(axes.get_lines())
     style |= {"marker": "."} if len(values) == 1 else {}
-    below = not before and not held  # wide and pale, so that an energy on another is seen
+    below = not before and not held and not alone  # wide and pale, so that an energy on another is seen
+    if name == "late":
+        axes.plot(*extremes(columns["time_s"], values), ".", color=colour, markersize=2.5, label=label)
+        most = max(int(values.max()), 0)
+        ticks = [*([-1] if (values < 0).any() else []), *range(0, most + 1, max(1, round(most / 4)))]
+        axes.set_yticks(ticks, ["lost" if tick < 0 else f"{tick}" for tick in ticks])
+        return
     style |= {"linestyle": LINES[before % len(LINES)], "linewidth": 1.8 if below else 0.9}
     axes.plot(*extremes(times, values), color=paler(colour, 0.5 if below else 1), label=label, **style)
 
