@@ -32,6 +32,21 @@ def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
     assert set(np.diff(phase.get_yticks())) <= {45.0, 90.0}
 
 
+@pytest.mark.parametrize(("every", "whole"), [(1, True), (20, False)])
+def test_phases_that_jump_often_go_on_as_far_as_frequencies_tell_how(responses, every, whole):
+    one = {name: column[:400:every] for name, column in responses.items()}
+    turned = one["admittance_deg"] - 360 * 0.2 * one["frequency_hz"]  # late by 0.2 s: ten turns at 50 Hz
+    figure = plots.bode(one | {"admittance_deg": (turned + 180) % 360 - 180}, {})
+    (phase,) = [axes for axes in figure.axes if axes.get_ylabel() == "phase of admittance (deg)"]
+    drawn, expected = phase.lines[0].get_ydata(), np.unwrap(responses["admittance_deg"][:400], period=360)[::every]
+    expected = expected - 360 * 0.2 * one["frequency_hz"]
+    known = ~np.isnan(drawn)
+    assert drawn[known] == pytest.approx(expected[known], abs=1e-6)
+    assert known.all() == whole
+    assert known.sum() > 10
+    assert ("Left out: phases" in figure.get_supxlabel()) != whole
+
+
 def test_magnitudes_have_decibels_at_the_right(responses):
     for axes, one in zip(plots.bode(responses, {}).axes[:2], ("mm/N", "N/m"), strict=True):
         (right,) = axes.child_axes

@@ -32,7 +32,11 @@ from wavesweep.core.stability.certificate import SPARED
 
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
+_WRAPS = 2  # jumps of a phase, up to which it stays between -180 and 180 degrees
+_TURN, _BESIDE = 135.0, 60.0  # degrees between neighbours: a step of the first beside one of the second, as no resonance has
+# between two of its samples, may be whole turns more
 Say = Callable[[str], None]
+_TOO_FAST = "Left out: phases beyond which the frequencies are too far apart to tell how often they turn."
 NYQUIST = "slow Nyquist frequency, {:.4g} Hz"
 
 
@@ -63,9 +67,9 @@ def bode(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _:
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
     numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
-    jumps. The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over the axis that varies. More than a
-    dozen curves have a scale of colours; of hundreds some are shown (see `shown_curves`). say: called with a sentence if
-    some are left out.
+    jumps; if these are many, phases go on (see `continued`). The static limit (0 Hz) is a mark at the left edge. One frequency
+    is drawn over the axis that varies. More than a dozen curves have a scale of colours; of hundreds some are shown (see
+    `shown_curves`). say: called with a sentence if some are left out.
     """
     columns, left_out = _shown(table, facts, say)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
@@ -124,6 +128,7 @@ def draw_curves(
     in_a_row = fitting(words, wide(TWO_COLUMNS))
     across = 1 if is_narrow() else min(2, len(quantities))
     shape = 2 * -(-len(quantities) // across), across
+    too_fast = False
     with figure(TWO_COLUMNS, 2.0 * shape[0] + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(*shape, sharex=True, squeeze=False)
         pairs = np.stack([grid[::2].ravel(), grid[1::2].ravel()], axis=1)
@@ -133,7 +138,7 @@ def draw_curves(
             own = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
             for axes, part, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
                 name = f"{quantity.stem}_{part}"
-                _draw_panel(axes, own, name, x, [each.draw(axes, name) for each in marks])
+                too_fast |= _draw_panel(axes, own, name, x, [each.draw(axes, name) for each in marks])
                 axes.set_ylabel(title)
                 if x == "frequency_hz":
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
@@ -142,7 +147,7 @@ def draw_curves(
             axes.tick_params(labelbottom=True)
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
         canvas.align_ylabels()
-        note_below(canvas, *notes)
+        note_below(canvas, _TOO_FAST if too_fast else "", *notes)
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
         shown = pairs[: 1 if quantities[0].unit is None else None, 0]  # all panels of the hand have the same curves
@@ -159,20 +164,45 @@ def _swept(columns: Columns) -> list[str]:
     return sorted((name for name in count if count[name] > 1), key=lambda name: -count[name])
 
 
-def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray]) -> None:
-    """marked: places along the figure of what capabilities have marked in it."""
+def _jumps(degrees: np.ndarray) -> np.ndarray:
+    """The places behind which a phase jumps from one end of its range to the other."""
+    return np.flatnonzero(np.abs(np.diff(degrees)) > 180)
+
+
+def continued(degrees: np.ndarray) -> np.ndarray:
+    """A phase that goes on at 180 degrees; NaN from where its samples do not tell any more how often it turns."""
+    degrees = degrees.astype(float)
+    known = np.flatnonzero(~np.isnan(degrees))
+    steps = (np.diff(degrees[known]) + 180) % 360 - 180
+    sizes = np.pad(np.abs(steps), 1)
+    fast = np.flatnonzero((sizes[1:-1] > _TURN) & (np.maximum(sizes[:-2], sizes[2:]) > _BESIDE))
+    degrees[known[1:]] = degrees[known[:1]] + np.cumsum(steps)
+    degrees[known[fast[0] + 1] if fast.size else degrees.size :] = np.nan
+    return degrees
+
+
+def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray]) -> bool:
+    """Draw a magnitude or a phase; gives whether a phase turns too fast to be drawn.
+
+    marked: places along the figure of what capabilities have marked in it.
+    """
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = goes_by_factors(everywhere[everywhere > 0])
     everywhere = np.concatenate([everywhere, *marked])
     positive = everywhere[everywhere > 0].min(initial=np.inf)
-    for curve in curves:
-        rows, quantity = where(curve.rows, np.argsort(curve.rows[x], kind="stable")), name.partition("_")[0]
-        places, values = rows[x], rows[name]
+    ordered = [where(curve.rows, np.argsort(curve.rows[x], kind="stable")) for curve in curves]
+    phase, too_fast = name.endswith("_deg"), False
+    goes_on = phase and x == "frequency_hz" and not any(each.size for each in marked)
+    goes_on = goes_on and any(_jumps(rows[name]).size > _WRAPS for rows in ordered)
+    for curve, rows in zip(curves, ordered, strict=True):
+        quantity = name.partition("_")[0]
+        places, values = rows[x], continued(rows[name]) if goes_on else rows[name]
+        too_fast |= bool((np.isnan(values) & ~np.isnan(rows[name])).any())
         lost = (rows["doubt"] == "rounding") & ~(rows[f"{quantity}_error"] <= SPARED)  # and not the worst gain alone
         static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
         line = (places[~static], values[~static])
-        if name.endswith("_deg"):  # no line is drawn across the panel where a phase wraps
-            jumps = np.flatnonzero(np.abs(np.diff(line[1])) > 180) + 1
+        if phase and not goes_on:  # no line is drawn across the panel where a phase wraps
+            jumps = _jumps(line[1]) + 1
             line = np.insert(line[0].astype(float), jumps, np.nan), np.insert(line[1], jumps, np.nan)
         known = np.pad(~np.isnan(line[1]), 1)
         alone = np.flatnonzero(known[1:-1] & ~known[:-2] & ~known[2:]).tolist()  # no line joins these with others
@@ -193,10 +223,11 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
     if name.endswith("_abs"):
         scale_magnitudes(axes)
     else:
-        in_degrees(axes)
+        in_degrees(axes, goes_on)
     if everywhere.max() > everywhere.min():
         axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
     axes.grid(which="major", **GRID)
+    return too_fast
 
 
 def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:

@@ -44,17 +44,21 @@ def _at_least(axes: Any, span: float) -> None:
     axes.ticklabel_format(axis="y", useOffset=False)
 
 
-def in_degrees(axes: Any) -> None:
-    """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it hardly varies."""
+def in_degrees(axes: Any, continued: bool = False) -> None:
+    """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it hardly varies.
+
+    continued: whether phases go on at 180 degrees; then ticks are farther apart, too.
+    """
     from matplotlib.ticker import MultipleLocator
 
     low, high = axes.get_ylim()
     if high - low < 3:
         _at_least(axes, DEGREE)
         return
-    step = next((step for step in (1, 2, 5, 15, 45) if high - low <= 6 * step), 90)
+    steps = (1, 2, 5, 15, 45, 90, *(180 * 2**power for power in range(20))) if continued else (1, 2, 5, 15, 45)
+    step = next((step for step in steps if high - low <= 6 * step), 90)
     axes.yaxis.set_major_locator(MultipleLocator(step))
-    if high - low > 180:
+    if high - low > 180 and not continued:
         axes.set_ylim(-190, 190)
 
 
