@@ -95,6 +95,7 @@ CASES = [
     ("hold", {}, 0, lambda m, u, *_: (u, m)),
     ("saturation", {"high": 1e6}, 0, lambda m, u, *_: (u, m)),
     ("delay", {"steps": 3}, 3, lambda m, u, *_: (m[2], (u, *m[:2]))),
+    ("fir", {"coefficients": [0.5, -0.3, 0.6]}, 2, lambda m, u, *_: (0.5 * u - 0.3 * m[0] + 0.6 * m[1], (u, m[0]))),
     ("mean", {"n": 3}, 2, lambda m, u, *_: ((u + m[0] + m[1]) / 3, (u, m[0]))),
     ("difference", {}, 1, lambda m, u, h, _: ((u - m[0]) / h, (u,))),
     ("biquad", {"b0": 0.4, "b1": -0.3, "b2": 0.1, "a1": -0.7, "a2": 0.2}, 4, recursion),

@@ -13,6 +13,7 @@ LOOPS = [
     ({"type": "notch", "frequency_hz": "g", "q": 2}, (10.0, 400.0)),
     ({"type": "lowpass", "cutoff_hz": "g"}, (1.0, 400.0)),
     ({"type": "biquad", "b0": "g", "b1": 0.5, "a1": -0.2, "every": 2}, (-9.0, 9.0)),
+    ({"type": "fir", "coefficients": [0.5, "g", 0.2, "-g/3"], "every": 2}, (-90.0, 90.0)),
     ({"type": "mean", "n": 3}, (0.1, 300.0)),
     ({"type": "gain", "k": "exp(g)*cos(g) - sin(g) + tan(g/9) + log(g)"}, (0.5, 8.0)),
 ]

@@ -312,10 +312,15 @@ def biquad(period: float, b0: float, b1: float, b2: float, a1: float, a2: float)
     return tf(period, [b0, b1, b2], [1.0, a1, a2], discrete=True)
 
 
+def fir(period: float, coefficients: Sequence[float]) -> Law:
+    """Sum of the coefficients times `u` of so many runs ago."""
+    past = delay(period, len(coefficients) - 1).moves
+    return Law({"y": _sum(coefficients, ("u", *(past[0][1] if past else ())))}, moves=past)
+
+
 def mean(period: float, n: int) -> Law:
     """Mean of `u` in the last n runs."""
-    past = delay(period, n - 1).moves
-    return Law({"y": tuple((1 / n, name) for name in ("u", *(past[0][1] if past else ())))}, moves=past)
+    return fir(period, [1 / n] * n)
 
 
 def wave(period: float, b: float, gives: str) -> Law:
@@ -383,7 +388,7 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
         each.__name__: each
         for each in (
             *(mass, inertia, spring, ss, tf, gain, hold, channel, impulse, saturation, delay, difference, integrator),
-            *(butterworth, wave, avatar, local_model, lowpass, pi, pid, lead, notch, biquad, mean),
+            *(butterworth, wave, avatar, local_model, lowpass, pi, pid, lead, notch, biquad, fir, mean),
         )
     }
 )

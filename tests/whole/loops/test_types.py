@@ -42,6 +42,8 @@ CASES = [
     ("lead", {"zero_hz": 10.0, "pole_hz": 45.0}),
     ("notch", {"frequency_hz": 40.0, "q": 2.0, "depth": 0.1}),
     ("biquad", {"b0": 0.2, "b1": -0.5, "b2": 0.7, "a1": -1.2, "a2": 0.5}),
+    ("fir", {"coefficients": [0.4, -0.3, 0.1, 0.2]}),
+    ("fir", {"coefficients": [0.7]}),
     ("mean", {"n": 4}),
     ("wave", {"b": 5.0, "gives": "force"}),
     ("wave", {"b": 5.0, "gives": "velocity"}),

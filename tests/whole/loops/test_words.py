@@ -5,6 +5,7 @@ import re
 import control
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import wavesweep
 from wavesweep.core.loops.from_drawing import assembled, scalar_place
@@ -116,6 +117,12 @@ WORDS = {
         lambda u: recursion(u, [0.2, -0.5, 0.7], [1, -1.2, 0.5]),
         control.tf([0.2, -0.5, 0.7], [1, -1.2, 0.5], T),
     ),
+    "fir": (
+        {"type": "fir", "coefficients": [0.2, -0.5, 0.7, 0.1]},
+        lambda u: lfilter([0.2, -0.5, 0.7, 0.1], [1.0], u),
+        control.tf([0.2, -0.5, 0.7, 0.1], [1, 0, 0, 0], T),
+    ),
+    "fir of one": ({"type": "fir", "coefficients": [0.4]}, lambda u: 0.4 * u, None),
     "mean": ({"type": "mean", "n": 5}, lambda u: recursion(u, [0.2] * 5, [1]), control.tf([0.2] * 5, [1, 0, 0, 0, 0], T)),
     "mean of one": ({"type": "mean", "n": 1}, lambda u: u, None),
 }
@@ -180,7 +187,16 @@ def test_a_word_does_what_its_difference_equation_says_and_control_makes_of_it(n
 
 @pytest.mark.parametrize(
     ("name", "gain"),
-    [("lowpass by cutoff", 1), ("lead", 1), ("notch", 1), ("mean", 1), ("biquad", 0.4 / 0.3), ("pi", None), ("pid", None)],
+    [
+        ("lowpass by cutoff", 1),
+        ("lead", 1),
+        ("notch", 1),
+        ("mean", 1),
+        ("fir", 0.5),
+        ("biquad", 0.4 / 0.3),
+        ("pi", None),
+        ("pid", None),
+    ],
 )
 def test_a_word_at_rest_is_known_without_rounding(name, gain):
     spec = spec_of(WORDS[name][0])
@@ -228,6 +244,15 @@ def test_pi_on_an_integrator_has_its_limits_in_closed_form():
     )
 
 
+def test_a_fir_on_an_integrator_has_its_limits_in_closed_form():
+    """z^2 + z (c T - 1) + d T: d > -c, d < 1/T and d > c - 2/T."""
+    fir = {"type": "fir", "coefficients": ["c", "d"]}
+    assert intervals("d", (-2000, 2000), fir, {"c": 100.0, "d": 0.0}) == pytest.approx(np.array([[-100, 1 / T]]), rel=1e-11)
+    assert intervals("c", (-2000, 2000), fir, {"c": 0.0, "d": 100.0}) == pytest.approx(
+        np.array([[-100, 100 + 2 / T]]), rel=1e-11
+    )
+
+
 def test_pd_on_an_integrator_has_its_limits_in_closed_form():
     """z^2 + z (kp T + kd - 1) - kd: kp > 0, kd < 1 - kp T/2, and kd > -1."""
     pd = {"type": "pid", "kp": "kp", "kd": "kd"}
@@ -250,6 +275,8 @@ def test_pd_on_an_integrator_has_its_limits_in_closed_form():
         ({"type": "lowpass", "a": "a"}, "a", (1e-3, 1)),
         ({"type": "biquad", "b0": "b", "b1": 0.3, "a1": -0.3}, "b", (-9, 9)),
         ({"type": "biquad", "b0": 0.2, "a1": "a"}, "a", (-3, 3)),
+        ({"type": "fir", "coefficients": [0.2, "b", "1 - b", -0.1]}, "b", (-9, 9)),
+        ({"type": "fir", "coefficients": [0.2, "b**2", 0.1]}, "b", (-3, 3)),
     ],
 )
 def test_numbers_of_words_are_swept_to_where_eigenvalues_cross(block, along, span):
@@ -333,6 +360,7 @@ def test_gains_of_a_word_are_one_scalar_of_the_frame_and_others_are_not():
         ({"type": "notch", "frequency_hz": 200, "q": 1}, "frequency_hz", "a number < 200 (half the block's own rate)", "200"),
         ({"type": "lead", "zero_hz": 1, "pole_hz": 201}, "pole_hz", "a number < 200 (half the block's own rate)", "201"),
         ({"type": "pid", "kp": 1, "tau": -1}, "tau", "a number, or an expression, >= 0", "-1"),
+        ({"type": "fir", "coefficients": []}, "coefficients", "a list of numbers", "an empty list"),
         ({"type": "mean", "n": 0}, "n", "a whole number, or an expression, >= 1", "0"),
     ],
 )

@@ -296,6 +296,13 @@ TYPES = MappingProxyType(
             steps=_SAME,
             formula=(("b0", "b1", "b2"), ("1", "a1", "a2")),
         ),
+        "fir": _type(
+            "sum of c_i times u as it was i runs ago, for coefficients c_0, c_1 and so on",
+            _U_Y,
+            _other("coefficients", "list", "coefficients, the first one of u itself"),
+            steps=_SAME,
+            settles=True,
+        ),
         "mean": _type(
             "mean of u in the last n runs of the block; an average over an exposure is a plant 1/s before a difference",
             _U_Y,

@@ -117,7 +117,7 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
 
 def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
     """The states of a block as far as its keys say how many there are: coefficients, rows, steps, ticks."""
-    keys = dict(block.keys)
+    keys = dict(block.core(ONE).keys)
     counts = (finite_value(keys.get(name, ("number", 0.0, 0)), numbers) or 0.0 for name in ("steps", "late", "order"))
     return len(keys.get("den", keys.get("A", ()))) + sum(counts)
 

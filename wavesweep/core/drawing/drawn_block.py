@@ -72,6 +72,10 @@ class DrawnBlock:
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
         """The block itself, or of a block of firmware its transfer function; named: in the names of its keys and of T."""
+        if self.type == "fir":  # of any length, so that it has no formula
+            num = dict(self.keys)["coefficients"]
+            den = (ONE, *(("number", 0.0, 0),) * (len(num) - 1))
+            return replace(self, type="tf", keys=(("num", num), ("den", den), ("discrete", True)))
         if not TYPES[self.type].formula:
             return self
         keys, period = self.keys, ("/", self.every, tick_hz, 0)

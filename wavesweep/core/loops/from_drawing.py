@@ -109,6 +109,7 @@ def _placed_alone(block, read, tick):
 
 def _with_numbers(block, known, tick):
     every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
+    block = block if TYPES[block.type].formula else block.core(ONE)
     keys = _keys(block, known)
     period = every * tick if not block.phases else every * tick / len(block.phases)
     if TYPES[block.type].formula:  # whose sums do not cancel, if those of its keys do not
@@ -196,9 +197,8 @@ def scalar_place(drawing: Drawing, number: str) -> str:
 
     The ports may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
-    words = {
-        f"block.{block.name}": dict(block.core(drawing.tick_hz).keys) for block in drawing.blocks if TYPES[block.type].formula
-    }
+    pairs = zip(drawing.blocks, drawing.cores, strict=True)
+    words = {f"block.{block.name}": dict(core.keys) for block, core in pairs if core.type != block.type}
     paths = [path for path in _readers(drawing, number) if not path.startswith("ports.")]
     readers = {
         f"{path.rpartition('.')[0]}.y" if path.rpartition(".")[0] in words and not decides(path) else path for path in paths
