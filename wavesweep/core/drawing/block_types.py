@@ -173,10 +173,11 @@ TYPES = MappingProxyType(
         ),
         "delay": _type(
             "u as it was some runs of the block ago, or a dead time ago, which may end between two ticks: held signals then "
-            "arrive at plants between two ticks, and plants are read between two ticks",
+            "arrive at plants between two ticks, and plants are read between two ticks; with taps it gives y1, y2, ...",
             _U_Y,
             whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
             number("seconds", None, "s", "in place of steps: dead time", low=0.0),
+            Key("taps", "list", None, "", "in place of steps: runs of the block, in ascending order, one for each output"),
             steps=_SAME,
             settles=True,
             either=("steps", "seconds"),

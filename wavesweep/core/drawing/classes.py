@@ -35,6 +35,10 @@ def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf
         if path[0] == "block" and path[2:] == ("type",) and isinstance(leaf.value, str) and leaf.value in classes:
             used.add(leaf.value)
             found = _Instance(path[1], classes[leaf.value], found, mistakes).expanded(leaf)
+    for path, leaf in list(found.items()):
+        kind = found.get((*path[:2], "type"))
+        if path[0] == "block" and path[2:] == ("taps",) and kind and kind.value == "delay":
+            found = _in_series(path[1], kind, leaf, found, mistakes)
     for name, parts in classes.items():
         place = next(iter(parts.values())).place.under(("type", name))
         if name in TYPES:
@@ -65,6 +69,33 @@ def numbers_of_blocks(leaves: Mapping[Path, Leaf]) -> dict[str, str]:
     numbers = [(path[1], path[3]) for path in leaves if path[0] == "type" and path[2:3] == ("numbers",) and len(path) > 3]
     blocks = [(path[1], leaf.value) for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)]
     return {f"{block}_{name}": f"block.{block}.{name}" for block, kind in blocks for each, name in numbers if each == kind}
+
+
+def _in_series(name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves with delays from tap to tap, tap1, tap2 and so on, in place of a delay that has taps."""
+    own = {
+        path[2:]: leaf
+        for path, leaf in leaves.items()
+        if path[:2] == ("block", name) and path[2:] not in (("type",), ("taps",))
+    }
+    found = {path: leaf for path, leaf in leaves.items() if path[:2] != ("block", name)}
+    runs, place = taps.value if isinstance(taps.value, list) else [], taps.place
+    numbers = [each for each in runs if isinstance(each, (int, float))]
+    wrong = not runs or numbers != sorted(numbers)
+    if wrong:
+        expected, text = "a list of runs of the block in ascending order, such as [2, 5]", ", ".join(map(str, runs))
+        mistakes.refuse(taps, f"block.{name}.taps", expected, text or show(taps.value), of_key=False)
+    for key in own.keys() & {("steps",), ("seconds",)}:
+        mistakes.refuse(own.pop(key), f"block.{name}.{key[0]}", "either steps, seconds or taps", f"taps and {key[0]}")
+    parts, before, last = {("ports", "inputs"): Leaf(["u"], place)}, "u", 0
+    for i, each in enumerate(runs, 1):
+        part, steps = f"tap{i}", each if wrong or i == 1 else f"({each}) - ({last})"
+        keys = own | {("steps",): Leaf(steps, replace(place, exact=False))}
+        found |= {("block", name, part, *path): leaf for path, leaf in keys.items()}
+        parts |= {("block", part, "type"): kind, ("wire", f"{part}.u"): Leaf(before, place)}
+        parts["ports", "outputs", f"y{i}"] = Leaf(f"{part}.y", place)
+        before, last = f"{part}.y", each
+    return _Instance(name, parts, found, mistakes).expanded(kind)
 
 
 class _Instance:
@@ -113,7 +144,7 @@ class _Instance:
             given = self.own.pop(rest, None)
             yield ("block", f"{self.name}.{rest[0]}", *rest[1:]), given or (leaf if rest[-1] in WORDS else self.renamed(leaf))
         elif table in ("signals", "wire") and rest:
-            yield (table, f"{self.name}.{'.'.join(rest)}"), self.renamed(leaf)
+            yield (table, *".".join((self.name, *rest)).rsplit(".", 1)), self.renamed(leaf)
         elif path[:2] == ("ports", "outputs") and len(path) > 2:
             yield ("signals", f"{self.name}.{path[2]}"), self.renamed(leaf)
 

@@ -1,0 +1,126 @@
+"""A delay with taps: its outputs are its input some runs ago, in frames, simulation, balls and C."""
+
+import shutil
+
+import numpy as np
+import pytest
+from flint import arb
+from support.exports import made, present, written
+
+import wavesweep
+from wavesweep.core.spec import load
+
+
+def tables_of(line, feedback, n=5, **more):
+    """A mass under a feedback from a delay line that runs every third tick."""
+    return {
+        "rates": {"tick_hz": 400},
+        "numbers": {"K": 1.0, "n": n},
+        "block": {"m": {"type": "mass", "mass": 2.0, "damping": 3.0}, "d": line | {"every": 3, "phase": 1}},
+        "wire": {"d.u": "m.x", "m.f": f"push - K*({feedback})"},
+        "ports": {"inputs": {"push": "push"}},
+        "sweep": {"along": "K", "K": {"start": -500, "stop": 500}},
+    } | more
+
+
+TAPPED = {"type": "delay", "taps": [0, 2, "n", 7]}
+SUM = "d.y1 + 0.5*d.y2 - 0.3*d.y3 + d.y4"
+
+
+def plain(n):
+    """The same feedback as a filter."""
+    weights = np.zeros(8)
+    np.add.at(weights, [0, 2, n, 7], [1.0, 0.5, -0.3, 1.0])
+    return {"type": "fir", "coefficients": weights.tolist()}
+
+
+@pytest.mark.parametrize("n", [2, 5, 7])
+def test_a_feedback_of_taps_is_that_of_a_filter(n):
+    found, expected = (
+        wavesweep.compile(each).stable_intervals() for each in (tables_of(TAPPED, SUM, n), tables_of(plain(n), "d.y + 0*n", n))
+    )
+    assert found.certified.all()
+    assert found[["low", "high"]].to_numpy() == pytest.approx(expected[["low", "high"]].to_numpy(), rel=1e-11)
+
+
+def test_taps_at_numbers_are_swept_as_values():
+    sweep = {"along": "K", "K": {"start": 0, "stop": 500}, "n": [2, 5, 7]}
+    found = wavesweep.compile(tables_of(TAPPED, SUM, sweep=sweep)).stable_intervals(n=[2, 5, 7])
+    expected = [wavesweep.compile(tables_of(plain(n), "d.y + 0*n", n)).stable_intervals().high[0] for n in (2, 5, 7)]
+    assert found.certified.all()
+    assert found.high.to_numpy() == pytest.approx(np.array(expected), rel=1e-11)
+
+
+def test_each_tap_shows_the_input_of_so_many_runs_ago():
+    shown = {"input": "noise", "duration_s": 0.5, "show": ["d.u"]}
+    outputs = {"inputs": {"push": "push"}, "outputs": {f"tap{i}": f"d.y{i}" for i in (1, 2, 3, 4)}}
+    (table,) = wavesweep.simulate(tables_of(TAPPED, SUM, ports=outputs, simulate=shown))
+    runs, u = table[1::3], table["d.u"].to_numpy()[1::3]
+    for i, ago in enumerate((0, 2, 5, 7), 1):
+        assert runs[f"tap{i}"].to_numpy() == pytest.approx(np.append(np.zeros(ago), u)[: len(u)], abs=0)
+
+
+def test_a_class_may_have_a_delay_with_taps():
+    joint = {
+        "numbers": {"u": 2},  # a name that the parts of a delay do not mistake for their input
+        "block": {"line": {"type": "delay", "taps": ["u", "2*u"], "every": 3, "phase": 1}},
+        "wire": {"line.u": "place"},
+        "ports": {"inputs": ["place"], "outputs": {"force": "line.y1 + 0.2*line.y2"}},
+    }
+    whole = tables_of({"type": "fir", "coefficients": [0, 0, 1, 0, 0.2]}, "d.y + 0*n")
+    expected = wavesweep.compile(whole).stable_intervals()
+    whole["block"]["d"], whole["type"] = {"type": "joint"}, {"joint": joint}
+    whole["wire"] = {"d.place": "m.x", "m.f": "push - K*(d.force + 0*n)"}
+    spec = load(whole)
+    assert [block.name for block in spec.drawing.blocks] == ["m", "d.line.tap1", "d.line.tap2"]
+    assert load(spec.tables()).sha256 == spec.sha256
+    found = wavesweep.compile(spec).stable_intervals()
+    assert found[["low", "high"]].to_numpy() == pytest.approx(expected[["low", "high"]].to_numpy(), rel=1e-11)
+
+
+@pytest.mark.asks("prove")
+def test_taps_have_the_frame_of_a_filter_in_balls():
+    ticks = pytest.importorskip("wavesweep.prove.ticks")
+    found = []
+    for each in (tables_of(TAPPED, SUM), tables_of(plain(5), "d.y + 0*n")):
+        spec = load(each)
+        frame, _ = ticks.Loop(spec.drawing, spec.values, "numbers.K").frame(arb(0.8))
+        found.append([(frame**power).trace() for power in (1, 2, 9)])
+    for one, other in zip(*found, strict=True):
+        assert float(one) == pytest.approx(float(other), rel=1e-14)
+
+
+@pytest.mark.slow
+@pytest.mark.asks("margins")
+def test_a_margin_at_a_tap_is_of_that_output_alone():
+    number = {"g": 1.0, "K": 1.0, "n": 5}
+    scaled = tables_of(TAPPED, "d.y1 + 0.5*g*d.y2 - 0.3*d.y3 + d.y4", numbers=number)
+    found = wavesweep.compile(tables_of(TAPPED, SUM)).margins("d.y2").set_index("margin")
+    ends = wavesweep.compile(scaled).stable_intervals("g", (0, 1000))
+    assert found.value["gain_up"] == pytest.approx(ends.high[0], rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.asks("simulation")
+def test_no_bit_of_taps_differs_between_the_simulation_and_c(tmp_path):
+    if "gcc" not in present() or not shutil.which("make"):
+        pytest.skip("no gcc")
+    hand = {"hand": {"force": "push", "displacement": "m.x"}}
+    written(tables_of(TAPPED, SUM, ports=hand, simulate={"input": "noise", "duration_s": 0.3}), tmp_path)
+    code, said = made(tmp_path, "check", "gcc", "-O0")
+    assert (code, said[-16:]) == (0, " no bit differs\n"), said
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ({"taps": [5, 2]}, "taps: expected a list of runs of the block in ascending order, such as [2, 5], found 5, 2"),
+        ({"taps": [2, "n"], "steps": 3}, "steps: expected either steps, seconds or taps, found taps and steps"),
+        ({"taps": [2, "x"]}, 'tap2.steps: expected the name of a number in [numbers], found an unknown name "x"'),
+        ({"taps": [6, "n"]}, 'tap2.steps: expected a whole number >= 0, found "(n) - (6)": -1'),
+    ],
+)
+def test_mistakes_in_taps(line, said):
+    with pytest.raises(wavesweep.SpecError) as error:
+        load(tables_of({"type": "delay", **line}, "d.y1 + d.y2 + 0*n"))
+    assert str(error.value) == f"block.d.{said}"
