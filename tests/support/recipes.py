@@ -166,6 +166,15 @@ def current_loop(f, h, x, R, L):
     return np.array([i, filtered, integral, -filtered, *voltage[: whole + 1]])
 
 
+def turning_rotor(fe, f, a, c, hz, R, L):
+    """The current and the voltage as complex numbers, as the rotor sees them."""
+    w, h, (i, integral, voltage) = 2 * np.pi * fe, 1 / hz, np.eye(3, dtype=complex)
+    kept, pushed = expm(h * np.array([[-R / L - 1j * w, 1 / L], [0, -1j * w]]))[0]
+    integral = integral - h * i
+    asked = 2 * np.pi * f * (R * integral - L * i) + 1j * c * w * L * i
+    return np.array([kept * i + pushed * np.exp(1j * (a - 1) * w * h) * voltage, integral, asked])
+
+
 def decimation(kp, kd, d, I, h, n):
     x, v = np.eye(2)
     torque = -kp * x - kd * v
@@ -256,6 +265,7 @@ FRAMES = {
     "cascade": cascade,
     "co-simulation": co_simulation,
     "current-loop": current_loop,
+    "turning-rotor": turning_rotor,
     "decimation": decimation,
     "batch-reactor": batch_reactor,
     "admittance": admittance,

@@ -124,6 +124,10 @@ ANSWERS = {
         "h, x: 0.000132 1 = 1205.832, 2.5e-05 1 = 6366.220, 0.000132 1.5 = 952.026, 2.5e-05 1.5 = 5015.601, "
         "0.000132 2 = 705.465, 2.5e-05 2 = 3724.514"
     ),
+    "turning-rotor": (
+        "f, a, c: 250 0 0 = 750.07, 250 0 1 = 565.94, 250 1.5 1 = 1789.37, 250 1.5 0 = 3000, 500 0 0 = 869.39, "
+        "500 0 1 = 582.64, 500 1.5 1 = 1717.30, 500 1.5 0 = 2231.30"
+    ),
     "decimation": "kd, n: 0 1 = 4544.000, 0 4 = 81.336, 2 1 = 3744.000, 2 4 = 280.719",
     "batch-reactor": "n: 2 = 0.0657931, 1 = 0.131597",
     "admittance": (
@@ -296,6 +300,29 @@ def test_the_dead_time_of_a_current_loop():
     given = defaults("current-loop")
     at = [radius("current-loop", given | {"x": found.high[0] * (1 + side * 1e-9)}) for side in (-1, 1)]
     assert at[0] < 1 < at[1]
+
+
+@pytest.mark.slow
+def test_a_rotor_that_turns_while_its_voltage_stands_still():
+    """A step of the wanted current, marched in the frame of the stator, where the rotor has an angle in each pass."""
+    tables = tomllib.loads(TEXTS["turning-rotor"])
+    given = {key: value["value"] for key, value in tables["numbers"].items() if isinstance(value, dict)} | {"a": 1.5, "c": 0.7}
+    fe, f, a, c, hz, R, L = (given[key] for key in ("fe", "f", "a", "c", "hz", "R", "L"))
+    (table,) = wavesweep.simulate({**tables, "numbers": tables["numbers"] | {"a": 1.5, "c": 0.7}})
+    i = integral = late = 0.0  # the current and the late voltage as the stator sees them
+    found = []
+    for k, wanted in enumerate(table["ref"]):
+        own = i * np.exp(-2j * np.pi * fe * k / hz)
+        found.append(own)
+        integral += (1j * wanted - own) / hz
+        asked = 2 * np.pi * f * (L * (1j * wanted - own) + R * integral) + 2j * np.pi * fe * c * L * own
+        rest = np.exp(-R / L / hz)
+        i = rest * i + (1 - rest) / R * late
+        late = asked * np.exp(2j * np.pi * fe * (k + a) / hz)
+    np.testing.assert_allclose(table["flux"] + 1j * table["torque"], found, rtol=0, atol=1e-12)
+    assert np.abs(found).max() > 1
+    passes = [given["hz"] / end for (_, end) in (ends("turning-rotor", f=250.0, a=0.0, c=share)[0] for share in (0.0, 1.0))]
+    assert {f"{passes[0]:.0f}", f"{passes[1]:.1f}"} <= numbers_of("turning-rotor")
 
 
 def test_a_torque_that_is_held_for_the_decimation():
