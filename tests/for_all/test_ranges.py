@@ -11,7 +11,7 @@ from support.specs import values_of
 
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.for_all import loop_numbers
+from wavesweep.for_all import loop_numbers, ranges
 from wavesweep.for_all.checking import shrink_over
 from wavesweep.for_all.frames import Frames
 from wavesweep.for_all.graph import Graph
@@ -231,3 +231,13 @@ def test_no_hand_of_the_box_and_no_order_of_frames_breaks_what_is_proved(kind, b
     hand = [float(each.split(" = ")[1]) for each in numbers[0].split(", ")]
     word = [lengths.index(int(each)) for each in pattern.split(", ")]
     assert growth(marched_frames(kind, 1.0001 * row["fails_from"], hand, lengths), word) > 1
+
+
+def test_a_frame_that_may_not_follow_itself_need_not_shrink_alone():
+    """As that of a message that may not be lost twice in a row: what it holds is kept."""
+    A = np.array([[[0.5, 0.1], [0.0, 0.4]], [[1.0, 0.2], [0.0, 1.0 + 1e-12]]])
+    frames = Polynomials(np.stack([A, 1e-3 * A, 0 * A, 0 * A]), np.zeros_like(A), 1, 3)
+    follows = np.array([[True, True], [True, False]])
+    found, _ = ranges._forms(frames, follows, None, 4e9)
+    assert ranges._judged(frames, found, follows)[0]
+    assert ranges._forms(frames, np.ones((2, 2), bool), None, 4e9)[0] is None
