@@ -5,6 +5,7 @@ Nothing of the package is used. A signal is a row: its dependence on the states 
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.signal import butter
 
 
 def plant(T, m, d=0.0, k=0.0):
@@ -249,6 +250,24 @@ def exposure(T, g, n):
     return np.array([x + T * u, x + T * u / 2, *images[:n]])
 
 
+def quadrotor(J, Tm, f, kr, ka, kv, kx, n):
+    F = np.zeros((6, 6))  # place, speed, pitch, its rate, torque, torque that is asked for
+    F[0, 1] = F[2, 3] = 1
+    F[1, 1], F[1, 2], F[3, 4], F[4, 4], F[4, 5] = -0.2, 9.81, 1 / J, -1 / Tm, 1 / Tm
+    step, (b, a) = expm(1e-3 * F), butter(2, f, fs=1000)
+    x, v, pitch, w, torque, first, second, before, *late = np.eye(8 + n)
+    for t in range(20):
+        if t == 0:
+            seen, late = [x, *late][n], [x, *late][:n]
+            lean, before = kv / 9.81 * (-kx * seen - (seen - before) / 0.02), seen
+        if t % 4 == 0:
+            attitude = ka * (lean - pitch)
+        gyro = b[0] * w + first
+        first, second = b[1] * w - a[1] * gyro + second, b[2] * w - a[2] * gyro
+        x, v, pitch, w, torque, _ = step @ [x, v, pitch, w, torque, kr * (attitude - gyro)]
+    return np.array([x, v, pitch, w, torque, first, second, before, *late])
+
+
 FRAMES = {
     "late-messages": late_messages,
     "lost-commands": lost_commands,
@@ -272,6 +291,7 @@ FRAMES = {
     "notch": notch,
     "engine-rates": engine_rates,
     "exposure": exposure,
+    "quadrotor": quadrotor,
 }
 
 

@@ -139,6 +139,7 @@ ANSWERS = {
         "kd, N: 0.5 5 = 328.80, 0.5 10 = 60.000, 0.5 6 = 155.855, 0.5 6 = 199.528, 0.5 6 = 238.246, "
         "0.1 5 = 376.80, 0.1 10 = 12.000, 0.1 6 = 23.912"
     ),
+    "quadrotor": "n: 0 = 12.746, 5 = 6.0074, 15 = 2.7448",
     "exposure": "n, T: 2 0.1 = 5.3590, 1 0.1 = 8.2843, 0 0.1 = 20.000, 2 0.05 = 10.7180",
 }
 
@@ -378,3 +379,19 @@ def test_the_average_over_an_exposure():
     rows = table("exposure")
     limits = {0: 2.0, 1: 2 * np.sqrt(2) - 2, 2: 4 - 2 * np.sqrt(3)}
     np.testing.assert_allclose(rows.high * rows["T"], rows.n.map(limits), rtol=1e-12)
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_a_quadrotor_of_any_inertia():
+    """The heaviest one sets the limit: what is proved is within 1 % of its own, and with it the loop is as stable as that."""
+    rows = whole_table("quadrotor")
+    rows = rows[rows.guarantee == "for_all"].set_index("n")
+    assert rows.settled.all()
+    assert {f"{high:.3f}" for high in rows.high} == {"8.886", "5.209", "2.631"} <= numbers_of("quadrotor")
+    for n, row in rows.iterrows():
+        for J in (0.015, 0.02, 0.03):
+            assert radius("quadrotor", defaults("quadrotor") | {"n": n, "J": J, "kv": row.high}) < 1
+        heavy = brentq(lambda kv, n=n: radius("quadrotor", defaults("quadrotor") | {"n": n, "J": 0.03, "kv": kv}) - 1, 1, 15)
+        assert row.high < heavy < 1.01 * row.high
+        assert row.fails_from == pytest.approx(heavy, rel=1e-6)
