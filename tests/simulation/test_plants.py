@@ -75,3 +75,24 @@ def test_filters_and_static_gains_within_a_plant_are_solved_by_the_simulation_to
 def test_effects_of_a_single_mass_are_refused_for_a_plant_of_several():
     with pytest.raises(wavesweep.UsageError, match="option friction: expected a device, the only block of type mass"):
         wavesweep.compile(joint()).simulate(np.ones(5), friction=0.1)
+
+
+def test_a_wall_that_reads_a_plant_is_what_its_wires_say():
+    """Of a plant of several blocks, and of one that a dead time acts on: as the loop whose ports name no wall."""
+    force = np.random.default_rng(2).normal(size=300)
+    for dead in (True, False):
+        block = {
+            "m": {"type": "mass", "mass": 0.1, "damping": 1.5},
+            "wall": {"type": "hold", "every": 2},
+            "motor": {"type": "delay", "seconds": 0.0013} if dead else {"type": "hold"},
+        }
+        wire = {"wall.u": "-K*m.x - B*m.v", "motor.u": "wall.y", "m.f": "motor.y + push"}
+        if not dead:
+            block["far"], wire["far.f"] = {"type": "mass", "mass": 0.2}, "50*(m.x - far.x)"
+            wire["m.f"] += " + 50*(far.x - m.x)"
+        ports = {"hand": {"force": "push", "displacement": "m.x"}}
+        tables = {"rates": {"tick_hz": 1000}, "numbers": {"K": 200.0, "B": 2.0}, "block": block, "wire": wire, "ports": ports}
+        expected = wavesweep.compile(tables).simulate(force)
+        found = wavesweep.compile(tables | {"ports": ports | {"wall": {"stiffness": "K", "damping": "B"}}}).simulate(force)
+        np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-13)
+        assert np.abs(found.F_s).max() > 1e-3

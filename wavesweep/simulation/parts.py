@@ -398,7 +398,8 @@ def _wall_of(drawing, terms, known):
         shares[port] = ((share, FORCE),)
     if first is None:
         return None, {}
-    depth, speed = (tuple((value, name) for (i, name), value in first.items() if i == at) for at in (0, 1))
+    inside = drawing.inside
+    depth, speed = (tuple((value, inside.get(name, name)) for (i, name), value in first.items() if i == at) for at in (0, 1))
     K, B = (*(float(known[name]) for name in names), 0.0)[:2]
     return Wall(names, K, B, depth, speed), shares
 
