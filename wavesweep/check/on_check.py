@@ -200,7 +200,7 @@ def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[R
         yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"
         yield DETAIL, f"  after {source}"
         if not stable:
-            yield 2, "  only friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
+            yield 2, "only friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
     if "passive_to" in found:
         yield 5, f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
     if found.get("depth") is not None:
