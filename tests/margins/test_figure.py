@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.linalg import expm
 
 import wavesweep
 from wavesweep.core import plots
 from wavesweep.core.plots.style import as_asked
+from wavesweep.margins.figure import draw_bode
+from wavesweep.margins.figure import open_loop as open_loop_of
 from wavesweep.margins.table import margins
 
 pytestmark = pytest.mark.slow
@@ -107,3 +110,27 @@ def test_a_family_over_a_number_has_a_curve_for_each_value_and_one_legend():
     assert "kp = 900" in figure.get_supxlabel()  # which is unstable
     other = wavesweep.compile(drive()).plot_margins("s.y", kp=[5, 15], kd=[0.3, 0.5])
     assert len([text for text in other.legends[0].get_texts() if "kp" in text.get_text()]) == 4
+
+
+def test_a_fast_signal_has_a_bode_plot_up_to_half_its_own_rate_with_marks_at_its_lines():
+    """Two loops that do not act on each other: one at 1 kHz, with one crossing of the gain 1, and one with frames of 4 ms."""
+    fast = {"c": {"type": "gain", "k": "kp"}, "lag": {"type": "tf", "num": [1], "den": [0.001, 1]}}
+    slow = {"s": {"type": "gain", "every": 4}, "far": {"type": "tf", "num": [1], "den": [0.1, 1]}}
+    wire = {"c.u": "-lag.y", "lag.u": "c.y", "s.u": "-far.y", "far.u": "s.y"}
+    pole, kp = np.exp(-1.0), 1.5
+    spec = {"rates": {"tick_hz": 1000}, "numbers": {"kp": kp}, "block": fast | slow, "wire": wire}
+    cosine = (1 + pole**2 - (kp * (1 - pole)) ** 2) / (2 * pole)  # |kp (1 - pole)/(z - pole)| is 1 there
+    hertz = np.arccos(cosine) / (2e-3 * np.pi)
+    turn = 180 - abs(np.degrees(np.angle(kp * (1 - pole) / (np.exp(2e-3j * np.pi * hertz) - pole))))
+    assert 125 < hertz < 250
+    folded = 2 * np.pi * (250 - hertz)
+    loop = open_loop_of(wavesweep.load(spec), "c.y", {"phase": (turn, folded, hertz)})
+    gain, phase = Figure().subplots(2, 1)
+    draw_bode(gain, phase, loop)
+    shown, decibels = gain.lines[0].get_data()
+    exact = kp * (1 - pole) / (np.exp(2e-3j * np.pi * shown) - pole)
+    np.testing.assert_allclose(decibels, 20 * np.log10(np.abs(exact)), atol=1e-9)
+    assert gain.get_xlim()[1] == pytest.approx(500, rel=1e-12) == shown[-1]
+    for axes, expected in ((gain, 0.0), (phase, turn - 180)):
+        (mark,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
+        assert mark == pytest.approx([hertz, expected], abs=1e-6)

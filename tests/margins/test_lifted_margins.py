@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.linalg import expm
 from support.drawn import random_tables
 
 import wavesweep
@@ -170,3 +171,50 @@ def test_the_frequency_of_a_margin_is_the_line_that_a_spectrum_shows():
         assert own[name][1] == pytest.approx(own[name][0] / (2 * np.pi), rel=1e-9, nan_ok=True), name
         folded += [name] if omega / (2 * np.pi) < 0.9 * hz else []
     assert folded == ["gain_up", "phase", "disk", "disk_gain", "disk_phase", "sensitivity", "complementary"]
+
+
+def two_rates(slow):
+    """A loop at 1 kHz with a PI controller, and around it a slower one over a second lag; `slow`: its gain."""
+    return load(
+        {
+            "rates": {"tick_hz": 1000},
+            "numbers": {"g": slow, "kp": 0.8, "ki": 20.0},
+            "block": {
+                "lag": {"type": "tf", "num": [1], "den": [0.01, 1]},
+                "far": {"type": "tf", "num": [1], "den": [0.02, 1]},
+                "c": {"type": "pi", "kp": "kp", "ki": "ki"},
+                "outer": {"type": "gain", "k": "g", "every": 4},
+            },
+            "wire": {"outer.u": "-far.y", "c.u": "outer.y - lag.y", "lag.u": "c.y", "far.u": "lag.y"},
+        }
+    )
+
+
+def test_at_its_own_rate_a_signal_has_the_response_of_a_loop_of_one_rate():
+    loop, hertz = broken_at(two_rates(0.0), "c.y"), np.array([0.3, 3.0, 30.0, 130.0, 260.0, 499.0])
+    z, pole = np.exp(2e-3j * np.pi * hertz), np.exp(-0.1)
+    expected = (0.8 + 20e-3 * z / (z - 1)) * (1 - pole) / (z - pole)
+    np.testing.assert_allclose(loop.at_line(2 * np.pi * hertz * loop.period), expected, rtol=1e-10)
+    theta = 1.0  # the images of a frequency have all eigenvalues
+    images = loop.at_line(theta + 2 * np.pi * np.arange(4))
+    np.testing.assert_allclose(np.sort_complex(images), np.sort_complex(loop.response(theta)), rtol=1e-10)
+
+
+@pytest.mark.parametrize("cycles", [3, 41, 97])  # in 200 ticks, so that 41 and 97 are above half the rate of the frame
+def test_at_its_own_rate_a_signal_has_the_response_that_a_sine_shows(cycles):
+    """Tick by tick, with the loop cut at the controller's output: what comes back, at the frequency of the sine."""
+    state, held, total, back = np.zeros(2, complex), 0.0, 0.0, []
+    whole = expm(1e-3 * np.array([[-100, 0, 100], [50, -50, 0], [0, 0, 0]]))  # both lags, and the force that is held
+    sine = np.exp(2j * np.pi * cycles / 200 * np.arange(1200))
+    for tick, pushed in enumerate(sine):
+        held = -5.0 * state[1] if tick % 4 == 0 else held
+        total += 20e-3 * (held - state[0])
+        back.append(0.8 * (held - state[0]) + total)
+        state = whole[:2, :2] @ state + whole[:2, 2] * pushed
+    last = slice(1000, 1200)
+    mean, drift = np.mean(np.conj(sine[last]) * np.array(back)[last]), np.ptp(np.abs(np.array(back[-200:]) - back[-400:-200]))
+    assert drift < 1e-9
+    loop = broken_at(two_rates(5.0), "c.y")
+    found = loop.at_line(2 * np.pi * cycles / 200 * 4)
+    assert -mean == pytest.approx(found, rel=1e-7)
+    assert np.abs(loop.response(2 * np.pi * cycles / 200 * 4) - found).min() > 5e-5 * abs(found)  # and is no eigenvalue

@@ -48,7 +48,9 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
         whole = loop.drawn()
         ticks = OpenTicks.of(loop.drawn(GAIN), whole, PRODUCT, FACTOR)
     drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
-    lifted = LiftedLoop(ticks, drift, float(whole.period) * whole.ticks)
+    own = next(each for each in whole.placed if each.block.name == BLOCK)
+    places = np.flatnonzero(own.runs(whole.ticks)) / whole.ticks
+    lifted = LiftedLoop(ticks, drift, float(whole.period) * whole.ticks, places)
     if not lifted.returns:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
     found = open_loops(loop, GAIN) if times[signal] == 1 else None

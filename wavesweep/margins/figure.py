@@ -28,6 +28,7 @@ from wavesweep.core.spec import Axis, Spec
 from wavesweep.margins.steps import MARK, draw_others, draw_step
 
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
+ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
 FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L between neighbours, and least angle (rad)
 LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
 ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
@@ -43,7 +44,8 @@ class OpenLoop:
     """L of a loop that is broken at a signal, over its frequencies (Hz), with its margins.
 
     several: whether the values of L are the eigenvalues of a lifted one, which have no order. table: value, omega (rad/s) and
-    strongest line (Hz) of each margin. marks: the value of L at which each of those that `_MARKS` names is set.
+    strongest line (Hz) of each margin. marks: the value of L at which each of those that `_MARKS` names is set. rate: of the
+    signal, Hz. bode: frequencies up to half of that and L of the signal's rate, which a lifted signal has besides.
     """
 
     hertz: np.ndarray
@@ -51,19 +53,22 @@ class OpenLoop:
     several: bool
     table: Mapping[str, tuple[float, float, float]]
     marks: Mapping[str, complex]
+    rate: float
+    bode: tuple[np.ndarray, np.ndarray]
+
+    def place(self, name: str) -> float:
+        """The frequency (Hz) of a margin: of a lifted signal that at which its samples show the strongest line."""
+        _, omega, hz = self.table[name]
+        return abs((hz + self.rate / 2) % self.rate - self.rate / 2) if self.several else omega / (2 * np.pi)
 
     @property
     def style(self) -> dict[str, Any]:
         """The style of the curve, or of the points."""
         return {"linestyle": "none", "marker": ".", "markersize": 1.5} if self.several else {"linewidth": 1.2}
 
-    def drawn(self, look: Look) -> dict[str, Any]:
-        """The style of the curve as a member of a family."""
-        return {
-            "color": look.colour,
-            "zorder": 1.9,
-            **(self.style if self.several else {"linestyle": look.line, "linewidth": 0.9}),
-        }
+    def drawn(self, look: Look, points: bool) -> dict[str, Any]:
+        """The style of the curve as a member of a family, or of its points."""
+        return {"color": look.colour, "zorder": 1.9, **(self.style if points else {"linestyle": look.line, "linewidth": 0.9})}
 
     @property
     def disk(self) -> np.ndarray | None:
@@ -80,10 +85,11 @@ def disk_of(gain: float) -> np.ndarray:
 def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> Any:
     """Draw a `margins` table: L over the frequencies of the frame, the point -1, the circle of the gain 1, and the disk margin.
 
-    Beside it are gain (dB) and phase of L over frequency, with the margins as lines between the curve and its limit, and below
-    it the closed loop's response to a step of the signal. All of this is computed from the spec of the table, the curves so
-    densely that no step shows. family: names and specs of other loops, which have a curve in each panel and no margins; by
-    default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk that is proved for all of them.
+    Beside it are gain (dB) and phase of L over frequency, see `draw_bode`, with the margins as lines between the curve and
+    its limit, and below it the closed loop's response to a step of the signal. All of this is computed from the spec of the
+    table, the curves so densely that no step shows. family: names and specs of other loops, which have a curve in each
+    panel and no margins; by default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk that
+    is proved for all of them.
     """
     from wavesweep.core.spec import load
 
@@ -172,7 +178,18 @@ def open_loop(spec: Any, cut: str, table: Mapping[str, tuple[float, float, float
 
     loop = broken_at(spec, cut)
     hertz, L = response_of(loop)
-    return OpenLoop(hertz, L, loop.times > 1, table, marks_of(loop, table))
+    return OpenLoop(hertz, L, loop.times > 1, table, marks_of(loop, table), loop.times / loop.period, bode_of(loop, hertz, L))
+
+
+def bode_of(loop: Any, hertz: np.ndarray, L: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies up to half the rate of the signal, and L there, see `LiftedLoop.at_line`.
+
+    hertz, L: those of a signal that is made once per frame.
+    """
+    if loop.times == 1:
+        return hertz, L
+    angles = loop.times * dense_angles(lambda each: loop.at_line(loop.times * each), STEP, FIRST)
+    return angles / loop.period / (2 * np.pi), loop.at_line(angles)
 
 
 def response_of(loop: Any, step: float = STEP, first: int = FIRST, loci: int = LOCI) -> tuple[np.ndarray, np.ndarray]:
@@ -228,7 +245,7 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> No
         **loop.style,
     )
     for each, look, name in others:
-        axes.plot(each.L.real, each.L.imag, label=name, **each.drawn(look))
+        axes.plot(each.L.real, each.L.imag, label=name, **each.drawn(look, each.several))
     axes.plot(L.real, -L.imag, color=_CURVE, **(loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}))
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
@@ -270,39 +287,50 @@ def decibels_and_degrees(L: np.ndarray, several: bool) -> tuple[np.ndarray, np.n
 
 
 def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> None:
-    """Draw gain (dB) and phase of L over its frequencies. The phases of the eigenvalues of a lifted L are those of one turn."""
+    """Draw gain (dB) and phase of L over the frequencies of the signal, up to half its rate.
+
+    Margins of a lifted signal are those of eigenvalues, which L of the signal's rate meets as far as what comes back of a sine
+    is a sine of its frequency.
+    """
     from matplotlib.ticker import MultipleLocator
 
-    hertz, L = loop.hertz, loop.L
-    decibels, degrees = decibels_and_degrees(L, loop.several)
-    shown, family_seen = (hertz >= LEAST * hertz[-1]) & np.isfinite(decibels), ([], [])
+    hertz, L = loop.bode
+    both, top = decibels_and_degrees(L, False), loop.rate / 2
+    lowest, family_seen = LEAST * top, ([], [])
+    shown = (hertz >= lowest) & (hertz <= ALMOST * top) & np.isfinite(both[0])
     for each, look, _ in others:
-        both = decibels_and_degrees(each.L, each.several)
-        inside = (each.hertz >= LEAST * each.hertz[-1]) & np.isfinite(both[0])
-        for axes, values, seen in zip((gain, phase), both, family_seen, strict=True):
-            axes.plot(each.hertz, values, **each.drawn(look))
+        values_of = decibels_and_degrees(each.bode[1], False)
+        inside = (each.bode[0] >= LEAST * each.rate / 2) & (each.bode[0] <= ALMOST * each.rate / 2) & np.isfinite(values_of[0])
+        for axes, values, seen in zip((gain, phase), values_of, family_seen, strict=True):
+            axes.plot(each.bode[0], values, **each.drawn(look, points=False))
             seen.append(values[inside])
-    for part, axes, values, limit in ((0, gain, decibels, 0.0), (1, phase, degrees, -180.0)):
-        axes.plot(hertz, values, color=_CURVE, **loop.style)
+    for part, axes, values, limit in ((0, gain, both[0], 0.0), (1, phase, both[1], -180.0)):
+        axes.plot(hertz, values, color=_CURVE, linewidth=1.2)
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
+        marked = []
         for name, at in loop.marks.items():
-            place, turned = loop.table[name][1] / (2 * np.pi), -(-np.degrees(np.angle(at)) % 360)
-            if not loop.several:
-                turned += 360 * np.round((np.interp(place, hertz, degrees) - turned) / 360)
+            place = loop.place(name)
+            beside = L[np.argmin(np.abs(hertz - place))]  # whether the line is that of the eigenvalue or of its conjugate
+            turned = np.degrees(np.angle(min(at, at.conjugate(), key=lambda each, beside=beside: abs(each - beside))))
+            turned += 360 * np.round((np.interp(place, hertz, both[1]) - turned) / 360)
             end = 0.0 if axes is gain else -180 + 360 * np.round((turned + 180) / 360)
             level = 20 * np.log10(abs(at)) if axes is gain else turned
             if (axes is gain) == name.startswith("gain"):  # from the curve to the limit: the margin
                 axes.plot([place, place], [level, end], color=MARK, linewidth=1.0)
-            axes.plot([place], [level], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name))
+            style = {"color": MARK, "markersize": 4, "markerfacecolor": _face(name), "clip_on": False}
+            axes.plot([place], [level], _MARKS[name], **style)
+            marked.append(level)
         axes.set_xscale("log")
-        axes.set_xlim(LEAST * hertz[-1], hertz[-1])
-        seen = [values[shown], *family_seen[part]]
-        low, high = min(limit, *(each.min() for each in seen)), max(limit, *(each.max() for each in seen))
+        axes.set_xlim(lowest, top)
+        seen = [values[shown], *family_seen[part], np.array(marked)]
+        low, high = min(limit, *np.concatenate(seen)), max(limit, *np.concatenate(seen))
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.grid(**GRID)
     gain.set_ylabel("gain of L (dB)")
     gain.tick_params(labelbottom=False)
-    phase.set(xlabel="frequency (Hz), up to half the frame's rate", ylabel="phase of L (deg)")
+    phase.set(
+        xlabel=f"frequency (Hz), up to half the {'signal' if loop.several else 'frame'}'s rate", ylabel="phase of L (deg)"
+    )
     for axes, steps in ((gain, (5, 10, 20, 40, 60)), (phase, (15, 45, 90, 180, 360))):  # at most seven ticks
         low, high = axes.get_ylim()
         axes.yaxis.set_major_locator(MultipleLocator(next((step for step in steps if high - low <= 7 * step), steps[-1])))

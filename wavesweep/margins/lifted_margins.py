@@ -34,12 +34,14 @@ ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of
 class LiftedLoop:
     """A single loop without a number that multiplies all samples of a signal in a frame.
 
-    ticks: those of the loop without the number. drift: of the loop with it. period: of the frame, s.
+    ticks: those of the loop without the number. drift: of the loop with it. period: of the frame, s. places: when the signal is
+    made, as shares of a frame.
     """
 
     ticks: OpenTicks
     drift: TickDrift
     period: float
+    places: np.ndarray
 
     @cached_property
     def returned(self) -> LiftedMap:
@@ -69,6 +71,19 @@ class LiftedLoop:
         with np.errstate(divide="ignore", invalid="ignore"):
             found = 1 / np.linalg.eigvals(self._sensitivity_at(theta)) - 1
         return found if self.times > 1 else found[..., 0]
+
+    def at_line(self, theta) -> np.ndarray:
+        """Return what comes back of a sine at the signal, of its own frequency, with its sign changed: L of the signal's rate.
+
+        theta: rad per frame, up to pi times the samples. A sine also comes back with its images. With samples at equal steps
+        these are off the diagonal of the harmonic transfer matrix, which has the eigenvalues of L (N. Wereley, thesis, MIT
+        1991); without anything slower than the signal there are none, and L is that of a loop of one rate.
+        """
+        E, T, O, G = (part[0] for part in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
+        angles = np.asarray(theta, float)[..., None, None]
+        sine = np.exp(1j * angles * self.places[:, None])
+        A = on_circle(angles) * np.eye(len(E)) - E
+        return -(sine.conj() * (O @ solve(A, G @ sine) + T @ sine)).mean((-2, -1))
 
     def _sensitivity_at(self, theta):
         E, B, C, D = (part[0] for part in self.sensitivity().maps[0])
