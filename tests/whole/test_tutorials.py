@@ -1,5 +1,6 @@
 """The documents' commands run, in a folder with `sweeps/`, and print the lines that the pages show."""
 
+import json
 import pathlib
 import re
 import shlex
@@ -51,6 +52,25 @@ def test_a_page_runs_from_its_beginning_to_its_end(page, whole, tmp_path, monkey
         assert (code == 0) is not any(line.startswith("Error: ") for line in expected), step["command"]
         missing = [line for line in expected if not any(fits(line, other) for other in printed)]
         assert missing == [], (step["command"], printed)
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_from_its_beginning_to_its_end():
+    """Without Jupyter: each cell is Python, and its last line is what the cell shows."""
+    names, shown = {}, []
+    for cell in json.loads((ROOT / "docs/first-hour.ipynb").read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            *lines, last = "".join(cell["source"]).splitlines()
+            exec("\n".join(lines), names)  # noqa: S102 - a file of this project
+            shown.append(eval(last, names))  # noqa: S307
+    loop, walls, width, region, curve, bode, largest, tapped = shown
+    assert "K_VE = 350" in repr(loop)
+    assert walls["certified"].all()
+    assert region["certified"].all()
+    assert region["low"].isna().tolist() == [False, False, False, True]
+    assert curve["impedance_abs"].gt(0).all()
+    assert 0 < largest["x"] < 0.1
+    assert all(figure.get_axes() for figure in (width, bode, tapped))
 
 
 def fits(shown, printed):
