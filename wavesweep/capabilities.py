@@ -24,6 +24,8 @@ panel: what a page of `explore` shows in addition: `data(spec)`; `quick(spec, qu
     `ANSWERS`, more questions that it answers, of (spec, question, data).
 shell: what a shell completes, `register()` before the line is parsed, and `prepare(command)`.
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
+frames: frames as they were measured, for --frames: `identified`, a table of them, and its `spec_text`, with `number_of` a spec;
+    whether a run is `within` what a spec's answers are for, and its `lines`.
 walls: `walls_of` several specs, the table and figure of `zwidth` for them.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
@@ -161,6 +163,7 @@ CAPABILITIES = (
         library=("identify",),
         offers=("keys", "marks", "on_check", "panel"),
     ),
+    Capability("frame_times", kinds=("identify-frames",), offers=("frames",)),
     Capability(
         "explore",
         {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},

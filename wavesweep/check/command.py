@@ -43,11 +43,24 @@ STEPS = 3  # commands that are named, at most
     metavar="NUMBER",
     help="Draw the poles over a number as well, as `wavesweep poles SPEC --over NUMBER` does with a table.",
 )
+@click.option(
+    "--frames",
+    metavar="TIMES",
+    help="Say also whether the frames of a run are among those that the answers are for. A CSV file with a column time (s), "
+    "their stamps, or duration (s).",
+)
 @folder("Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.", or_file=True)
-@click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable.")
+@click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable, or --frames are others.")
 @override
 def check(
-    spec: str, whole: bool, plot: bool, locus: str | None, out: str | None, exit_code: bool, overrides: tuple[str, ...]
+    spec: str,
+    whole: bool,
+    plot: bool,
+    locus: str | None,
+    frames: str | None,
+    out: str | None,
+    exit_code: bool,
+    overrides: tuple[str, ...],
 ) -> int:
     """Judge a spec's own design, and say what to do next.
 
@@ -70,6 +83,7 @@ def check(
       wavesweep check mine.toml --exit-code --quiet
       wavesweep check mine.toml --plot --out loop.svg
       wavesweep check sweeps/templates/drive.toml --root-locus kp
+      wavesweep check engine.toml --frames times.csv --exit-code
     """
     from wavesweep.check.planning import plan, within_ticks
     from wavesweep.check.verdict import further, numbers, verdict_lines
@@ -80,7 +94,10 @@ def check(
 
     loaded, silent = specs.load(spec, overrides), talk().as_json or talk().quiet
     # Errors come before anything is printed.
-    poles = partial(_locus().root_locus, loaded, _locus().axis_over(loaded, locus)) if locus is not None else None
+    poles = (
+        partial(_offered("locus").root_locus, loaded, _offered("locus").axis_over(loaded, locus)) if locus is not None else None
+    )
+    run = _offered("frames").within(loaded, frames) if frames is not None else None
     list(asked("on_check", "refuse", loaded))
     places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
 
@@ -94,11 +111,11 @@ def check(
         verdict = own_design(loaded)
         said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
         verdict |= numbers(loaded) if talk().as_json else {}
-        verdict |= further(loaded, verdict, report)
+        verdict |= further(loaded, verdict, report) | ({"frames": run} if run else {})
         lines = plan(loaded, estimated=whole or talk().as_json)
         lines += chain.from_iterable(asked("on_check", "plan", loaded))
         own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
-        judged = verdict_lines(loaded, verdict, late=not whole)
+        judged = chain(_offered("frames").lines(run) if run else (), verdict_lines(loaded, verdict, late=not whole))
         ranked = [*((1, f"  {line}") for line in own), *judged, *((4, f"  {line}") for line in within)]
         steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
         files = [str(path) for path in _drawn(loaded, places, poles)]
@@ -112,7 +129,7 @@ def check(
         show([*_foremost(ranked, MOST - said - len(steps)), *steps])
     if files and not silent:
         say(f"Wrote {', '.join(files)}")
-    return int(exit_code and not verdict["stable"])
+    return int(exit_code and not (verdict["stable"] and not (run and run["left"])))
 
 
 def _folded(line: str) -> list[str]:
@@ -207,11 +224,12 @@ def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[st
     return places
 
 
-def _locus() -> ModuleType:
-    """What draws the root locus. Errors: UsageError if it is not there."""
-    for module in modules("locus"):
+def _offered(name: str) -> ModuleType:
+    """The module of this name. Errors: UsageError if the capability that offers it is not there."""
+    option, capability = {"locus": ("--root-locus", "poles"), "frames": ("--frames", "frame_times")}[name]
+    for module in modules(name):
         return module
-    raise click.UsageError("--root-locus: expected the capability poles, found that it is not there")
+    raise click.UsageError(f"{option}: expected the capability {capability}, found that it is not there")
 
 
 def _drawn(spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | None) -> Iterator[Path]:

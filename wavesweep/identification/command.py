@@ -1,21 +1,35 @@
 """`wavesweep identify`."""
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from wavesweep.core.cli.options import overwriting
+from wavesweep.capabilities import modules
+from wavesweep.core.cli.options import is_given, overwriting
 from wavesweep.core.cli.talk import talk
 from wavesweep.core.errors import UsageError
 
-OWN = "# The device of "  # what a spec of this command begins with
+OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
+OF_FRAMES = "fast_hz", "spec", "columns", "scales", "overwrite", "plot"  # options that frames take
 
 
 @click.command("identify")
-@click.argument("log")
+@click.argument("log", required=False)
+@click.option(
+    "--frames",
+    metavar="TIMES",
+    help="In place of a log: a CSV file of the frames of a slow environment, with a column time (s), the stamp of each, or "
+    "duration (s). The lengths that occur, how often, and which follow which; and [for_all] with them.",
+)
+@click.option(
+    "--fast-hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="Of frames: the rate of the fast loop's ticks."
+)
+@click.option("--spec", metavar="SPEC", help="Of frames: the spec that has this rate, and the number that is their length.")
 @click.option(
     "--resolution",
     type=click.FloatRange(min=0),
@@ -64,11 +78,12 @@ OWN = "# The device of "  # what a spec of this command begins with
 @overwriting("Replace a spec, or results, that are not of the same log.")
 @click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out.")
 def identify(
-    log: str,
+    log: str | None,
     out: str | None,
     columns: tuple[str, ...],
     scales: tuple[str, ...],
     motor_constant: str | None,
+    frames: str | None,
     **given: Any,
 ) -> None:
     """Fit mass, damping, friction and delay to a log of force and position, with intervals, and write a spec.
@@ -86,6 +101,8 @@ def identify(
 
     With --two-masses the device is a motor with a load on a spring; mass, damping, position and velocity are the motor's.
 
+    With --frames nothing of a device is read: the table is identify-frames, and the spec, frames.toml, has [for_all] alone.
+
     The spec has the device, and the intervals in [for_all], so that every other command answers for all of them. The table
     identify, with its figure, goes to results/<log's name>: measured and fitted positions, residual and its spectrum.
 
@@ -93,6 +110,7 @@ def identify(
     Examples:
       wavesweep identify log.csv --resolution 2e-5 --out device.toml
       wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
+      wavesweep identify --frames times.csv --fast-hz 1000
     """
     from wavesweep.core import results
     from wavesweep.core.cli.files import refuse_inputs, refuse_no_folder, refuse_other_things, write_whole
@@ -103,21 +121,30 @@ def identify(
     from wavesweep.identification.table import identify
 
     started = time.perf_counter()
-    asked = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
-    asked |= {"motor_constant": _bounds(motor_constant)} if motor_constant else {}
-    asked |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
-    directory = Path("results", Path(log).stem)
-    target = Path(out) if out else directory / "device.toml"
+    named = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
+    if frames is not None:
+        source, find, text = frames, *_of_frames(frames, log, given, named)
+    else:
+        if log is None or given["fast_hz"] is not None or given["spec"] is not None:
+            expected = "LOG, or --frames TIMES" if log is None else "--frames with --fast-hz or --spec"
+            raise click.UsageError(f"identify: expected {expected}, found none")
+        asked = named | ({"motor_constant": _bounds(motor_constant)} if motor_constant else {})
+        asked |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
+        source, find, text = log, partial(identify, log, **asked), spec_text
+    directory = Path("results", Path(source).stem)
+    target = Path(out) if out else directory / ("device.toml" if frames is None else "frames.toml")
     results.refuse_unusable(directory)
     if out:
         refuse_no_folder(target)
     refuse_other_things(target)
-    tables = (directory / name for kind in ("identify", "identify-response") for name in results.names_of(kind))
-    refuse_inputs([log], target, *tables)
+    tables = (
+        directory / name for kind in ("identify", "identify-response", "identify-frames") for name in results.names_of(kind)
+    )
+    refuse_inputs([source], target, *tables)
     _refuse_foreign(target, given["overwrite"])
     with progress(talk().quiet, "fitting"):
-        table = identify(log, **asked)
-    table = replace(table, facts={**table.facts, "spec_place": results.place_of([log], directory)})
+        table = find()
+    table = replace(table, facts={**table.facts, "spec_place": results.place_of([source], directory)})
     if given["plot"]:
         from wavesweep.core import plots
 
@@ -126,17 +153,41 @@ def identify(
     kind = kind_named(table.kind)
     tally = kind.tally(table)
     paths = results.publish(table.watched(tally.add), directory, given["overwrite"])
-    write_whole((target, spec_text(table.facts)))
+    write_whole((target, text(table.facts)))
     paths, seconds = [*paths, target], time.perf_counter() - started
     numbers = tally.numbers(table.facts)
     lines = list(kind.lines(numbers))
     if talk().as_json:
-        about = {"command": "identify", "log": Path(log).name, "notices": table.facts["notices"]}
+        about = {"command": "identify", "log": Path(source).name, "notices": table.facts["notices"]}
         show_json({**about, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})
     elif not talk().quiet:
         for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
             say(line, warning)
-        say(f"{where(paths[:-1], seconds)}; the device: {target}")
+        say(f"{where(paths[:-1], seconds)}; the {'device' if frames is None else 'frames'}: {target}")
+
+
+def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[str, Any]) -> tuple[Callable[[], Any], Any]:
+    """What finds the frames of a file, and what makes the text of their spec. Errors: UsageError."""
+    if log is not None:
+        raise click.UsageError(f"--frames: expected no LOG beside it, found {log}")
+    if others := [name for name in given if name not in OF_FRAMES and is_given(name)]:
+        option = f"--{others[0].removesuffix('_hz').replace('_', '-')}"
+        raise click.UsageError(
+            f"{option}: expected none beside --frames, which takes --fast-hz or --spec, --column and --scale"
+        )
+    if (given["fast_hz"] is None) == (given["spec"] is None):
+        found = "neither" if given["spec"] is None else "both"
+        raise click.UsageError(f"--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found {found}")
+    module = next(modules("frames"), None)
+    if module is None:
+        raise click.UsageError("--frames: expected the capability frame_times, found that it is not there")
+    fast_hz, number = given["fast_hz"], "rates.ratio"
+    if given["spec"] is not None:
+        from wavesweep.core.spec import load
+
+        spec = load(given["spec"])
+        fast_hz, number = spec.tick_hz, module.number_of(spec)
+    return partial(module.identified, path, fast_hz, number, **named), module.spec_text
 
 
 def _bounds(text: str) -> tuple[float, float]:

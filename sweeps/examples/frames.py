@@ -1,0 +1,29 @@
+"""Make `frames.csv`: time stamps of 1200 frames of an engine, whose slow frames come in a row, and one of which stalls.
+
+python sweeps/examples/frames.py > sweeps/examples/frames.csv
+"""
+
+import random
+
+FRAMES, STALL = 1200, (900, 41)  # frames; the number of one, and its length in ms
+NEXT = {
+    16: (70, 24, 4, 2),
+    20: (12, 80, 6, 2),
+    25: (5, 35, 45, 15),
+    33: (5, 45, 30, 20),
+}  # chances of the next length, in per cent
+
+
+def rows():
+    """Yield the time (s) at which each frame begins, and at last the end, as texts."""
+    numbers, length, time = random.Random(1), 16, 0  # noqa: S311 - nothing here is secret
+    yield "time"
+    yield f"{time / 1000:.3f}"
+    for frame in range(FRAMES):
+        (length,) = numbers.choices(list(NEXT), NEXT[length])
+        time += STALL[1] if frame == STALL[0] else length
+        yield f"{time / 1000:.3f}"
+
+
+if __name__ == "__main__":
+    print("\n".join(rows()))  # noqa: T201 - the file

@@ -1,0 +1,241 @@
+"""Frames as they were measured, against counts by hand, loops that count ticks, and chains whose numbers are known."""
+
+import importlib.util
+import json
+import tomllib
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavesweep import load
+from wavesweep.core.errors import UsageError
+from wavesweep.frame_times.chain import are_independent, pairs_of
+from wavesweep.frame_times.times import read_run
+from wavesweep.frame_times.within import lengths_of, lines, number_of, within
+
+EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
+ENGINE = {
+    "environment": {"integration": "explicit", "delay": 1},
+    "device": {"velocity": "difference"},
+    "controller": {"kind": "dc-slow"},
+    "for_all": {"rates.ratio": {"values": [16, 20, 25, 33], "varying": True}},
+}
+CHAIN = np.array([[0.7, 0.2, 0.05, 0.05], [0.1, 0.8, 0.05, 0.05], [0.1, 0.5, 0.3, 0.1], [0.1, 0.6, 0.2, 0.1]])
+LENGTHS = np.array([16, 20, 25, 33])
+
+
+def run_of_chain(frames, seed=0):
+    rng, states = np.random.default_rng(seed), [0]
+    for _ in range(frames - 1):
+        states.append(rng.choice(4, p=CHAIN[states[-1]]))
+    return LENGTHS[states]
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """Write a column of numbers to times.csv."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(name, numbers, file="times.csv"):
+        Path(file).write_text("\n".join([f"number,{name}", *(f"{i},{each!r}" for i, each in enumerate(map(float, numbers)))]))
+        return file
+
+    return write
+
+
+def stamps(ticks, fast_hz=1000.0, start=12.5):
+    return start + np.append(0, np.cumsum(ticks)) / fast_hz
+
+
+def test_stamps_and_durations_give_the_same_lengths(written):
+    lengths = run_of_chain(200)
+    of_stamps = read_run(written("time", stamps(lengths)), 1000.0, {}, {})
+    of_durations = read_run(written("took", lengths), 1000.0, {"duration": "took"}, {"duration": 0.001})
+    for run in (of_stamps, of_durations):
+        assert not run.unfit.any()
+        assert run.lengths.tolist() == lengths.tolist()
+        assert run.values.tolist() == [16, 20, 25, 33]
+    assert np.allclose(of_stamps.begins - 12.5, of_durations.begins, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_loop_that_counts_its_ticks_finds_a_length_that_is_possible(written, seed):
+    """An engine with a clock of its own: the loop's ticks between two stamps are counted one by one."""
+    rng = np.random.default_rng(seed)
+    ends = np.append(0, np.cumsum(rng.choice([16.0, 16.6667, 20.4, 33.3], 60) + 0.04 * rng.standard_normal(60)))
+    run = read_run(written("time", ends / 1000), 1000.0, {}, {})
+    least, most = run.possible
+    phase = rng.uniform()
+    ticks = np.arange(int(ends[-1]) + 2) + phase
+    counted = np.array([((ticks >= a) & (ticks < b)).sum() for a, b in pairwise(ends)])
+    unfit = run.unfit
+    assert unfit.sum() > 20
+    assert ((least <= counted) & (counted <= most))[unfit].all()
+    assert ((least <= run.lengths) & (run.lengths <= most)).all()
+    assert abs(run.lengths[unfit].sum() - run.ticks[unfit].sum()) <= 1
+    assert set(counted[unfit]) <= set(run.values)
+
+
+def test_pairs_are_those_that_a_counter_counts():
+    lengths = run_of_chain(500)
+    counted = Counter(zip(lengths.tolist(), lengths[1:].tolist(), strict=False))
+    pairs = pairs_of(lengths, LENGTHS)
+    assert {(a, b): pairs[i, j] for i, a in enumerate(LENGTHS) for j, b in enumerate(LENGTHS) if pairs[i, j]} == counted
+
+
+def test_independent_frames_are_told_from_a_chain():
+    rng = np.random.default_rng(1)
+    independent = [are_independent(rng.choice(LENGTHS, 60, p=[0.1, 0.6, 0.2, 0.1]), LENGTHS) for _ in range(20)]
+    assert sum(independent) >= 18  # 1 of 100 is expected to be taken for a chain
+    assert not any(are_independent(run_of_chain(300, seed), LENGTHS) for seed in range(3))
+    assert are_independent(np.full(50, 20), np.array([20]))
+
+
+@pytest.mark.slow
+@pytest.mark.asks("identification", "for_all")
+def test_identify_writes_the_lengths_as_a_table_and_as_a_piece_of_spec(wavesweep, written):
+    lengths = run_of_chain(800)
+    code, out, _ = wavesweep("identify", "--frames", written("time", stamps(lengths)), "--fast-hz", "1000", "--json")
+    assert code == 0
+    found = json.loads(out)
+    assert {each["ticks"]: each["frames"] for each in found["lengths"]} == Counter(lengths.tolist())
+    assert (found["frames"], found["independent"], found["unfit"]["frames"]) == (800, False, 0)
+    assert found["duration_s"] == pytest.approx(lengths.sum() / 1000)
+    names = {f"identify-frames{suffix}" for suffix in (".csv", ".parquet", ".png", ".datapackage.json")}
+    assert {path.name for path in Path("results/times").iterdir()} == names | {"frames.toml"}
+    rows = np.loadtxt("results/times/identify-frames.csv", delimiter=",", skiprows=1)
+    assert rows[:, 2].sum() == 799
+    for ticks in LENGTHS:
+        assert rows[rows[:, 0] == ticks, 3].sum() == pytest.approx(1)
+    piece = tomllib.loads(Path("results/times/frames.toml").read_text(encoding="utf-8"))
+    (axis,) = load({"controller": {"kind": "dc-slow"}} | piece).for_all.changing
+    assert (axis.path, axis.values) == ("rates.ratio", (16, 20, 25, 33))
+    assert wavesweep("verify", "results/times")[0] == 0
+    code, _, err = wavesweep("identify", "--frames", "times.csv", "--fast-hz", "1000", "--no-plot", "--quiet")
+    assert (code, err) == (0, "")  # its own files are replaced
+
+
+@pytest.mark.asks("identification")
+def test_frames_that_do_not_fit_are_warned_of_and_have_both_neighbours(wavesweep, written):
+    file = written("time", 5 + np.arange(100) / 60)
+    code, _, err = wavesweep("identify", "--frames", file, "--fast-hz", "1000", "--no-plot")
+    assert code == 0
+    assert "99 of 99 frames do not last whole ticks, but up to 0.33 more or less; the first of 16.6667 ticks at 5 s: " in err
+    assert "values = [16, 17], varying = true" in Path("results/times/frames.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.asks("for_all")
+def test_a_run_is_within_the_frames_of_a_spec_or_the_first_that_is_not_is_named(written):
+    spec, lengths = load(ENGINE), run_of_chain(100)
+    assert within(spec, written("time", stamps(lengths)))["left"] == 0
+    lengths[[40, 70]] = 41, 17
+    found = within(spec, written("time", stamps(lengths)))
+    begins = 12.5 + lengths[:40].sum() / 1000
+    assert found["left"] == 2
+    assert found["first"] == {"frame": 41, "begins_s": pytest.approx(begins), "ticks": pytest.approx(41)}
+    said = [line for _, line in lines(found)]
+    assert said[0].endswith("2 of 100 are NOT within 16, 20, 25, 33 ticks in any order, so no answer here is for this run")
+    assert said[1].endswith(f"the first is frame 41, which begins at {begins:.6g} s and lasts 41 ticks")
+    between = np.where(lengths > 33, 20, np.where(lengths == 17, 20.5, lengths))  # 20 or 21
+    assert within(spec, written("time", stamps(between)))["first"]["frame"] == 71
+
+
+@pytest.mark.asks("for_all")
+def test_a_constant_length_is_one_that_stays():
+    unknown = ENGINE | {"for_all": {"rates.ratio": {"values": [16, 20]}}}
+    assert lengths_of(load(unknown)) == ((16, 20), False)
+    assert lengths_of(load({"controller": {"kind": "pmw"}, "rates": {"ratio": 12}})) == ((12,), False)
+
+
+@pytest.mark.asks("for_all")
+def test_frames_of_unknown_constant_length_may_not_change(written):
+    spec = load(ENGINE | {"for_all": {"rates.ratio": {"values": [16, 20]}}})
+    assert within(spec, written("time", stamps([20] * 9)))["left"] == 0
+    found = within(spec, written("time", stamps([20] * 9 + [16, 16])))
+    assert (found["left"], found["first"]["frame"]) == (2, 10)
+
+
+@pytest.mark.asks("for_all")
+def test_a_drawn_loop_says_which_number_its_frames_are():
+    drawing = {
+        "rates": {"tick_hz": 500},
+        "numbers": {"k": 2.0, "n": 8},
+        "block": {"one": {"type": "integrator"}, "slow": {"type": "hold", "every": "n"}},
+        "wire": {"one.u": "-k*slow.y", "slow.u": "one.y"},
+    }
+    assert number_of(load(drawing)) == "n"
+    assert lengths_of(load(drawing)) == ((8,), False)
+    drawing["for_all"] = {"n": {"start": 6, "stop": 9, "varying": True}}
+    assert lengths_of(load(drawing)) == ((6, 7, 8, 9), True)
+    drawing["block"]["slow"]["every"] = "2*n"
+    assert lengths_of(load(drawing)) == ((12, 14, 16, 18), True)
+    with pytest.raises(UsageError, match=r"expected one number as `every` of all blocks .* found 2\*n"):
+        number_of(load(drawing))
+
+
+@pytest.mark.slow
+@pytest.mark.asks("check")
+def test_check_says_it_and_ends_with_it(wavesweep, written):
+    Path("slow.toml").write_text('controller.kind = "dc-slow"\nenvironment.K_VE = 60\n')
+    asked = ("check", "slow.toml", "--frames", "times.csv", "--exit-code")
+    for ticks, left in ((25, 1), (20, 0)):
+        written("time", stamps([20, 20, ticks, 20]))
+        code, out, _ = wavesweep(*asked)
+        said = "1 of 4 are NOT within" if left else "all 4 are within"
+        assert (code, f"measured frames (times.csv): {said} a constant length of 20 ticks" in " ".join(out.split())) == (
+            left,
+            True,
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "said"),
+    [
+        ("stamp", [1, 2, 3], "expected a column time or duration, found number, stamp; --column time="),
+        ("time", [0, 0.02, 0.02, 0.04], "times.csv:4: time: expected frames of at least a tick of 1 ms, found one of 0 ms"),
+        ("duration", [0.02, 0.0002], "times.csv:3: duration: expected frames of at least a tick of 1 ms, found one of 0.2 ms"),
+        ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=FACTOR"),
+        ("time", [0, 0.02], "expected at least 3 rows"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused(written, name, numbers, said):
+    with pytest.raises(UsageError) as caught:
+        read_run(written(name, numbers), 1000.0, {}, {})
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--frames", "times.csv"), "--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found neither"),
+        (("--frames", "times.csv", "log.csv"), "--frames: expected no LOG beside it, found log.csv"),
+        (("--frames", "times.csv", "--fast-hz", "9", "--two-masses"), "--two-masses: expected none beside --frames"),
+        (("log.csv", "--fast-hz", "1000"), "expected --frames with --fast-hz or --spec, found none"),
+        ((), "expected LOG, or --frames TIMES, found none"),
+        (("--frames", "times.csv", "--fast-hz", "1000", "--column", "force=F"), "--column force: expected time or duration"),
+    ],
+)
+@pytest.mark.asks("identification")
+def test_options_that_do_not_fit_are_refused(wavesweep, written, words, said):
+    written("time", stamps([20, 20]))
+    code, _, err = wavesweep("identify", *words)
+    assert (code, said in err) == (2, True), err
+
+
+def test_a_loop_without_frames_is_refused():
+    for values, said in (
+        ({"controller": {"kind": "dc"}}, "expected a controller with a slow environment, which has frames, found dc"),
+        ({"controller": {"kind": "pmw"}, "rates": {"slow_hz": 60.0}}, "expected frames of whole ticks"),
+    ):
+        with pytest.raises(UsageError, match=said):
+            lengths_of(load(values))
+
+
+def test_the_frames_of_the_page_are_those_of_its_script():
+    spec = importlib.util.spec_from_file_location("frames", EXAMPLES / "frames.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert (EXAMPLES / "frames.csv").read_text(encoding="utf-8").splitlines() == list(script.rows())

@@ -1,0 +1,32 @@
+"""The figure of measured frames: how often each length occurs, and which follow which."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.columns import Columns
+from wavesweep.core.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
+from wavesweep.core.plots.words import as_it_stands
+
+
+def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw an `identify-frames` table: the share of each length, and a disc for each pair, whose area is its share."""
+    ticks = np.array([each["ticks"] for each in facts["lengths"]])
+    shares = np.array([each["frames"] for each in facts["lengths"]]) / facts["frames"]
+    with figure(TWO_COLUMNS, 3.0) as canvas:
+        left, right = canvas.subplots(1, 2)
+        left.bar(ticks, 100 * shares, width=0.8, color=distinct_colour(0))
+        left.set(xlabel="length of a frame (ticks)", ylabel="share (%)")
+        right.scatter(columns["ticks"], columns["next_ticks"], 60 * columns["share"], color=distinct_colour(1), linewidths=0)
+        right.set(xlabel="length of a frame (ticks)", ylabel="length of the next (ticks)")
+        for axes in (left, right):
+            axes.grid(**GRID)
+            axes.set_axisbelow(True)
+            axes.xaxis.get_major_locator().set_params(integer=True)
+        right.yaxis.get_major_locator().set_params(integer=True)
+        independent = "do not depend" if facts["independent"] else "depend"
+        note_below(canvas, as_it_stands(f"{facts['frames']} frames; lengths {independent} on those before"))
+        unfit = facts["unfit"]["frames"]
+        warn_above(canvas, f"{unfit} of {facts['frames']} frames do not last whole ticks" if unfit else "")
+    return canvas

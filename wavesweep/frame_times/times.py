@@ -1,0 +1,87 @@
+"""Frames from a file of time stamps or durations, in ticks of the fast loop."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.core.csv_files import read_csv
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.checking import nearest
+
+MOST_BYTES = 1_000_000_000
+FITS = 0.1  # ticks by which a frame may differ from a whole number of them
+LONGEST = 10.0  # s, of most frames
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Frames in a row: when each begins (s, by the clock of the file), and how long it lasts (ticks, as it was measured).
+
+    sha256: of the file.
+    """
+
+    begins: np.ndarray
+    ticks: np.ndarray
+    sha256: str
+
+    @property
+    def unfit(self) -> np.ndarray:
+        """Which frames do not last whole ticks."""
+        return np.abs(self.ticks - np.round(self.ticks)) > FITS
+
+    @property
+    def possible(self) -> tuple[np.ndarray, np.ndarray]:
+        """The whole ticks that the fast loop counts in each frame, at least and at most.
+
+        It counts its own ticks between two stamps. If a frame does not last whole ticks, their number depends on where the
+        stamps lie between two ticks, which is not known.
+        """
+        return tuple(np.where(self.unfit, whole(self.ticks), np.round(self.ticks)).astype(int) for whole in (np.floor, np.ceil))
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """The length of each frame in whole ticks. Those that do not fit are rounded so that their sum is right."""
+        lengths, unfit = np.round(self.ticks), self.unfit
+        lengths[unfit] = np.diff(np.round(np.cumsum(self.ticks[unfit])), prepend=0.0)
+        return lengths.astype(int)
+
+    @property
+    def values(self) -> np.ndarray:
+        """All lengths that may have occurred, in increasing order."""
+        return np.unique(self.possible)
+
+
+def read_run(path: str | Path, fast_hz: float, columns: Mapping[str, str], scales: Mapping[str, float]) -> Run:
+    """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names time and duration.
+
+    Errors: UsageError that names the file, the line or the column, what was expected and what was found.
+    """
+    file = read_csv(path, MOST_BYTES)
+    for option, given in (("--column", columns), ("--scale", scales)):
+        if wrong := [name for name in given if name not in ("time", "duration")]:
+            raise UsageError(f"{option} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}")
+    names = {name: [columns[name]] if name in columns else [name, f"{name}_s"] for name in ("time", "duration")}
+    found = {name: next((each for each in wanted if each in file.names), None) for name, wanted in names.items()}
+    name = next((name for name in (*columns, "time", "duration") if found[name]), None)
+    if name is None:
+        meant = nearest("time", file.names) or next(filter(None, file.names), "NAME")
+        expected = " or ".join(columns.values() or names)
+        raise UsageError(
+            f"{path}: expected a column {expected}, found {file.listed}; --column time={meant} names that of stamps"
+        )
+    given = file.numbers([found[name]], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
+    durations = np.diff(given) if name == "time" else given
+    begins = given[:-1] if name == "time" else np.cumsum(given) - given
+    ticks = durations * fast_hz
+    if (ticks < 1 - FITS).any():
+        row = int((ticks < 1 - FITS).argmax())
+        line, tick = row + (3 if name == "time" else 2), f"a tick of {1e3 / fast_hz:.6g} ms"
+        raise UsageError(
+            f"{path}:{line}: {name}: expected frames of at least {tick}, found one of {1e3 * durations[row]:.6g} ms"
+        )
+    if (median := float(np.median(durations))) > LONGEST:
+        expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
+        raise UsageError(f"{path}: {name}: {expected}; --scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms")
+    return Run(begins, ticks, file.sha256)

@@ -1,0 +1,118 @@
+"""The lengths of frames that a spec's answers are for, and whether a run stays within them."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.core.drawing.drawing import name_of, scalars
+from wavesweep.core.drawing.expressions import names_in, text_of, value_of
+from wavesweep.core.errors import UsageError
+from wavesweep.core.spec import Spec
+from wavesweep.core.sweep.grid import own_loop
+from wavesweep.frame_times.times import read_run
+
+RATIO = "rates.ratio"
+
+
+def number_of(spec: Spec) -> str:
+    """The name of the number that is the length of a spec's frames, in ticks.
+
+    Errors: UsageError if the loop has no slow environment, or runs its slow blocks otherwise.
+    """
+    if not spec.drawing:
+        _refuse_built_in(spec)
+        return RATIO
+    slow = {text_of(block.every): block.every for block in spec.drawing.blocks if block.every[:2] != ("number", 1.0)}
+    if len(slow) == 1 and next(iter(slow.values()))[0] == "name":
+        return next(iter(slow))
+    raise UsageError(
+        f"{spec.name}: expected one number as `every` of all blocks that do not run in every tick, found "
+        f"{', '.join(slow) or 'no such block'}; give it a name in [numbers]"
+    )
+
+
+def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
+    """The lengths of frames (ticks) that the answers of a spec are for, and whether these may change from frame to frame.
+
+    Errors: see `number_of`.
+    """
+    own = () if spec.drawing else (RATIO,)
+    axes = (
+        []
+        if spec.for_all is None
+        else [axis for axis in spec.for_all.axes if axis.path in own or axis in spec.for_all.changing]
+    )
+    axis = next((axis for axis in axes if axis.path in own or spec.drawing), None)
+    values = axis and (axis.values or range(int(axis.start), int(axis.stop) + 1))
+    varying = bool(axis and axis in spec.for_all.changing)
+    if not spec.drawing:
+        _refuse_built_in(spec)
+        return tuple(values or (spec.values[RATIO],)), varying
+    known, name = scalars(spec.values), axis and name_of(axis.path)
+    found = set()
+    for block in spec.drawing.blocks:
+        of_axis = (
+            [known | {name: each} for each in values] if any(each == name for each, _ in names_in(block.every)) else [known]
+        )
+        ticks = tuple(int(value_of(block.every, each)) for each in of_axis)
+        if {*ticks} != {1}:
+            found.add(ticks)
+    if len(found) != 1:
+        runs = " and ".join(f"{', '.join(map(str, each))} ticks" for each in sorted(found)) or "none"
+        raise UsageError(
+            f"{spec.name}: expected one length of frames, of all blocks that do not run in every tick, found {runs}"
+        )
+    return found.pop(), varying
+
+
+def _refuse_built_in(spec: Spec) -> None:
+    if spec.uneven:
+        raise UsageError(
+            f"{spec.name}: rates.slow_hz: expected frames of whole ticks, found rates that do not divide; give ratio"
+        )
+    drawing = own_loop(spec).drawing
+    if RATIO not in drawing.reads and RATIO not in drawing.building:
+        raise UsageError(f"{spec.name}: expected a controller with a slow environment, which has frames, found {spec.kind}")
+
+
+def within(spec: Spec, path: str) -> dict[str, Any]:
+    """Whether the frames of a file are among those that the answers of a spec are for, as facts that JSON can hold.
+
+    expected: these lengths, in ticks, in any order if `varying`. left: how many frames are not certain to be among them; first:
+    of the first one, its number from 1, when it begins (s), and its measured length in ticks. Errors: UsageError.
+    """
+    expected, varying = lengths_of(spec)
+    run = read_run(path, spec.tick_hz, {}, {})
+    allowed = expected if varying else expected and tuple(each for each in expected if each == run.lengths[0])
+    left = np.flatnonzero(~np.logical_and.reduce([np.isin(each, allowed) for each in run.possible]))
+    first = (
+        {"frame": int(left[0]) + 1, "begins_s": float(run.begins[left[0]]), "ticks": float(run.ticks[left[0]])}
+        if len(left)
+        else None
+    )
+    return {
+        "file": Path(path).name,
+        "frames": len(run.ticks),
+        "expected": sorted(expected),
+        "varying": varying,
+        "left": len(left),
+        "first": first,
+    }
+
+
+def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
+    """Yield what is said of it, with ranks."""
+    expected, frames = found["expected"], found["frames"]
+    several = expected[-1] - expected[0] + 1 == len(expected) > 2
+    words = f"{expected[0]} to {expected[-1]}" if several else ", ".join(map(str, expected))
+    what = f"{words} ticks in any order" if found["varying"] else f"a constant length of {words} ticks"
+    start = f"  measured frames ({found['file']}):"
+    if not found["left"]:
+        yield 1, f"{start} all {frames} are within {what}"
+        return
+    first = found["first"]
+    where = f"begins at {first['begins_s']:.6g} s and lasts {first['ticks']:.6g} ticks"
+    yield 1, f"{start} {found['left']} of {frames} are NOT within {what}, so no answer here is for this run"
+    yield 1, f"    the first is frame {first['frame']}, which {where}"
