@@ -13,6 +13,7 @@ import pytest
 from wavesweep import load
 from wavesweep.core.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
+from wavesweep.frame_times.table import identified, spec_text
 from wavesweep.frame_times.times import read_run
 from wavesweep.frame_times.within import lengths_of, lines, number_of, within
 
@@ -111,11 +112,24 @@ def test_identify_writes_the_lengths_as_a_table_and_as_a_piece_of_spec(wavesweep
     for ticks in LENGTHS:
         assert rows[rows[:, 0] == ticks, 3].sum() == pytest.approx(1)
     piece = tomllib.loads(Path("results/times/frames.toml").read_text(encoding="utf-8"))
-    (axis,) = load({"controller": {"kind": "dc-slow"}} | piece).for_all.changing
-    assert (axis.path, axis.values) == ("rates.ratio", (16, 20, 25, 33))
+    for_all = load({"controller": {"kind": "dc-slow"}} | piece).for_all
+    assert [(axis.path, axis.values) for axis in for_all.changing] == [("rates.ratio", (16, 20, 25, 33))]
+    assert np.array_equal(for_all.shares, pairs_of(lengths, LENGTHS))
     assert wavesweep("verify", "results/times")[0] == 0
     code, _, err = wavesweep("identify", "--frames", "times.csv", "--fast-hz", "1000", "--no-plot", "--quiet")
     assert (code, err) == (0, "")  # its own files are replaced
+
+
+@pytest.mark.asks("for_all")
+def test_independent_frames_have_shares_and_a_length_that_nothing_follows_the_shares_of_all(written):
+    lengths = np.append(np.random.default_rng(3).choice([16, 20], 200, p=[0.3, 0.7]), 33)
+    for more, independent in ((lengths, True), (np.append(run_of_chain(300), 40), False)):
+        table = identified(written("time", stamps(more)), 1000.0, "rates.ratio", {}, {})
+        values, counts = np.unique(more, return_counts=True)
+        found = tomllib.loads(spec_text(table.facts))["for_all"]["rates.ratio"]
+        assert found["values"] == values.tolist()
+        assert (found["shares"] if independent else found["next"][-1]) == counts.tolist()
+        assert load({"controller": {"kind": "pmw"}, "for_all": {"rates.ratio": found}}).for_all.shares
 
 
 @pytest.mark.asks("identification")
@@ -124,7 +138,7 @@ def test_frames_that_do_not_fit_are_warned_of_and_have_both_neighbours(wavesweep
     code, _, err = wavesweep("identify", "--frames", file, "--fast-hz", "1000", "--no-plot")
     assert code == 0
     assert "99 of 99 frames do not last whole ticks, but up to 0.33 more or less; the first of 16.6667 ticks at 5 s: " in err
-    assert "values = [16, 17], varying = true" in Path("results/times/frames.toml").read_text(encoding="utf-8")
+    assert "values = [16, 17], varying = true, next = [[0, " in Path("results/times/frames.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.asks("for_all")

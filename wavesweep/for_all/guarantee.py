@@ -34,11 +34,11 @@ ROWS = {
         column="guarantee",
     ),
     "mean_square": RowKind(
-        "messages lost at random",
-        "proved in mean square, with messages lost at random",
+        "messages lost at random, or frames at random",
         "proved in mean square",
-        "#D55E00",
-        2,
+        "proved in mean square",
+        "#009E73",
+        3,
         "proved",
         "nothing proved in mean square",
         "largest proved in mean square",
@@ -87,4 +87,5 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     swept = {axis.path for axis in own.grid.axes}
     if wrong := [axis.name for axis in spec.for_all.axes if axis.path in swept]:
         raise UsageError(f"{', '.join(wrong)}: expected a number that [for_all] does not have as well")
-    return [ForAllGuarantee(Rules.of(spec))]
+    rules = Rules.of(spec)
+    return [ForAllGuarantee(each) for each in (rules, rules.on_average()) if each]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from wavesweep.core.reading.axes import Axis, axis_place, build_axis
 from wavesweep.core.reading.checking import show
-from wavesweep.core.reading.keys import Key, whole
+from wavesweep.core.reading.keys import Key, gain, whole
 from wavesweep.core.reading.tables import Asked, Section, Table
 
 if TYPE_CHECKING:
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from wavesweep.for_all.design_proof import DesignProof, DesignRanking
 
 LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
+WEIGHT = gain("for_all.shares", None, "1", "how often a value occurs; of several their ratios count", high=1e12)
+CHANCES = "shares", "next"  # of values that vary: a weight of each, or a row of weights for what follows each
 GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
 MOST_VARYING = 64  # values of a number that varies
 
@@ -26,13 +28,15 @@ class ForAll(Asked):
     """The table [for_all].
 
     axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
-    unknown but constant. lost: how many slow results in a row may fail to come.
+    unknown but constant. lost: how many slow results in a row may fail to come. shares: weights of the values of the number
+    that varies, a row if they are independent, or for each value a row of those of the next; empty if none are given.
     """
 
     members: ClassVar[str] = "[for_all]"
     axes: tuple[Axis, ...]
     varying: frozenset[str] = frozenset()
     lost: int = 0
+    shares: tuple[tuple[float, ...], ...] = ()
 
     @property
     def changing(self) -> tuple[Axis, ...]:
@@ -95,6 +99,9 @@ class ForAll(Asked):
         for axis in self.axes:
             range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
             table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
+            if self.shares and axis in self.changing:
+                rows = [list(row) for row in self.shares]
+                table[axis.name] |= {"shares": rows[0]} if len(rows) == 1 else {"next": rows}
         return table | ({"lost": self.lost} if self.lost else {})
 
 
@@ -105,16 +112,21 @@ def values_of_range(axis: Axis) -> tuple:
 
 def build(request: Request) -> ForAll | None:
     """Return the table and add its mistakes; None if the spec has none and no channels."""
-    axes, varying, mistakes = [], set(), request.mistakes
+    axes, varying, chances, mistakes = [], set(), {}, request.mistakes
     for name, given in request.belongs.axes["for_all"].items():
         label, parts, before = f"for_all.{name}", dict(given), len(mistakes)
         place, varies = axis_place(parts), parts.pop("varying", None)
+        weights = {part: parts.pop(part) for part in CHANCES if part in parts}
         if varies is not None and not isinstance(varies.value, bool):
             mistakes.refuse(varies, f"{label}.varying", "true or false", show(varies.value), of_key=False)
         elif not parts:
             mistakes.refuse(varies, label, "start and stop, or values", "neither")
         elif "values" in parts and len(parts) > 1:
             mistakes.refuse(place, label, "either start and stop or values", "both")
+        elif weights and not ("values" in parts and varies and varies.value):
+            mistakes.refuse(place, label, f"values and varying = true beside {' and '.join(weights)}", "others")
+        elif len(weights) > 1:
+            mistakes.refuse(place, label, "either shares or next", "both")
         if len(mistakes) > before:
             continue
         axis = build_axis("for_all", name, {"": parts["values"]} if "values" in parts else parts, mistakes, request.names)
@@ -122,6 +134,8 @@ def build(request: Request) -> ForAll | None:
             varying.add(axis.path)
             if (count := len(values_of_range(axis))) > MOST_VARYING:
                 mistakes.refuse(axis.place, label, f"at most {MOST_VARYING} values of a number that varies", f"{count}")
+        if axis and weights:
+            chances[axis.path] = axis, _weights(mistakes, label, *weights.popitem(), len(axis.values))
         axes += [axis] if axis else []
     lost = request.belongs.keys.get("for_all.lost")
     results = mistakes.check(LOST, lost) if lost else 0
@@ -130,7 +144,28 @@ def build(request: Request) -> ForAll | None:
             mistakes.refuse(axis.place, f"for_all.{axis.name}", "a number that [sweep] does not have as well", axis.name)
     request.refuse_beyond_limits("for_all", axes)
     channels = request.drawing and request.drawing.channels
-    return ForAll(tuple(axes), frozenset(varying), results or 0) if axes or results or channels else None
+    found = ForAll(tuple(axes), frozenset(varying), results or 0)
+    for axis, rows in chances.values():
+        if found.lost or channels or axis.path == "environment.delay" or len(found.changing) > 1:
+            expected = "lengths of frames as all that varies, where they are at random"
+            mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, "more, or another number")
+        found = replace(found, shares=rows if found.changing else ())
+    return found if axes or results or channels else None
+
+
+def _weights(mistakes: Any, label: str, part: str, leaf: Any, count: int) -> tuple[tuple[float, ...], ...]:
+    """The rows of weights of values; their mistakes are added."""
+    rows = [leaf.value] if part == "shares" else leaf.value
+    if not isinstance(rows, list) or len(rows) not in (1, count) or (part == "next" and len(rows) != count):
+        mistakes.refuse(leaf, f"{label}.{part}", f"{count} lists, one for each value", show(leaf.value), of_key=False)
+        return ()
+    found = []
+    for row in rows:
+        weights = mistakes.check_list(WEIGHT, replace(leaf, value=row), f"{label}.{part}", f"a list of {count} weights", count)
+        if weights and None not in weights and not any(weights):
+            mistakes.refuse(leaf, f"{label}.{part}", "a weight above 0 in each list", "none", of_key=False)
+        found.append(tuple(weights))
+    return tuple(found)
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:
@@ -147,7 +182,10 @@ def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
     """A range or values of a number, which may vary from frame to frame; key: None for one of a drawn loop."""
     value, varying = shapes.value(key) if key else {"type": "number"}, {"varying": {"type": "boolean"}}
     ends = shapes.table({"start": value, "stop": value, **varying}, required=["start", "stop"])
-    values = shapes.table({"values": {"type": "array", "items": value, "minItems": 1}, **varying}, required=["values"])
+    weights: dict[str, Any] = {"type": "array", "items": shapes.value(WEIGHT), "minItems": 1}
+    chances = {"shares": weights, "next": {"type": "array", "items": weights, "minItems": 1}}
+    listed = {"values": {"type": "array", "items": value, "minItems": 1}}
+    values = shapes.table(listed | varying | chances, required=["values"])
     about = {"description": shapes.described(key)} if key else {}
     return {"anyOf": [ends, values, values["properties"]["values"]]} | about
 
@@ -155,13 +193,14 @@ def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
 TABLE = Table(
     path="for_all",
     build=build,
-    sections={"for_all": Section(("lost",), ("start", "stop", "values", "varying"))},
+    sections={"for_all": Section(("lost",), ("start", "stop", "values", "varying", *CHANCES))},
     always=True,
     described={
         "for_all": {
             "description": "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that "
             "is not known, with varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or "
-            "the number in every of blocks); lost = slow results in a row that may fail to come; the last one that came is held"
+            "the number in every of blocks); shares = [...] of these values, or next = [[...], ...], the shares after each, "
+            "for what holds in mean square; lost = slow results in a row that may fail to come; the last one that came is held"
         }
     },
     hint="What every answer has to hold for is in [for_all]: `wavesweep keys for_all`.",

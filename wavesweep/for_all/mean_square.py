@@ -1,7 +1,9 @@
-"""Loops whose messages are lost at random: whether the mean square of all states decays, and the interval for which it does.
+"""Loops whose messages are lost at random, or whose frames are at random: whether the mean square of all states decays, and the
+interval for which it does.
 
-What happens is a Markov chain: nodes are the moments at which channels send, together with whether each channel is in a burst
-of losses (E. N. Gilbert, Capacity of a burst-noise channel, Bell Syst. Tech. J. 39, 1960; E. O. Elliott, the same, 42, 1963).
+Both are Markov chains. Of frames, the nodes are the length of the last one, where anything depends on it. Of messages, they are
+the moments at which channels send, together with whether each channel is in a burst of losses (E. N. Gilbert, Capacity of a
+burst-noise channel, Bell Syst. Tech. J. 39, 1960; E. O. Elliott, the same, 42, 1963).
 Edges carry a matrix and its probability. Second moments `X_i = E[x x'; node i]` become `X_j = sum w A X_i A'` over the edges
 from i to j. They decay if the spectral radius of this operator is below 1, and if and only if there are forms P_i > 0 with
 `P_i - sum w A' P_j A > 0`, the sum over the edges that leave i (O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-time
@@ -9,7 +11,7 @@ Markov jump linear systems, Springer 2005, theorem 3.9). Such forms, checked in 
 operator outside the unit circle for all matrices within the errors is a refutation.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise, product
@@ -197,12 +199,40 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
         }
         ends.append({channel: Losses(*row) for channel, row in at.items()})
     graph, factors = _chain(family, *ends)
-    if graph.nodes * (family.kept.size * (family.kept.size + 1) // 2) > LARGEST:
-        raise UsageError(
-            f"messages lost at random: expected at most {LARGEST} second moments, found {family.kept.size} states at "
-            f"{graph.nodes} moments; choose longer ticks, or rates with a larger common divisor"
-        )
+    _refuse_large(family, graph, "messages lost at random", "choose longer ticks, or rates with a larger common divisor")
     return Chances(family, graph, factors, not reads)
+
+
+def frames_at_random(family: LoopFrames, shares: Sequence[Sequence[float]], number: str = "") -> Chances:
+    """Return the chain of a loop whose frames have lengths at random.
+
+    family: of the lengths in the order of shares, along a number, or at its own values without one. shares: weights of the
+    lengths, a row if frames are independent, or a row for each length, of those of the next frame.
+    Errors: UsageError for other lengths, or a loop with too many moments.
+    """
+    lengths = list(dict.fromkeys(symbol.ticks for symbol in family.symbols))
+    if len(lengths) != len(shares[0]):
+        raise UsageError(f"frames at random: expected {len(shares[0])} different lengths, found {len(lengths)}")
+    chance = np.array([np.array(row) / sum(row) for row in shares])
+    recalls = len(shares) > 1 or any(symbol.step is not None for symbol in family.symbols)
+    edges = [
+        (before if recalls else 0, kind, after if recalls else 0, chance[before % len(shares), after])
+        for before, length in enumerate(lengths if recalls else lengths[:1])
+        for kind, symbol in enumerate(family.symbols)
+        if not recalls or symbol.step in (None, length)
+        for after in [lengths.index(symbol.ticks)]
+        if chance[before % len(shares), after] > 0
+    ]
+    source, kind, target, weight = (np.array(each) for each in zip(*edges, strict=True))
+    graph = Graph(source, kind, target)
+    _refuse_large(family, graph, "frames at random", "take fewer lengths, or shares in place of next")
+    return Chances(family, graph, np.tile(weight[:, None, None], 2), bool(number))
+
+
+def _refuse_large(family, graph, what, hint):
+    if graph.nodes * (family.kept.size * (family.kept.size + 1) // 2) > LARGEST:
+        found = f"{family.kept.size} states at {graph.nodes} moments"
+        raise UsageError(f"{what}: expected at most {LARGEST} second moments, found {found}; {hint}")
 
 
 def _chain(family, first, second):

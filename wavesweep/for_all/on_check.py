@@ -12,15 +12,18 @@ BELOW = ("all below has every message in time:", "all below is of the spec's own
 
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
-    """for_all: of a spec with [for_all], whether it is stable for all of it, see `rows.verdict`; every_hand: what hands need
-    then, see `every_hand.damping`.
+    """for_all: of a spec with [for_all], whether it is stable for all of it, see `rows.verdict`; at_random: the same of
+    frames at random, if it has their shares; every_hand: what hands need then, see `every_hand.damping`.
     """
     if not spec.for_all:
         return {}
     from wavesweep.for_all.every_hand import damping
     from wavesweep.for_all.rows import verdict
+    from wavesweep.for_all.varying import Rules
 
-    return {"for_all": verdict(spec), "every_hand": damping(spec)}
+    random = Rules.of(spec).on_average()
+    found = {"for_all": verdict(spec)} | ({"at_random": verdict(spec, random)} if random else {})
+    return found | {"every_hand": damping(spec)}
 
 
 def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
@@ -32,6 +35,8 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     apart = spec.for_all.apart(spec.values) if spec.for_all else []
     without = f", without the spec's own {' and '.join(apart)}" if apart else ""
     yield 1, in_words(found["for_all"]) + without
+    if found.get("at_random"):
+        yield 1, in_words(found["at_random"])
     if found.get("every_hand"):
         yield 1.5, _every_hand(found["every_hand"])
     yield 1, BELOW[found["for_all"]["kind"] == "for_all"]

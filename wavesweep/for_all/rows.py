@@ -48,6 +48,7 @@ OF_KINDS = {  # what a verdict is about, and its words
     "for_all": ("for all of [for_all]", "stable", "not stable with {}"),
     "messages": ("for every pattern of messages", "stable", "not stable with {}"),
     "mean_square": ("with messages lost at random", "stable in mean square", "not stable in mean square ({})"),
+    "frames": ("with frames at random", "stable in mean square", "not stable in mean square ({})"),
 }
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
@@ -83,8 +84,8 @@ class ForAllGuarantee(Guarantee):
         """How the intervals are found, in a line."""
         if self.rules.at_random:
             return (
-                "quadratic forms at the nodes of the chain of losses, which decay on average, checked by Cholesky with bounds "
-                "on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
+                "quadratic forms at the nodes of the chain of losses or of frames, which decay on average, checked by Cholesky "
+                "with bounds on rounding; refuted by an eigenvalue of the second moments outside the unit circle"
             )
         if self.rules.vary and self.rules.ranges:
             return (
@@ -118,6 +119,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
         (rules.messages and ranges, "values of numbers beside channels", f"the range of {', '.join(ranges)}"),
+        (for_all.shares and ranges, "values of numbers beside frames at random", f"the range of {', '.join(ranges)}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
@@ -132,7 +134,8 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
             raise UsageError(f"[for_all]: expected {expected}, found {found}")
     if rules.vary and cut:
         with placed(spec):
-            rules.family(spec.values, along)
+            for each in filter(None, (rules, rules.on_average())):
+                each.family(spec.values, along)
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
@@ -313,11 +316,12 @@ def in_words(found: Mapping[str, str]) -> str:
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown"),
-    counterexample, the numbers with which it is unstable, and kind, what it is about ("for_all", "messages" or "mean_square").
+    counterexample, the numbers with which it is unstable, and kind, what it is about, a key of OF_KINDS.
     rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
-    kind = "mean_square" if rules.at_random else "messages" if rules.messages and not rules.for_all.axes else "for_all"
+    at_random = "mean_square" if rules.messages else "frames"
+    kind = at_random if rules.at_random else "messages" if rules.messages and not rules.for_all.axes else "for_all"
     return _verdict(spec, rules) | {"kind": kind}
 
 

@@ -3,7 +3,7 @@ messages may be late or lost, by what their channels say."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import groupby
 
@@ -31,7 +31,7 @@ from wavesweep.for_all.frames import (
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.for_all.keys import ForAll, values_of_range
 from wavesweep.for_all.loop_frames import LoopFrames
-from wavesweep.for_all.mean_square import Chances, chances, decays
+from wavesweep.for_all.mean_square import Chances, chances, decays, frames_at_random
 from wavesweep.for_all.messages import Sent, frames_with_messages
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.plan import Plan
@@ -44,7 +44,7 @@ FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what beg
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
-GROW = "second moments that grow"  # with messages lost at random, in place of a pattern
+GROW = "second moments that grow"  # of what happens at random, in place of a pattern
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +53,8 @@ class Rules:
 
     drawing: that of a spec that draws its loop, None for a built-in controller. with_frame: whether results are in place with
     the next frame. elapsed: whether the slow environment integrates over the time since its last frame. messages: whether the
-    loop has channels; at_random: whether these lose messages at random. work: operations of a proof over ranges beside what
-    varies.
+    loop has channels; at_random: whether these lose messages at random, or frames are taken to be at random. work: operations
+    of a proof over ranges beside what varies.
     """
 
     for_all: ForAll
@@ -72,6 +72,10 @@ class Rules:
         messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
         return Rules(spec.for_all, drawing, spec.delay_of_frame, spec.step == "elapsed", *messages)
 
+    def on_average(self) -> "Rules | None":
+        """The rules of frames at random; None if a spec does not say how often each length occurs."""
+        return replace(self, at_random=True) if self.for_all.shares else None
+
     @property
     def ranges(self) -> bool:
         """Whether some numbers have ranges beside what varies."""
@@ -88,7 +92,8 @@ class Rules:
         values: all of a spec, by their paths. Errors: UsageError for numbers that cannot vary, or another one along.
         """
         if not self.messages:
-            return self.plan(values, (along,)).along(along)
+            frames = self.plan(values, (along,)).along(along)
+            return frames_at_random(frames, self.for_all.shares, along) if self.at_random else frames
         if self.for_all.changing:
             found = ", ".join(without_rule(self.drawing.channels))
             refuse(self._key(self.for_all.changing[0]), f"blocks {RULED} beside channels", found)

@@ -10,6 +10,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.reproducibility import versions
+from wavesweep.core.spec.writing import as_toml
 from wavesweep.core.tables.kind import Line, Numbers, count, whole_kind
 from wavesweep.core.tables.table import Table
 from wavesweep.frame_times.chain import are_independent, pairs_of
@@ -99,17 +100,20 @@ def _lines(found: Numbers) -> Iterator[Line]:
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The table [for_all] with the lengths, as a piece of a spec."""
     rows, asked, unfit = facts["lengths"], facts["asked"], facts["unfit"]["frames"]
-    name = f'"{asked["number"]}"' if "." in asked["number"] else asked["number"]
-    shares = (f"{each['ticks']}: {each['frames'] / facts['frames']:.4g}" for each in rows)
+    shares = [each["frames"] for each in rows]
     lines = [
         f"# The frames of {facts['spec_name']}, as wavesweep identify found them, for a spec of {asked['fast_hz']:g} Hz.",
         f"# {count(facts['frames'], 'frame')} in {facts['duration_s']:.6g} s.",
-        f"# Shares of the lengths: {', '.join(shares)}.",
         *([f"# Of {count(unfit, 'frame')} that did not last whole ticks, both neighbours are here."] if unfit else []),
-        "[for_all]",
-        f"{name} = {{ values = {[each['ticks'] for each in rows]}, varying = true }}",
     ]
-    return "\n".join(lines) + "\n"
+    table: dict[str, Any] = {"values": [each["ticks"] for each in rows], "varying": True}
+    if len(rows) > 1 and facts["independent"]:
+        lines.append("# shares: how often each length occurred; without it, only answers for any order are given.")
+        table["shares"] = shares
+    elif len(rows) > 1:
+        lines.append("# next: how often each length followed each; without it, only answers for any order are given.")
+        table["next"] = [each["next"] if any(each["next"]) else shares for each in rows]
+    return "\n".join(lines) + "\n" + as_toml({"for_all": {asked["number"]: table}})
 
 
 KINDS = (whole_kind("identify-frames", _numbers, _lines, "wavesweep.frame_times.figure.identify_frames"),)

@@ -27,12 +27,13 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     all of that itself; its sentence says within which limits of its blocks it is linear.
     """
     varied = {axis.path: _values(axis) for axis in spec.changing}
+    order = "in any order, or at random (mean_square)" if varied and spec.for_all.shares else "in any order"
     if spec.drawing:
-        found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} in any order" for path, each in varied.items()]
+        found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} {order}" for path, each in varied.items()]
         frames += [*_unknown(spec, swept), *_messages(spec, swept)]
         return "; ".join(frames + ([f"linear while {', '.join(found)}; simulate goes beyond"] if found else []))
     read, values = keys_of_page(spec.values), spec.values
-    parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read)]
+    parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order)]
     if DELAY in read and not varied:
         delay, ratio = values[DELAY], values["rates.ratio"]
         within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
@@ -54,13 +55,13 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     return f"{', '.join(parts)}; {defaults}: engines usually have {_listed([usual[path] for path in kept])}"
 
 
-def _frames_that_vary(spec, varied, read) -> Iterator[str]:
+def _frames_that_vary(spec, varied, read, order) -> Iterator[str]:
     """Yield which frames may follow each other, when their results are in place, and over what time the wall integrates."""
     if not varied:
         return
     ratio = spec.values["rates.ratio"]
     if "rates.ratio" in varied:
-        yield f"frames of {varied['rates.ratio']} ticks in any order"
+        yield f"frames of {varied['rates.ratio']} ticks {order}"
     if DELAY in read:
         late = varied.get(DELAY, spec.values[DELAY])
         in_ticks = f"delay of {late} tick{'s' * (late != 1)}{' in any order' * (DELAY in varied)}"

@@ -1,0 +1,303 @@
+"""Frames of random lengths in mean square: closed forms, and loops that are marched tick by tick from their equations alone.
+
+The marches begin a frame with its sample, so that the step of the wall is the length of the frame before, and the moments are
+kept for each such length: another form than that of the package, whose frames end with their sample.
+"""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import butter
+
+import wavesweep
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.spec import load
+from wavesweep.for_all.mean_square import brackets_on_average, decays
+from wavesweep.for_all.rows import verdict
+from wavesweep.for_all.varying import Rules
+
+T = 1e-3
+LENGTHS, SHARES = [16, 20, 25, 33], [254, 588, 109, 49]
+CHAIN = [[70, 24, 4, 2], [12, 80, 6, 2], [5, 35, 45, 15], [5, 45, 30, 20]]
+
+
+def integrator(lengths, **chances):
+    """`x' = -k x`, sampled once in a frame and held: a frame of n ticks multiplies x by `1 - k n T`."""
+    return {
+        "rates": {"tick_hz": 100.0},
+        "numbers": {"k": 1.0, "n": lengths[0]},
+        "block": {"plant": {"type": "integrator"}, "slow": {"type": "hold", "every": "n"}},
+        "wire": {"plant.u": "-k*slow.y", "slow.u": "plant.y"},
+        "for_all": {"n": {"values": lengths, "varying": True, **chances}},
+        "sweep": {"along": "k", "k": {"start": 0, "stop": 100}},
+    }
+
+
+def built_in(kind, lengths, number="K_VE", **chances):
+    spec = {
+        "environment": {"integration": "explicit", "delay": 1},
+        "device": {"velocity": "difference"},
+        "controller": {"kind": kind, "b": 10.0} if kind == "pmw" else {"kind": kind},
+        "for_all": {"rates.ratio": {"values": lengths, "varying": True, **chances}},
+        "sweep": {number: {"start": 0, "stop": 2000}},
+    }
+    return spec | ({"filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}} if kind == "pmw" else {})
+
+
+def rows_of(shares):
+    return [shares] if np.ndim(shares) == 1 else shares
+
+
+def radius(frame, lengths, shares):
+    """The spectral radius of the second moments, kept for each length of the last frame.
+
+    frame: the matrix of a frame of some length after another one.
+    """
+    rows = np.array([np.array(row) / sum(row) for row in rows_of(shares)])
+    rows = rows if len(rows) > 1 else np.tile(rows, (len(lengths), 1))
+    n = len(frame(lengths[0], lengths[0])) ** 2
+    whole = np.zeros((len(lengths), n, len(lengths), n))
+    for i, before in enumerate(lengths):
+        for j, length in enumerate(lengths):
+            A = frame(length, before)
+            whole[j, :, i] = rows[i, j] * np.kron(A, A)
+    return np.abs(np.linalg.eigvals(whole.reshape(len(lengths) * n, -1))).max()
+
+
+def matrix_of(march, states, length, before):
+    return np.array([march(column, length, before) for column in np.eye(states)]).T
+
+
+def ticked(m=0.1, d=1.5):
+    """What a held force does to velocity and position of the device in a tick."""
+    whole = expm(T * np.array([[-d / m, 0, 1 / m], [1, 0, 0], [0, 0, 0]]))
+    return whole[:2, 0], whole[:2, 2]
+
+
+def dc_slow(K, B=1.0):
+    """Velocity, position, the one before, and the force that is held."""
+    free, forced = ticked()
+
+    def march(state, length, _):
+        (v, x, last, held), result = state, 0.0
+        for tick in range(length):
+            if tick == 0:
+                result = K * x + B * (x - last) / T
+            if tick == 1:
+                held = result
+            v, last, x = free[0] * v - forced[0] * held, x, x + free[1] * v - forced[1] * held
+        return v, x, last, held
+
+    return lambda length, before: matrix_of(march, 4, length, before)
+
+
+def pmw(K, B=1.0, b=10.0, cutoff=8.57):
+    """Velocity, what the position moved by, the filter's last input and output, the avatar, and the wave that is held."""
+    (free, forced), ((b0, b1), (_, a1)) = ticked(), butter(1, cutoff, fs=1 / T)
+
+    def march(state, length, before):
+        (v, moved, u, y, avatar, wave), result = state, 0.0
+        for tick in range(length):
+            if tick == 1:
+                wave = result
+            now = np.sqrt(2 * b) * moved / T - wave
+            y, u = b0 * now + b1 * u - a1 * y, now
+            if tick == 0:
+                speed = (np.sqrt(2 * b) * y - K * avatar) / (b + B)
+                force = K * avatar + B * speed
+                avatar, result = avatar + before * T * speed, y - np.sqrt(2 / b) * force
+            push = -(b * moved / T - np.sqrt(2 * b) * wave)
+            v, moved = free[0] * v + forced[0] * push, free[1] * v + forced[1] * push
+        return v, moved, u, y, avatar, wave
+
+    return lambda length, before: matrix_of(march, 6, length, before)
+
+
+def found_of(spec, along, high=2000.0):
+    loaded = load(spec)
+    return brackets_on_average(Rules.of(loaded).on_average().family(dict(loaded.values), along), (0.0, high))
+
+
+@pytest.mark.parametrize("lengths", [[1, 2], [3, 5, 11], [2, 40]])
+def test_independent_frames_of_an_integrator_have_the_first_two_moments_of_the_length(lengths):
+    """`E (1 - k n T)^2 < 1` if and only if `k < 2 E n / (T E n^2)`."""
+    shares = np.arange(1, len(lengths) + 1)
+    (found,) = found_of(integrator(lengths, shares=shares.tolist()), "numbers.k", 200.0)
+    n = np.array(lengths) / 100
+    end = 2 * (shares @ n) / (shares @ n**2)
+    assert found.settled
+    assert found.high < end < found.fails_from
+    assert found.high == pytest.approx(end, rel=2e-5)
+
+
+@pytest.mark.parametrize("stay", [0.1, 0.9])
+def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
+    """Short and long frames that alternate or stay: moments `[p_ij a_j^2]` of two numbers."""
+    (found,) = found_of(integrator([2, 9], next=[[stay, 1 - stay], [1 - stay, stay]]), "numbers.k", 200.0)
+
+    def moments(k):
+        a = (1 - k * np.array([0.02, 0.09])) ** 2
+        return np.abs(np.linalg.eigvals(a[:, None] * np.array([[stay, 1 - stay], [1 - stay, stay]]))).max()
+
+    assert moments(found.high) < 1 < moments(found.fails_from)
+    assert found.high == pytest.approx(found.fails_from, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("kind", "march", "shares"),
+    [("dc-slow", dc_slow, CHAIN), ("dc-slow", dc_slow, SHARES), ("pmw", pmw, CHAIN), ("pmw", pmw, SHARES)],
+)
+def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, shares):
+    given = {"shares": shares} if np.ndim(shares) == 1 else {"next": shares}
+    (found,) = found_of(built_in(kind, LENGTHS, **given), "environment.K_VE")
+    assert found.settled
+    assert radius(march(found.high), LENGTHS, shares) < 1 < radius(march(found.fails_from), LENGTHS, shares)
+    assert found.high == pytest.approx(found.fails_from, rel=1e-4)
+    assert radius(march(found.high / 2), LENGTHS, shares) < 1
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(40))
+def test_random_walls_end_where_the_moments_of_a_march_begin_to_grow(seed):
+    rng = np.random.default_rng(seed)
+    lengths = rng.choice(np.arange(2, 40), rng.integers(2, 5), replace=False).tolist()
+    shares = rng.integers(0, 9, len(lengths)) + 1 if seed % 2 else rng.integers(0, 9, (len(lengths),) * 2) + 1
+    kind, march = (("pmw", pmw), ("dc-slow", dc_slow))[seed % 4 // 2]
+    found = found_of(built_in(kind, lengths, **{"shares" if seed % 2 else "next": shares.tolist()}), "environment.K_VE")
+    for each in found:
+        assert radius(march((each.low + each.high) / 2), lengths, shares) < 1
+        assert radius(march(each.high), lengths, shares) < 1
+        if each.fails_from == each.fails_from:
+            assert radius(march(each.fails_from), lengths, shares) > 1
+        if each.fails_below == each.fails_below:
+            assert radius(march(each.fails_below), lengths, shares) > 1
+    inside = [K for K in np.linspace(1, 1999, 60) if radius(march(K), lengths, shares) < 1]
+    assert all(any(each.low <= K <= each.high for each in found) for K in inside)
+
+
+@pytest.mark.parametrize("k", [10.0, 40.0, 53.4, 53.5, 100.0])
+def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
+    """`x' = -k (z + I)`: z is sampled with the frame, and I integrates over the time since it last ran, a tick later."""
+    lengths, shares = [2, 5], [[1, 3], [2, 1]]
+    spec = integrator(lengths, next=shares)
+    spec["numbers"]["k"] = k
+    spec["block"]["sum"] = {"type": "integrator", "method": "implicit", "every": "n", "phase": 1}
+    spec["wire"] |= {"sum.u": "slow.y", "plant.u": "-k*(slow.y + sum.y)"}
+
+    def march(state, length, before):
+        x, z, total = state
+        for tick in range(length):
+            z = x if tick == 0 else z
+            total += before * 0.01 * z if tick == 1 else 0.0
+            x -= 0.01 * k * (z + total)
+        return x, z, total
+
+    stable = radius(lambda length, before: matrix_of(march, 3, length, before), lengths, shares) < 1
+    assert stable == (k < 53.45)
+    loaded = load(spec)
+    assert decays(Rules.of(loaded).on_average().family(dict(loaded.values), "")) == ("proved" if stable else "refuted")
+
+
+@pytest.mark.slow
+def test_frames_that_alternate_are_stable_as_their_product_is():
+    (found,) = found_of(built_in("pmw", [16, 33], next=[[0, 1], [1, 0]]), "environment.K_VE", 1200.0)
+
+    def product(K):
+        return np.abs(np.linalg.eigvals(pmw(K)(33, 16) @ pmw(K)(16, 33))).max()
+
+    assert product(found.high) < 1 < product(found.fails_from)
+
+
+def test_one_length_alone_is_stable_as_a_constant_rate_is():
+    (found,) = found_of(built_in("pmw", [16, 20, 33], shares=[0, 5, 0]), "environment.K_VE", 1200.0)
+    exact = 801.892576710366  # the interval of the same loop at a constant ratio of 20
+    assert found.high < exact < found.fails_from
+    assert found.high == pytest.approx(exact, rel=2e-5)
+
+
+def test_moments_are_those_of_many_runs():
+    """20,000 runs of a chain, whose matrices are drawn one by one, against the operator."""
+    shares = np.array([[1, 2, 0], [1, 1, 3], [4, 0, 1]])
+    loaded = load(integrator([2, 9, 14], next=shares.tolist()))
+    loop = Rules.of(loaded).on_average().family(dict(loaded.values), "numbers.k")
+    rng, runs, frames, (A, _) = np.random.default_rng(0), 20_000, 6, loop.at(3.0)
+    assert [symbol.ticks for symbol in loop.family.symbols] == [2, 9, 14]
+    x, last = np.tile(np.eye(A.shape[-1])[0], (runs, 1)), np.zeros(runs, int)
+    for _ in range(frames):
+        last = (rng.uniform(size=(runs, 1)) > np.cumsum(shares / shares.sum(1, keepdims=True), axis=1)[last]).sum(1)
+        x = np.einsum("rij,rj->ri", A[last], x)
+    moments = np.linalg.matrix_power(loop.operator(3.0), frames)[:, 0].reshape(3, -1)[:, 0]
+    for node in range(3):
+        own = x[:, 0] ** 2 * (last == node)
+        assert abs(own.mean() - moments[node]) < 5 * own.std() / np.sqrt(runs)
+
+
+@pytest.mark.slow
+def test_rows_stand_beside_those_in_any_order_and_check_says_both():
+    spec = built_in("dc-slow", [16, 33], shares=[3, 1])
+    rows = wavesweep.zwidth(spec).set_index("guarantee")
+    assert rows.index.tolist() == ["spec", "for_all", "mean_square"]
+    assert rows.certified.all()
+    assert rows.high["for_all"] < rows.high["mean_square"] < rows.fails_from["mean_square"]
+    assert rows.counterexample["mean_square"] == "second moments that grow"
+    between = (rows.fails_from["for_all"] + rows.high["mean_square"]) / 2
+    found = wavesweep.verdict(load(spec).with_values({"K_VE": float(between)}))
+    assert (found["for_all"]["verdict"], found["at_random"]["verdict"]) == ("refuted", "proved")
+    assert found["at_random"]["kind"] == "frames"
+    beyond = load(spec).with_values({"K_VE": float(1.01 * rows.fails_from["mean_square"])})
+    assert verdict(beyond, Rules.of(beyond).on_average())["verdict"] == "refuted"
+
+
+@pytest.mark.slow
+def test_along_a_wall_that_a_drift_depends_on_nothing_is_said():
+    """With a spring in the hand the position of rest depends on K_VE."""
+    spec = built_in("pmw", [16, 20], shares=[1, 1]) | {"operator": {"stiffness": 50.0}}
+    assert [each for each in found_of(spec, "environment.K_VE", 100.0) if each.low < each.high] == []
+
+
+def test_a_spec_is_written_again_with_its_shares():
+    for given in ({"shares": [1.0, 3.0]}, {"next": [[1.0, 2.0], [0.0, 1.0]]}):
+        spec = load(built_in("pmw", [16, 20], **given))
+        again = load(spec.tables())
+        assert again.for_all == spec.for_all
+        assert spec.for_all.shares == tuple(map(tuple, rows_of(next(iter(given.values())))))
+        assert again.sha256 == spec.sha256
+
+
+@pytest.mark.parametrize(
+    ("ratio", "said"),
+    [
+        ({"shares": [1]}, "for_all.rates.ratio.shares: expected a list of 2 weights, found a list"),
+        ({"shares": [0, 0]}, "for_all.rates.ratio.shares: expected a weight above 0 in each list, found none"),
+        ({"shares": [1, -1]}, "for_all.rates.ratio.shares[1]: expected a number >= 0"),
+        ({"next": [[1, 1]]}, "for_all.rates.ratio.next: expected 2 lists, one for each value"),
+        ({"next": [[1, 1], [1]]}, "for_all.rates.ratio.next: expected a list of 2 weights, found a list"),
+        ({"next": [[1, 1], [1, 1]], "shares": [1, 1]}, "for_all.rates.ratio: expected either shares or next, found both"),
+        ({"varying": False, "shares": [1, 1]}, "for_all.rates.ratio: expected values and varying = true beside shares"),
+    ],
+)
+def test_shares_that_cannot_be_used_are_refused(ratio, said):
+    with pytest.raises(SpecError) as caught:
+        load(built_in("pmw", [16, 20], **ratio))
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "more", [{"lost": 1}, {"environment.delay": {"values": [1, 2], "varying": True}}, {"rates.ratio": {"start": 2, "stop": 9}}]
+)
+def test_only_lengths_may_be_at_random(more):
+    spec = built_in("pmw", [16, 20], shares=[1, 1])
+    if "rates.ratio" in more:
+        more["rates.ratio"] |= {"varying": True, "shares": [1] * 8}
+    spec["for_all"] |= more
+    with pytest.raises(SpecError, match=r"expected (lengths of frames as all that varies|values and varying)"):
+        load(spec)
+
+
+def test_ranges_beside_shares_are_refused():
+    spec = built_in("dc-slow", [16, 20], shares=[1, 1])
+    spec["for_all"]["device.mass"] = {"start": 0.08, "stop": 0.12}
+    with pytest.raises(UsageError, match="expected values of numbers beside frames at random, found the range of device"):
+        wavesweep.zwidth(spec)
