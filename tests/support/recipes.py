@@ -250,6 +250,23 @@ def exposure(T, g, n):
     return np.array([x + T * u, x + T * u / 2, *images[:n]])
 
 
+def late_camera(g, n, s, l, c, m, k, T):
+    """All pictures get through; c is how many might not. Where the observer believes the robot to be is one number, and late
+    pictures are moved by what it believes to have happened since.
+    """
+    del c
+    F = np.array([[0, 1, 0, 0], [0, 0, 0, 1 / m], [50, 0, 0, 0], [0, 0, 0, 0]])  # place, speed, mean place, force
+    step, decay = expm(1e-3 * F), np.exp(-0.02 / T)
+    x, v, mean, believed, speed, *late = np.eye(5 + n)
+    command, late = -g * believed, [mean, *late]
+    believed = believed + l * (late[n] - believed) + s * 0.02 * speed
+    late = [each + s * 0.02 * speed for each in late[:n]]
+    speed, mean = decay * speed + (1 - decay) * command, 0 * mean
+    for _ in range(20):
+        x, v, mean, _ = step @ [x, v, mean, k * (command - v)]
+    return np.array([x, v, mean, believed, speed, *late])
+
+
 def quadrotor(J, Tm, f, kr, ka, kv, kx, n):
     F = np.zeros((6, 6))  # place, speed, pitch, its rate, torque, torque that is asked for
     F[0, 1] = F[2, 3] = 1
@@ -291,6 +308,7 @@ FRAMES = {
     "notch": notch,
     "engine-rates": engine_rates,
     "exposure": exposure,
+    "late-camera": late_camera,
     "quadrotor": quadrotor,
 }
 

@@ -139,6 +139,7 @@ ANSWERS = {
         "kd, N: 0.5 5 = 328.80, 0.5 10 = 60.000, 0.5 6 = 155.855, 0.5 6 = 199.528, 0.5 6 = 238.246, "
         "0.1 5 = 376.80, 0.1 10 = 12.000, 0.1 6 = 23.912"
     ),
+    "late-camera": "s: 0 = 8.3109, 1 = 46.562; s, m: 1 1.25 = 25.958",
     "quadrotor": "n: 0 = 12.746, 5 = 6.0074, 15 = 2.7448",
     "exposure": "n, T: 2 0.1 = 5.3590, 1 0.1 = 8.2843, 0 0.1 = 20.000, 2 0.05 = 10.7180",
 }
@@ -395,3 +396,17 @@ def test_a_quadrotor_of_any_inertia():
         heavy = brentq(lambda kv, n=n: radius("quadrotor", defaults("quadrotor") | {"n": n, "J": 0.03, "kv": kv}) - 1, 1, 15)
         assert row.high < heavy < 1.01 * row.high
         assert row.fails_from == pytest.approx(heavy, rel=1e-6)
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_pictures_that_are_lost():
+    """Proved with an observer and without: below the limit in which every picture arrives, and lost ones matter without it."""
+    rows = whole_table("late-camera")
+    rows = rows[rows.guarantee == "for_all"].set_index("s")
+    assert rows.settled.all()
+    assert [f"{rows.high[s]:.3f}" for s in (0, 1)] == ["7.188", "46.129"]
+    assert {"7.188", "46.129", "20"} <= numbers_of("late-camera")
+    lost = ["c=5", "sweep.g.stop=20", "sweep.s=[1]"]
+    found = wavesweep.stability_region(wavesweep.load(FOLDER / "late-camera.toml", lost))
+    assert found[found.guarantee == "for_all"].high.tolist() == [20]
