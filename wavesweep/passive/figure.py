@@ -48,21 +48,22 @@ def passivity(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
 def _draw_lines(columns: Columns, roles: Mapping[str, Sequence[float]], left_out: str, facts: Mapping[str, Any]) -> Any:
     x, family, *_ = [*roles, None]
     members = roles[family] if family else (None,)
-    with figure(TWO_COLUMNS, 5.2 if is_narrow() else 2.9) as canvas:
-        channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)))
+    with figure(TWO_COLUMNS, 5.2 if is_narrow() and _has_channel(columns) else 2.9) as canvas:
+        channel, port = _panels(canvas, columns)
         for look, value in zip(family_looks(len(members)), members, strict=True):
             rows = rows_with(columns, {family: value} if family else {})
             order = np.argsort(rows[x], kind="stable")
             name = valued(family, value, facts) if family else None
             style = {"color": look.colour, "linestyle": look.line, "marker": ".", "markersize": 2.5, "linewidth": 1}
             for panel, values in ((channel, _excess(rows["channel_norm"])), (port, rows["port_margin"])):
-                panel.plot(rows[x][order], values[order], label=name, **style)
+                if panel is not None:
+                    panel.plot(rows[x][order], values[order], label=name, **style)
         _mark_unstable(port, columns[x], columns["port_margin"], columns["stable"])
-        for panel in (channel, port):
+        for panel in filter(None, (channel, port)):
             if is_logarithmic(columns[x]):
                 by_factors(panel.xaxis, columns[x].min(), columns[x].max())
             panel.set_xlim(columns[x].min(), columns[x].max())
-        _scale(channel.yaxis, port.yaxis, columns, facts)
+        _scale(channel and channel.yaxis, port.yaxis, columns, facts)
         _legend(canvas, port, "passive")
         note_below(canvas, left_out, assumption(facts), axis=label(x, facts))
     return canvas
@@ -76,10 +77,10 @@ def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any
     if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
         axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
         names = [", ".join(part.partition(" = ")[2] for part in name.split(", ")) for name in names]
-    with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() else 1)) as canvas:
-        channel, port = canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), sharey=True)
+    with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() and _has_channel(columns) else 1)) as canvas:
+        channel, port = _panels(canvas, columns, sharey=True)
         panels = (channel, _excess(columns["channel_norm"]), "channel_passive"), (port, columns["port_margin"], "port_passive")
-        for panel, values, verdict in panels:
+        for panel, values, verdict in panels[channel is None :]:
             # Filled where passive: a margin just below zero looks like zero.
             for passes, face, name in ((True, _COLOUR, "passive"), (False, "white", "not passive")):
                 drawn = (columns[verdict] == passes) & (columns["stable"] | (panel is channel))
@@ -88,19 +89,32 @@ def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any
                 panel.plot(values[drawn], places[drawn], "o", color=_COLOUR, markerfacecolor=face, markersize=4, label=said)
             panel.grid(**GRID, axis="y")
         _mark_unstable(port, columns["port_margin"], places, columns["stable"])
-        channel.set_yticks(places, names)
-        channel.set_ylabel(axes)
-        channel.set_ylim(count - 0.4, -0.6)
-        _scale(channel.xaxis, port.xaxis, columns, facts)
+        first = channel or port
+        first.set_yticks(places, names)
+        first.set_ylabel(axes)
+        first.set_ylim(count - 0.4, -0.6)
+        _scale(channel and channel.xaxis, port.xaxis, columns, facts)
         _legend(canvas, port, "range of what is passive")
         note_below(canvas, left_out, assumption(facts))
     return canvas
 
 
+def _has_channel(columns: Columns) -> bool:
+    return not np.isnan(columns["channel_norm"]).all()
+
+
+def _panels(canvas: Any, columns: Columns, **shared: bool) -> Sequence[Any]:
+    """The panels of the channel and of the port; without a channel there is one, as nothing could generate energy."""
+    if not _has_channel(columns):
+        return None, canvas.subplots()
+    return canvas.subplots(*((2, 1) if is_narrow() else (1, 2)), **shared)
+
+
 def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> None:
     """Cross out the margins of unstable loops: they are not passive, also if the margin is positive."""
-    if not stable.all():
-        port.plot(x[~stable], y[~stable], label="unstable, not passive", **_UNSTABLE)
+    crossed = ~stable & np.isfinite(x) & np.isfinite(y)
+    if crossed.any():
+        port.plot(x[crossed], y[crossed], label="unstable, not passive", **_UNSTABLE)
 
 
 def _excess(norm: np.ndarray) -> np.ndarray:
@@ -110,13 +124,10 @@ def _excess(norm: np.ndarray) -> np.ndarray:
 
 def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
     """Scale, shade and label the axes of values of both panels, in either direction."""
-    known = columns["channel_norm"][~np.isnan(columns["channel_norm"])]
-    if known.size:
-        _set(channel, "log", (_TOLERANCE / 10, max(3 * _excess(known).max(), 1e-2)), (_TOLERANCE / 10, _TOLERANCE))
-    else:  # without a channel there is nothing that could generate energy
-        channel.axes.text(0.5, 0.5, "no wave channel", ha="center", va="center", transform=channel.axes.transAxes)
-        channel.set_ticks([])
-    channel.set_label_text("channel norm - 1")
+    if channel is not None:
+        most = max(3 * _excess(np.nanmax(columns["channel_norm"])), 1e-2)
+        _set(channel, "log", (_TOLERANCE / 10, most), (_TOLERANCE / 10, _TOLERANCE))
+        channel.set_label_text("channel norm - 1")
     margin = columns["port_margin"][~np.isnan(columns["port_margin"])]
     largest = float(np.abs(margin).max(initial=0.0)) or 1.0
     linear = _LINEAR * largest
@@ -124,8 +135,11 @@ def _scale(channel: Any, port: Any, columns: Columns, facts: Mapping[str, Any]) 
     _set(port, "symlog", (bottom, top), (0.0, top), linthresh=linear)
     # Decades next to the linear part would stand on the 0. Side by side there is room for every other one.
     every = -1 if port.axis_name == "y" else -2
-    decades = (10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, np.ceil(np.log10(largest)) + 1))[::every][::-1]
+    shown = np.floor(np.log10(max(-bottom, top)))
+    decades = (10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, shown + 1))[::every][::-1]
     port.set_ticks([tick for tick in (*-decades[::-1], 0.0, *decades) if bottom <= tick <= top])
+    if not margin.size:
+        port.axes.text(0.5, 0.5, "no margin is known", ha="center", va="center", transform=port.axes.transAxes)
     port.set_label_text(at_hand("port margin", "port_margin", "mm/N", facts))
 
 
@@ -167,7 +181,7 @@ def passivity_ports(columns: Columns, facts: Mapping[str, Any]) -> Any:
             panel.set_ylim(top=max(panel.get_ylim()[1], limit + 0.1))
             panel.axhspan(limit, panel.get_ylim()[1], **_PASSIVE)
             panel.grid(**GRID)
-        panels[0].set_ylabel("Llewellyn's index")
+        panels[0].set_ylabel("Llewellyn's index" + ", up to 1000" * bool((columns["llewellyn"] > 999).any()))
         panels[1].set_ylabel(at_hand("damping in excess", "damping_margin", "N*s/m", facts))
         _legend(canvas, panels[0], "absolutely stable")
         note_below(
