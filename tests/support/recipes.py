@@ -285,6 +285,21 @@ def quadrotor(J, Tm, f, kr, ka, kv, kx, n):
     return np.array([x, v, pitch, w, torque, first, second, before, *late])
 
 
+def two_axes(l1, l2, I1, I2, d, q1, q2, phi, kh, bh, n, K, B):
+    """In coordinates of the hand: along the normal and beside it, where the mass is a matrix."""
+    turned = np.array([[np.cos(phi), np.sin(phi)], [-np.sin(phi), np.cos(phi)]])
+    J = turned @ [[-l1 * np.sin(q1), -l2 * np.sin(q2)], [l1 * np.cos(q1), l2 * np.cos(q2)]]
+    W = J @ np.diag([1 / I1, 1 / I2]) @ J.T
+    F = np.zeros((5, 5))  # depth, place beside, their speeds, force of the wall
+    F[:2, 2:4], F[2:4, :2] = np.eye(2), -kh * W
+    F[2:4, 2:4], F[2:4, 4] = -J @ np.diag([d / I1, d / I2]) @ np.linalg.inv(J) - bh * W, -W[:, 0]
+    step = np.linalg.matrix_power(expm(1e-3 * F), n)
+    depth, beside, speed, slip, before = np.eye(5)
+    force = K * depth + B * (depth - before) / (1e-3 * n)
+    frame = np.array([*(step @ [depth, beside, speed, slip, force])[:4], depth])
+    return frame if kh else np.delete(np.delete(frame, 1, 0), 1, 1)  # else nothing holds the place beside
+
+
 FRAMES = {
     "late-messages": late_messages,
     "lost-commands": lost_commands,
@@ -310,6 +325,7 @@ FRAMES = {
     "exposure": exposure,
     "late-camera": late_camera,
     "quadrotor": quadrotor,
+    "two-axes": two_axes,
 }
 
 

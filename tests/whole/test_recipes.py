@@ -140,6 +140,7 @@ ANSWERS = {
         "0.1 5 = 376.80, 0.1 10 = 12.000, 0.1 6 = 23.912"
     ),
     "late-camera": "s: 0 = 8.3109, 1 = 46.562; s, m: 1 1.25 = 25.958",
+    "two-axes": "phi, q2, kh: 1.6 1.4 0 = 967.22, 0 1.4 0 = 597.25, 0 1.4 400 = 493.73",
     "quadrotor": "n: 0 = 12.746, 5 = 6.0074, 15 = 2.7448",
     "exposure": "n, T: 2 0.1 = 5.3590, 1 0.1 = 8.2843, 0 0.1 = 20.000, 2 0.05 = 10.7180",
 }
@@ -410,3 +411,23 @@ def test_pictures_that_are_lost():
     lost = ["c=5", "sweep.g.stop=20", "sweep.s=[1]"]
     found = wavesweep.stability_region(wavesweep.load(FOLDER / "late-camera.toml", lost))
     assert found[found.guarantee == "for_all"].high.tolist() == [20]
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_a_wall_in_any_direction_at_any_pose():
+    """What is proved for all of them is less than for any, and next to what the worst of a grid has."""
+    ranges = {"phi": {"start": 0, "stop": 3.1416}, "q2": {"start": 0.4, "stop": 1.4}}
+    tables = tomllib.loads(TEXTS["two-axes"]) | {"for_all": ranges, "sweep": {"K": {"start": 1, "stop": 2000}, "kh": [400]}}
+    rows = wavesweep.zwidth(tables)
+    proved = rows[rows.guarantee == "for_all"].high.item()
+    numbers = defaults("two-axes") | {"kh": 400.0}
+    worst = max(
+        radius("two-axes", numbers | {"phi": phi, "q2": q2, "K": 1.01 * proved})
+        for phi in np.linspace(0, 3.1416, 41)
+        for q2 in np.linspace(0.4, 1.4, 21)
+    )
+    assert worst > 1
+    assert f"{proved:.1f}" in numbers_of("two-axes")
+    for phi, q2 in np.random.default_rng(0).uniform([0, 0.4], [3.1416, 1.4], (200, 2)):
+        assert radius("two-axes", numbers | {"phi": phi, "q2": q2, "K": proved}) < 1
