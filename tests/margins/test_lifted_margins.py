@@ -218,3 +218,31 @@ def test_at_its_own_rate_a_signal_has_the_response_that_a_sine_shows(cycles):
     found = loop.at_line(2 * np.pi * cycles / 200 * 4)
     assert -mean == pytest.approx(found, rel=1e-7)
     assert np.abs(loop.response(2 * np.pi * cycles / 200 * 4) - found).min() > 5e-5 * abs(found)  # and is no eigenvalue
+
+
+UNREAD = """
+[rates]
+tick_hz = 100
+[block.plant]
+type = "tf"
+num = [2.37]
+den = [1, 1.1, 2.37]
+[block.rate]
+type = "difference"
+[block.sample]
+type = "hold"
+every = 4
+[wire]
+"rate.u" = "plant.y"
+"sample.u" = "rate.y"
+"plant.u" = "-0.9*sample.y"
+"""
+
+
+def test_a_signal_whose_samples_are_not_all_read_has_the_margins_of_what_reads_it():
+    """One factor on what is made in every tick, and on the sample of every fourth that alone reads it, is the same factor."""
+    loop = wavesweep.compile(tomllib.loads(UNREAD))
+    often, seldom = (loop.margins(cut).set_index("margin") for cut in ("rate.y", "sample.y"))
+    for name in ("gain_up", "gain_down", "phase", "disk"):
+        assert often["value"][name] == pytest.approx(seldom["value"][name], rel=1e-7), name
+        assert often["hz"][name] == pytest.approx(seldom["hz"][name], rel=1e-6, nan_ok=True), name

@@ -17,7 +17,7 @@ from wavesweep.core.reading.checking import nearest
 from wavesweep.core.spec import Spec, load
 from wavesweep.core.sweep.grid import Loops, own_loop
 from wavesweep.margins.lifted_margins import LiftedLoop
-from wavesweep.margins.loop_margins import BESIDE, BrokenLoop, Margin
+from wavesweep.margins.loop_margins import BESIDE, MOST, BrokenLoop, Margin
 
 MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
 BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so
@@ -66,21 +66,31 @@ def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: 
 
     It is that of the loop with the factor that puts an eigenvalue on the circle at the frequency of the margin: its gain, or
     -1/L: of the eigenvalues of a lifted L the one that meets the phase, or has the largest |1 - L|/|1 + L| (disk), |1/(1 + L)|
-    (sensitivity) or |L/(1 + L)|.
+    (sensitivity) or |L/(1 + L)|. No factor does so for an L of 0, as a lifted one has whose samples are not all read; if there
+    is no other, it is the frequency itself.
     """
-    found, at = np.full(len(margins), np.nan), [i for i, each in enumerate(margins) if np.isfinite(each.omega)]
+    found, at, factors = np.array([each.omega for each in margins]) / (2 * np.pi), [], []
+    for i, margin in enumerate(margins):
+        if not np.isfinite(margin.omega):
+            continue
+        L, turn = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE))), np.exp(1j * np.radians(margin.value))
+        L = L[abs(L) > 1 / MOST]
+        if margin.name.startswith("gain"):
+            factor = margin.value
+        elif len(L):
+            with np.errstate(divide="ignore"):
+                far = {
+                    "phase": np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L)),
+                    "sensitivity": abs(1 + L),
+                    "complementary": abs(1 + L) / abs(L),
+                }.get(margin.name, abs(1 + L) / abs(1 - L))
+            factor = -1 / L[np.argmin(far)]
+        else:
+            continue
+        at.append(i)
+        factors.append(factor)
     if not at:
         return found
-    factors = []
-    for margin in (margins[i] for i in at):
-        L, turn = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE))), np.exp(1j * np.radians(margin.value))
-        with np.errstate(divide="ignore"):
-            far = {
-                "phase": np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L)),
-                "sensitivity": abs(1 + L),
-                "complementary": abs(1 + L) / abs(L),  # no complex 1/0, which is no number
-            }.get(margin.name, abs(1 + L) / abs(1 - L))
-        factors.append(margin.value if margin.name.startswith("gain") else -1 / L[np.argmin(far)])
     spec, signal = with_block(spec, signal)
     loop = _with_gain(own_loop(spec), signal)
     omega = np.array([margins[i].omega for i in at])
