@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.core.columns import Columns
 from wavesweep.core.plots.scales import by_factors
 from wavesweep.core.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
-from wavesweep.core.plots.words import assumption, at_hand, label, printed, with_unit
+from wavesweep.core.plots.words import assumption, at_hand, label, printed, symbol, unit, valued, with_unit
 from wavesweep.core.tables.columns import fields
 from wavesweep.core.tables.planes import spec_of
 from wavesweep.designs.table import margins_of, wish_of
@@ -47,9 +47,11 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
             if front.get_xscale() == "log":
                 by_factors(panel.xaxis, columns[x].min(), columns[x].max())
             _scale_numbers(panel, columns[name], kinds[name] == "integer")
+            if place + across >= len(varied):
+                panel.set_xlabel(_label(x, facts).rpartition(", ")[0], fontsize=7)
         unknown = [WISHES[name].title for name in (x, y) if own.get(name) is None]
         missing = f"The nominal design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable."
-        note_below(canvas, missing if own and unknown else "", assumption(facts))
+        note_below(canvas, missing if own and unknown else "", *_studied(facts), assumption(facts))
     return canvas
 
 
@@ -106,8 +108,37 @@ def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], var
             axes.set_yticks(range(len(designs)), [*designs] if place % across == 0 else [])
         if hand:
             _draw_admittances(canvas.add_subplot(grid[-1, :]), spec, designs, varied, looks)
-        note_below(canvas, assumption(facts))
+        note_below(canvas, *_studied(facts), assumption(facts))
     return canvas
+
+
+def _studied(facts: Mapping[str, Any]) -> list[str]:
+    """Sentences on the walls and the band that each wish is for, and on what designs have to hold for."""
+    tables, study = facts["spec"], facts["spec"]["design"]
+    wall = tables.get("ports", {}).get("wall") or {"stiffness": "K_VE", "damping": "B_VE"}
+    names, own = {"walls": wall["stiffness"], "B_VE": wall["damping"]}, tables.get("environment", {})
+
+    def said(name: str, values: Any) -> str:
+        return f"{symbol(name)} = {', '.join(f'{each:g}' for each in values)} {unit(name, facts)}".rstrip()
+
+    wishes = []
+    for name, given in study["wish"].items():
+        options = WISHES[name].options
+        walls = {
+            each: given.get(each) or [own[at]] for each, at in names.items() if each in options and (each in given or at in own)
+        }
+        words = [said(names[each], values) for each, values in walls.items()]
+        words += [f"{given['band_hz'][0]:g} to {given['band_hz'][1]:g} Hz"] if "band_hz" in given else []
+        wishes += [f"{WISHES[name].title} with {', '.join(words)}"] if words else []
+    known = {name: values for name, values in study.get("for_all", {}).items() if name != "hand"}
+    scenarios = [
+        f"{name} = {', '.join(f'{each:g}' for each in values)}" if "/" in name else said(name, values)
+        for name, values in known.items()
+    ]
+    hand = study.get("for_all", {}).get("hand", {})
+    scenarios += [said(f"operator.{part}", values) for part, values in hand.items()]
+    sentences = "; ".join(wishes), f"worst for {'; '.join(scenarios)}" if scenarios else ""
+    return [f"{each[0].upper()}{each[1:]}." for each in sentences if each]
 
 
 def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Sequence[Look], facts: Mapping[str, Any]) -> None:
@@ -150,8 +181,11 @@ def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, A
         admittance, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), bool(radii_of(own_loop(one)) < 1)
         colour, said = (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
         axes.loglog(frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said)
+    tables = {"spec": spec.tables()}
+    walls = [valued(path.rpartition(".")[2], spec.own(path), tables) for path in spec.wall]
+    axes.set_title(f"with {', '.join(walls)}" if walls else "", fontsize=7)
     axes.set_xlabel("frequency (Hz)")
-    axes.set_ylabel(at_hand("admittance", "admittance_abs", "mm/N", {"spec": spec.tables()}))
+    axes.set_ylabel(at_hand("admittance", "admittance_abs", "mm/N", tables))
     axes.grid(**GRID)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
 
