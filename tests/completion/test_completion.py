@@ -118,7 +118,10 @@ type = "delay"
     [
         (("--set", "k"), ["kp=", "kd="]),
         (("--set", "numbers."), ["numbers.kp=", "numbers.kd="]),
-        (("--set", "block.n"), ["block.net.steps=", "block.net.seconds=", "block.net.every=", "block.net.phase="]),
+        (
+            ("--set", "block.n"),
+            ["block.net.steps=", "block.net.seconds=", "block.net.taps=", "block.net.every=", "block.net.phase="],
+        ),
         (("--set", "sweep.k"), ["sweep.kp=", "sweep.kd="]),
         (("--set", "bode.k"), ["bode.kp=", "bode.kd="]),
         (("--set", "bode.f"), ["bode.frequency_hz=", "bode.from="]),
@@ -154,7 +157,12 @@ def test_controllers_devices_and_keys_are_completed(complete):
     assert complete("init", "dr") == ["drive"]
     assert complete("init", "pmw", "--device", "") == list(DEVICES)
     assert complete("keys", "environment.i") == ["environment.integration"]
-    assert complete("keys", "sweep.dev") == ["sweep.device.mass", "sweep.device.damping", "sweep.device.delay"]
+    assert complete("keys", "sweep.dev") == [
+        "sweep.device.mass",
+        "sweep.device.damping",
+        "sweep.device.delay",
+        "sweep.device.dead_time",
+    ]
 
 
 def test_every_argument_of_a_command_is_completed():

@@ -207,10 +207,12 @@ def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     assert zero.slope.isna().all()
     assert table.attrs["facts"]["notices"] == [
         "B_VE is not swept here, held at the spec's 1",
-        f"{WITHOUT}: rates.ratio, device.delay, environment.delay",
+        f"{WITHOUT}: rates.ratio, device.delay, device.dead_time, environment.delay",
     ]
     uneven = wavesweep.why({"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": 60.0}})
-    assert uneven.attrs["facts"]["notices"][-1].endswith("is built: rates.slow_hz, device.delay, environment.delay")
+    assert uneven.attrs["facts"]["notices"][-1].endswith(
+        "is built: rates.slow_hz, device.delay, device.dead_time, environment.delay"
+    )
     assert table.attrs["units"]["omega"] == "rad/s"
     assert set(table[table.number == "B_VE"].number_unit) == {"N*s/m"}
     assert set(table.unit) == {"N/m"}

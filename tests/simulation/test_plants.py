@@ -96,3 +96,10 @@ def test_a_wall_that_reads_a_plant_is_what_its_wires_say():
         found = wavesweep.compile(tables | {"ports": ports | {"wall": {"stiffness": "K", "damping": "B"}}}).simulate(force)
         np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-13)
         assert np.abs(found.F_s).max() > 1e-3
+
+
+def test_the_work_of_a_force_that_changes_within_a_tick_is_not_told():
+    late = {"dead_time": 0.0004}
+    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": 100.0}}
+    assert np.isfinite(wavesweep.compile(tables).simulate(np.ones(9)).energy_device).all()
+    assert np.isnan(wavesweep.compile(tables | {"device": late}).simulate(np.ones(9)).energy_device).all()

@@ -5,6 +5,8 @@ polynomial `d - K_VE N_x - B_VE N_v` of a frame, which is linear in the wall.
 """
 
 from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil
 
 from flint import acb, acb_mat, arb, arb_mat
 
@@ -148,8 +150,15 @@ def _late(forms, values, f_m):
     return forms.now[names[-1]] if names else f_m
 
 
+def _lateness(values):
+    """The ticks after which the force of the motors has arrived, and the share of the last one in which it acts already."""
+    late = Fraction(values.get("device.dead_time", 0.0)).limit_denominator(10**9) * round(values["rates.fast_hz"])
+    late += values.get("device.delay", 0)
+    return ceil(late), ceil(late) - late
+
+
 def _amplifier(values):
-    return [f"f_m of {i} ticks ago" for i in range(1, values.get("device.delay", 0) + 1)]
+    return [f"f_m of {i} ticks ago" for i in range(1, _lateness(values)[0] + 1)]
 
 
 def frame(values) -> Frame:
@@ -185,12 +194,13 @@ def _closer(forms, v_m):
 
 def _step(forms, values, f_m, T, put):
     """The states after the tick, a row each, over the states and both forces."""
-    x_row, v_row = device(values, T)
     now, hand = [put(forms.now[name]) for name in ("x", "v")], put(forms.hand)
     after = {name: put(form) for name, form in forms.after.items()}
-    for name, (of_x, of_v, of_f) in (("x", x_row), ("v", v_row)):
-        after[name] = now[0] * of_x + now[1] * of_v + (hand - f_m) * of_f
-    after["x_before"] = now[0]
+    (_, share), names, moved = _lateness(values), _amplifier(values), now
+    early = T * share.numerator / share.denominator  # the time in which the force of the next tick acts already
+    for part, force in ((T - early, f_m), *([(early, after[names[-1]])] if share else ())):
+        moved = [moved[0] * of_x + moved[1] * of_v + (hand - force) * of_f for of_x, of_v, of_f in device(values, part)]
+    after |= {"x": moved[0], "v": moved[1], "x_before": now[0]}
     return arb_mat([after[name].tolist()[0] for name in forms.names])
 
 

@@ -109,7 +109,8 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
 def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     delay, millis, two = facts["parameters"]["delay"], 1e3 * facts["period_s"], "load_mass" in facts["parameters"]
     place = "It is tau." if two else "It is device.delay."
-    unknown = "It is no whole number of them, so no built-in loop has it."
+    seconds = max(delay["value"], 0.0) * facts["period_s"]
+    unknown = f"It is no whole number of them: a built-in loop has it as device.dead_time = {seconds:.4g}."
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
         "# Intervals of 95 %, in [for_all]:",

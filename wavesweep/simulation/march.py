@@ -330,8 +330,9 @@ def refuse(loop: Loop, effects: Effects) -> None:
     plants = [part.name for part in loop.parts if part.plant and part.name != loop.device]
     slow = [each for each in results_of(loop) if not each.channel]
     linear = "a wall in [ports] whose numbers only multiply signals of wires"
+    between = "one that a dead time moves between ticks" if any(part.type == "dead time" for part in loop.parts) else "none"
     for names, met, expected, found in (
-        (asked, loop.device, "a device, the only block of type mass that the hand's force acts on", "none"),
+        (asked, loop.device, "a device, the only block of type mass that the hand's force acts on", between),
         (asked[:1] * bool(effects.max_force), REACTION in loop.wires, "ports.hand.reaction, the force of the motors", "none"),
         (["jitter"] * bool(effects.jitter), not plants, "no plant besides the device", ", ".join(plants)),
         (wall, loop.wall, linear, "none"),

@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.core.columns import complex_columns
 from wavesweep.core.errors import UsageError
 from wavesweep.simulation.inputs import Tone
-from wavesweep.simulation.parts import Loop
+from wavesweep.simulation.parts import REACTION, Loop
 
 _MOTION = ("f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device")
 _WAVES = ("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2")
@@ -21,7 +21,7 @@ class Energy:
     """Energies (J) since the start, at the end of every tick, shape ``(ticks,)`` each.
 
     `hand`: work of the hand on the device, ``Σ f_h·Δx``; None without a hand. `device`: work that the device's motors took up,
-    ``Σ f_d·Δx``; None if this force is not known, as in a drawn loop that does not name it.
+    ``Σ f_d·Δx``; None if this force is not known, as in a drawn loop that does not name it, or changes within a tick.
     Wave power is ``(u² - v²)/2``, and a wave lasts its own period: `user` went into the channel at the user's side,
     ``Σ T·(u_m² - v_m²)/2``; `slow` came out at the slow environment, ``Σ T_s·(u_s² - v_s²)/2``, counted at its update;
     `local` came out at the local model. `channel` is the rest, ``user - slow - local``: stored or dissipated if
@@ -73,8 +73,11 @@ def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -
     def power(going, coming):
         return (signals[going] ** 2 - signals[coming] ** 2) / 2
 
+    late = {f"{part.name}.y" for part in loop.parts if part.type == "dead time"}
+    changes = any(name in late for _, name in loop.wires.get(REACTION, ()))  # between two ticks
+    known = signals.keys() - ({"f_device"} if changes else ())
     with np.errstate(over="ignore", invalid="ignore"):
-        hand, device = (np.cumsum(signals[name] * moved) if name in signals else None for name in ("f_h", "f_device"))
+        hand, device = (np.cumsum(signals[name] * moved) if name in known else None for name in ("f_h", "f_device"))
         if not {"u_m", "u_s"} <= signals.keys():
             return Energy(hand, device, None, None, None, None)
         user = np.cumsum(loop.tick * power("u_m", "v_m"))

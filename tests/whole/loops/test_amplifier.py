@@ -1,41 +1,50 @@
 """Built-in loops whose motors are late, against equations of their own in ball arithmetic."""
 
+import re
+
 import numpy as np
 import pytest
 from support import exact
 from support.certified import Witness
+from support.exports import written
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
 from wavesweep.core.analyses.assumptions import assumes
+from wavesweep.core.analyses.hardware import limits_of_walls
 from wavesweep.core.spec import load
 from wavesweep.simulation.from_spec import simulated
 
 SPAN = (0.0, 3000.0)
 
 
-def values(kind, late, **more):
+def values(kind, late, seconds=0.0, **more):
     more = {"ratio": 6, "delay": 2, "Kp": 4.0, "B_VE": 0.8, "K_LM": 60.0, "mass": 0.07, "lp1_cutoff_hz": 40.0, **more}
-    return values_of(kind, **more) | {"device.delay": late}
+    return values_of(kind, **more) | {"device.delay": late, "device.dead_time": seconds}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("late", [1, 7])
+@pytest.mark.parametrize(("late", "seconds"), [(1, 0.0), (7, 0.0), (0, 0.0003), (2, 0.0017)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_intervals_of_every_controller_are_those_of_its_equations_with_the_force_late(kind, late):
-    own = values(kind, late)
+def test_intervals_of_every_controller_are_those_of_its_equations_with_the_force_late(kind, late, seconds):
+    own = values(kind, late, seconds)
     found = wavesweep.compile(nested(own)).stable_intervals("K_VE", SPAN)
     assert found.certified.all()
     truth = [r for r in Witness(own).regions("K_VE", SPAN, own["environment.B_VE"]) if r.unstable == 0]
     ends = [[float(end.mid()) for end in (region.low, region.high)] for region in truth]
     np.testing.assert_allclose(found[["low", "high"]][found.intervals > 0], np.reshape(ends, (-1, 2)), rtol=1e-9, atol=1e-7)
-    assert f"amplifier late by {late} tick" in assumes(load(nested(own)))
+    assert re.search(r"amplifier late by (\d+ ticks?)?( and )?([\d.]+ ms)?", assumes(load(nested(own))))[
+        0
+    ] == "amplifier late by " + (
+        " and ".join([f"{late} tick{'s' * (late > 1)}"] * bool(late) + [f"{1e3 * seconds:g} ms"] * bool(seconds))
+    )
 
 
+@pytest.mark.parametrize("seconds", [0.0, 0.0004])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_simulation_is_the_march_of_these_equations(kind):
+def test_a_simulation_is_the_march_of_these_equations(kind, seconds):
     """`f_m` is the force of the motors, which the hand feels."""
-    own, force = values(kind, 3, K_VE=40.0), np.random.default_rng(1).normal(size=120)
+    own, force = values(kind, 3, seconds, K_VE=40.0), np.random.default_rng(1).normal(size=120)
     signals, expected = simulated(load(nested(own)), force).signals, exact.march(own, force)
     for name in ("x", "f_m"):
         np.testing.assert_allclose(signals[name], expected[name], rtol=0, atol=1e-10 * np.abs(expected[name]).max())
@@ -51,11 +60,56 @@ def test_in_series_with_the_delay_of_a_held_force_only_the_sum_counts():
     assert swept["high"][1] == pytest.approx(ends[1], rel=1e-12)
 
 
-@pytest.mark.parametrize("late", [0, 2])
-def test_the_passive_wall_is_that_of_its_sampling_and_its_delay(late):
+@pytest.mark.parametrize(("late", "seconds"), [(0, 0.0), (2, 0.0), (1, 0.0003), (0, 0.0016)])
+def test_the_passive_wall_is_that_of_its_sampling_and_its_delay(late, seconds):
     """`d/(T/2 + delay)`, on both sides of it."""
-    own = values("dc", late, B_VE=0.0, damping=1.2)
-    own["environment.K_VE"] = 1.2 * own["rates.fast_hz"] / (0.5 + late)
+    own = values("dc", late, seconds, B_VE=0.0, damping=1.2)
+    own["environment.K_VE"] = 1.2 / (0.5e-3 + late * 1e-3 + seconds)
+    given = load(nested(own) | {"simulate": {"resolution": 1e-5, "friction": 0.1}})
+    assert limits_of_walls(given)["passive_to"] == pytest.approx(own["environment.K_VE"], rel=1e-14)
     for share, passive in ((1 - 1e-6, True), (1 + 1e-6, False)):
         table = wavesweep.compile(nested(own)).passivity(K_VE=share * own["environment.K_VE"])
         assert bool(table.port_passive[0]) is passive
+
+
+@pytest.mark.slow
+def test_intervals_lie_along_a_dead_time_of_any_part_of_a_tick():
+    """An end is where the equations at that dead time have an end along the wall."""
+    own = values("dc-lm", 1, K_VE=300.0)
+    found = wavesweep.compile(nested(own)).stable_intervals("device.dead_time", (0.0, 0.004))
+    assert found.certified.all()
+    (end,) = found.high
+    at = [wavesweep.compile(nested(own | {"device.dead_time": end * (1 + side)})).spectral_radius() for side in (-1e-6, 1e-6)]
+    assert at[0] < 1 < at[1]
+    truth = Witness(own | {"device.dead_time": round(end, 9)}).regions("K_VE", (250.0, 350.0), own["environment.B_VE"])
+    assert float(truth[0].high.mid()) == pytest.approx(300, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("tables", "said"),
+    [
+        (
+            {"device": {"delay": 1.25}},
+            "device.delay: expected a whole number >= 0, found 1.25; did you mean `device.dead_time`?",
+        ),
+        (
+            {"device": {"delay": 3, "dead_time": 1.2}},
+            "device.dead_time: expected at most 0.997 s, 1000 ticks with device.delay, found 1.2",
+        ),
+        ({"device": {"dead_time": -1e-3}}, "device.dead_time: expected a number >= 0, found -0.001"),
+    ],
+)
+def test_mistakes_in_the_delay_of_an_amplifier(tables, said):
+    with pytest.raises(wavesweep.SpecError) as error:
+        load({"controller": {"kind": "dc"}, **tables})
+    assert str(error.value) == said
+
+
+def test_what_needs_whole_ticks_says_so(tmp_path):
+    own = nested(values("dc-slow", 0, 0.0004)) | {"sweep": {"along": "K_VE", "K_VE": {"start": 0, "stop": 900}}}
+    with pytest.raises(wavesweep.UsageError, match=r"device\.delay in place of device\.dead_time"):
+        wavesweep.zwidth(own, for_hands="passive")
+    with pytest.raises(wavesweep.UsageError, match=r"option friction: .* found one that a dead time moves between ticks"):
+        wavesweep.simulate(own | {"simulate": {"friction": 0.1}})
+    with pytest.raises(wavesweep.UsageError, match=r"device\.dead_time: expected 0, .*--set device\.dead_time=0"):
+        written(own, tmp_path)

@@ -42,11 +42,12 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     if VELOCITY in read:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
     parts += _unknown(spec, swept)
-    late = values["device.delay"]
-    if "device.delay" in swept:
+    late, dead = values["device.delay"], values["device.dead_time"]
+    if {"device.delay", "device.dead_time"} & set(swept):
         parts.append("amplifier's delay swept")
-    elif late:
-        parts.append(f"amplifier late by {late} tick{'s' * (late > 1)}")
+    elif late or dead:
+        ticks = f"{late} tick{'s' * (late > 1)}" if late else ""
+        parts.append(f"amplifier late by {ticks}{' and ' * bool(late and dead)}{f'{1e3 * dead:g} ms' if dead else ''}")
     kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
     if not kept:
         return ", ".join(parts)

@@ -87,7 +87,10 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
     if step and friction:
         found["holds_to"] = 2 * friction / step
     if spec.kind == "dc":
-        found["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / (0.5 + values["device.delay"])
+        late = values["device.delay"] + values["device.dead_time"] * values["rates.fast_hz"]
+        found["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / (0.5 + late)
+    elif values["device.dead_time"]:
+        return found
     elif spec.kind == "dc-slow" and (late := values["environment.delay"] + values["device.delay"]) % values["rates.ratio"] == 0:
         ticks = values["rates.ratio"] / 2 + late
         found["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / ticks
@@ -96,4 +99,5 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
 
 def deciding(path: str) -> bool:
     """Whether `limits_of_walls` depends on a key of the loop."""
-    return path in ("device.damping", "device.delay", "environment.delay", "controller.kind") or path.startswith("rates.")
+    of_walls = ("device.damping", "device.delay", "device.dead_time", "environment.delay", "controller.kind")
+    return path in of_walls or path.startswith("rates.")

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from wavesweep.core.controllers import CONTROLLERS, WALL
 from wavesweep.core.drawing.drawing import Drawing
 from wavesweep.core.errors import UsageError
@@ -15,7 +17,7 @@ _DECIDING = (
     *("rates.ratio", "environment.delay", "environment.integration", "device.velocity"),
     *("local_model.delay", "local_model.integration"),
 )
-_AMPLIFIER = "device.delay"
+_AMPLIFIER, _DEAD_TIME = "device.delay", "device.dead_time"
 _GAIN = "controller.Kp"  # without it, nothing holds the avatar's position
 
 
@@ -44,9 +46,9 @@ def _page_of(values, varied=()):
     kind = values["controller.kind"]
     if kind not in CONTROLLERS:
         raise UsageError(f"controller.kind: expected one of {', '.join(CONTROLLERS)}, found {kind}, which has no page")
-    gain = _GAIN in varied or bool(values[_GAIN] != 0 if isinstance(values[_GAIN], float) else values[_GAIN].any())
     late = int(values.get(_AMPLIFIER, 0))
-    return kind, (*((path, values[path]) for path in _DECIDING), (_AMPLIFIER, late), (_GAIN, gain))
+    other = ((path, path in varied or bool(np.any(values.get(path, 0.0)))) for path in (_GAIN, _DEAD_TIME))
+    return kind, (*((path, values[path]) for path in _DECIDING), (_AMPLIFIER, late), *other)
 
 
 @lru_cache(maxsize=256)
@@ -63,7 +65,7 @@ def _read(kind, items):
 
 def _late(kind, values):
     """The page of a controller, its force as late as the amplifier is."""
-    return CONTROLLERS[kind].page(values).behind_amplifier(values[_AMPLIFIER])
+    return CONTROLLERS[kind].page(values).behind_amplifier(values[_AMPLIFIER], _DEAD_TIME if values[_DEAD_TIME] else "")
 
 
 class _Watched(dict):

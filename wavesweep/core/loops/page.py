@@ -40,12 +40,19 @@ class Page:
     reaction: str
     assumes: str = "a wall of which its controller's page says nothing"
 
-    def behind_amplifier(self, ticks: int) -> Page:
-        """Return the loop whose motors exert the control force so many ticks later, and the device feels theirs."""
-        if not ticks:
+    def behind_amplifier(self, ticks: int, dead_time: str = "") -> Page:
+        """Return the loop whose motors exert the control force so many ticks later, and the device feels theirs.
+
+        dead_time: path of a time (s) by which it is later than that; empty without one.
+        """
+        if not ticks and not dead_time:
             return self
-        blocks = {**self.blocks, "amplifier": {"type": "delay", "steps": ticks}}
+        late = {"steps": None, "seconds": f"{dead_time} + {ticks}/rates.fast_hz"} if dead_time else {"steps": ticks}
+        blocks = {**self.blocks, "amplifier": {"type": "delay", **late}}
         wires = {**self.wires, "amplifier.u": self.reaction, "device.f": "f_h - amplifier.y"}
+        if dead_time:  # which would read a position or velocity of the device between two ticks
+            blocks["command"] = {"type": "hold"}
+            wires |= {"command.u": self.reaction, "amplifier.u": "command.y"}
         return replace(self, blocks=blocks, wires=wires, reaction="amplifier.y")
 
 

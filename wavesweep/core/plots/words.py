@@ -25,6 +25,7 @@ _SYMBOLS = {
     "rates.ratio": "ratio of the rates",
     "environment.delay": "delay",
     "device.delay": "delay of the amplifier",
+    "device.dead_time": "dead time of the amplifier",
     "local_model.delay": "delay of the local model",
     **{
         f"filters.{name}.{part}_hz": f"{name.upper()} {part}"

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from wavesweep.core.controllers import CONTROLLERS
+from wavesweep.core.drawing.block_types import LONGEST_DELAY
 from wavesweep.core.drawing.conditions import faults
 from wavesweep.core.drawing.drawing import Drawing
 from wavesweep.core.reading.checking import Mistakes, expectation, show
@@ -190,6 +191,7 @@ LIMITS = {
     f"filters.{name}.cutoff_hz": ("rates.fast_hz", f"filters.{name}", *(f"filters.{name}.{edge}" for edge in BAND_EDGES))
     for name in FILTERS
 }
+LIMITS["device.dead_time"] = ("device.delay", "rates.fast_hz")
 LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 
 
@@ -198,6 +200,9 @@ def exceeds_limit(path: str, number: float, values: Mapping) -> str:
     if path == "environment.delay" and number > (most := longest_delay(values["rates.ratio"])):
         few = " ticks: rates that do not divide leave none below 3 ticks in a frame" if not most else ""
         return f"a whole number <= {most} (rates.ratio{few})"
+    rate = values["rates.fast_hz"]
+    if path == "device.dead_time" and number * rate + values["device.delay"] > LONGEST_DELAY:
+        return f"at most {(LONGEST_DELAY - values['device.delay']) / rate:g} s, {LONGEST_DELAY} ticks with device.delay"
     if path.endswith(".cutoff_hz") and not number < values["rates.fast_hz"] / 2:
         return f"a number < {values['rates.fast_hz'] / 2!r} (half of rates.fast_hz)"
     return ""

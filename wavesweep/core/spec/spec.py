@@ -265,8 +265,9 @@ class Spec(Studies):
             known["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
         if self.delay_of_frame:
             known["environment.delay"] = "frame"
-        if not known["device.delay"]:
-            del known["device.delay"]  # so that the digest of a spec without it is what it was
+        for path in ("device.delay", "device.dead_time"):
+            if not known[path]:
+                del known[path]  # so that the digest of a spec without it is what it was
         if "environment.step" in self._given.leaves:
             known["environment.step"] = self.step
         return {tuple(path.split(".")): known[path] for path in KEYS if path in known}

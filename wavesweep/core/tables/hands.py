@@ -91,7 +91,10 @@ def device_held(kind: str, own: Job) -> "HeldLoop":
     loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
     if loop.device is None:
         late = f"a dead time in seconds ({', '.join(dead)}), " if (dead := loop.drawing.dead_times) else ""
-        late += "which may end between two ticks; give that block steps in place of seconds" if dead else "another one"
+        whole = (
+            "device.delay in place of device.dead_time" if not own.grid.spec.drawing else "that block steps in place of seconds"
+        )
+        late += f"which may end between two ticks; give {whole}" if dead else "another one"
         raise UsageError(
             f"hand {kind}: expected a hand whose force acts on one block mass and on nothing else, and whose "
             f"displacement is the position of that block, found {late}"

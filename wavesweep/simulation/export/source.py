@@ -65,6 +65,9 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """
     spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
+    if spec.drawing is None and (seconds := spec.values["device.dead_time"]):
+        expected = "0, as it is the device's and no part of a program (--set device.dead_time=0)"
+        raise UsageError(f"device.dead_time: expected {expected}, found {seconds:g}")
     effects, steps = effects_of(spec), steps_of(spec)
     drawing = drawing_of(spec, steps, gains=gains)
 
