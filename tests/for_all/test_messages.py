@@ -1,14 +1,18 @@
 """Messages that are late or lost, against closed forms and a march with queues of messages that shares no code."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.messages import marched, random_blocks, random_loop, spec_of, spec_of_blocks
 
 import wavesweep
+from wavesweep.core.drawing.drawing import path_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
 from wavesweep.for_all.joint import bracket, decide
 from wavesweep.for_all.messages import Sent, frames_with_messages
+from wavesweep.for_all.varying import Rules, bracketed_over
 from wavesweep.for_all.words import growth
 
 PLANT = {"type": "mass", "mass": 10.0, "damping": 1.0}
@@ -201,3 +205,43 @@ def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed)
     if proof.words[1]:
         late = pattern(found, proof.words[1])
         assert radius(loop, proof.fails_from, late) >= 1 - 1e-9
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(9))
+def test_what_is_proved_for_a_range_of_masses_survives_them_with_random_patterns(seed):
+    source = np.random.default_rng(300 + seed)
+    loop = random_loop(source)
+    mass, *others = loop["numbers"]
+    tables, ends = spec_of(loop), (0.8 * mass, 1.25 * mass)
+    tables["numbers"]["m"], tables["block"]["plant"]["mass"] = mass, "m"
+    spec = load(tables | {"for_all": {"m": dict(zip(("start", "stop"), ends, strict=True))}})
+    rules, found = replace(Rules.of(spec), work=1e8), family(tables, "g")
+    nominal = bracket(found, 0.02, (0.0, 100.0), work=1e8)
+    if not np.isfinite(nominal.low):
+        return
+    proof = bracketed_over(rules, dict(spec.values), path_of("g"), spec.for_all.axes, (0.0, 100.0), (0.0, nominal.fails_from))
+    for g in (proof.low, proof.high, (proof.low + proof.high) / 2) if proof else ():
+        for word in filter(None, (random_word(found, source) for _ in range(10))):
+            own = loop | {"numbers": [source.choice([*ends, source.uniform(*ends)]), *others]}
+            assert radius(own, g, pattern(found, word)) < 1
+    if proof and proof.above.word:
+        own = loop | {"numbers": [proof.above.point[0], *others]}
+        assert ends[0] <= proof.above.point[0] <= ends[1]
+        assert radius(own, proof.above.x, pattern(found, proof.above.word)) >= 1 - 1e-9
+
+
+@pytest.mark.slow
+def test_a_range_beside_messages_that_are_lost():
+    """`x' = -K x/d`, 2 d/(n + 1) by losing as many as possible: the least d decides. At random a range is refused."""
+    tables = integrator(lost=1)
+    tables["numbers"]["d"], tables["block"]["plant"]["den"] = 1.0, ["d", 0]
+    tables |= {"for_all": {"d": {"start": 0.5, "stop": 2.0}}, "sweep": {"along": "K", "K": {"start": 0, "stop": 3}}}
+    (row,) = wavesweep.stability_region(tables).query("guarantee == 'for_all'").itertuples()
+    assert 0.99 * 0.5 < row.high < 0.5 <= row.fails_from < 0.5 * (1 + 1e-6)
+    assert (row.settled, row.certified) == (1, 1)
+    assert row.counterexample.startswith("d = 0.5, messages net: ")
+    tables["block"]["net"] = {"type": "channel", "loss": 0.1}
+    with pytest.raises(UsageError, match="expected values of numbers beside messages lost at random, found the range of d"):
+        wavesweep.stability_region(tables)

@@ -7,7 +7,7 @@ eigenvalue of 1 in every frame. A matrix belongs to a step, from a moment at whi
 follow depends on how many messages in a row were lost, and on when those under way arrive.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -22,10 +22,12 @@ from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar
 from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.core.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
 from wavesweep.core.monodromy.periodic import Ticks, ticks_of
+from wavesweep.for_all.folded import without_folded
 from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.loop_numbers import FramesOver
+from wavesweep.for_all.plan import ANY, INSIDE
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
-ANY = np.array([0.5, 2.0])  # stands for a number that varies
 ANY_NUMBER = -1  # of messages in a row that are lost
 MOST_SYMBOLS = 600  # matrices, beyond which no norm would be found in a useful time
 STILL = 1e-9  # of its terms: a change of what drifts below this is rounding
@@ -132,28 +134,73 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
             f"intervals along {number}: where messages may be late or lost, expected a number that one wire or gain reads "
             "linearly, found another; look along another one"
         )
-    if not any(channel.late for channel in channels_of(drawing, values)):
-        drawing = with_common_tick(drawing, values)
-    channels = channels_of(drawing, values)
+    drawing, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): ANY} if number else {}
     pair = [_in_time(each, channels) for each in twins(drawing, values | varied)]
-    held = pair[0].held()
     own = assembled(drawing, values | dict.fromkeys(varied, 0.0), name_of(number) if number else "")
     steps = list(_steps(channels, own.ticks))
+    rows, ticks = _ticks(own, channels, steps, pair[0].held(), number)
+    drift = drift_of_drawn(*pair)
+    _refuse_moved(ticks, drift)
+    ticks, _ = counted_ticks(ticks, drift)
+    follows = np.array([[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps])
+    symbols = tuple(symbol for _, symbol, *_ in steps)
+    return LoopFrames.of(ticks, drift.kept, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
+
+
+def messages_over(
+    drawing: Drawing,
+    values: Mapping[str, object],
+    paths: Sequence[str],
+    numbers_at: Callable[[np.ndarray], np.ndarray],
+    box: np.ndarray,
+    units: np.ndarray | None = None,
+) -> FramesOver | int:
+    """Return the family over a box of sides, or the side along which it has to be divided first (see `FramesOver.of`).
+
+    numbers_at: gives the numbers of these paths, `(points, paths)`, from points of the box. units: see `FramesOver.of`.
+    """
+    drawing, channels = _in_step(drawing, values)
+    inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+
+    def with_numbers(points):
+        return values | {path: part.copy() for path, part in zip(paths, numbers_at(points).T, strict=True)}
+
+    pair = [_in_time(each, channels) for each in twins(drawing, with_numbers(inside))]
+    held, drift = pair[0].held(), drift_of_drawn(*pair)
+    steps = list(_steps(channels, assembled(drawing, values).ticks))
+
+    def ticks_at(points):
+        return _ticks(assembled(drawing, with_numbers(points)), channels, steps, held)
+
+    rows, ticks = ticks_at(inside)
+    _refuse_moved(ticks, drift)
+    ahead, last = [tuple(row[:-1]) for row in rows], [row[-1] for row in rows]
+    symbols = tuple(symbol for _, symbol, *_ in steps)
+
+    def evaluate(points):
+        return without_folded(counted_ticks(ticks_at(points)[1], drift)[0], drift)
+
+    return FramesOver.of(evaluate, box, tuple(ahead), tuple(last), symbols, units)
+
+
+def _in_step(drawing: Drawing, values: Mapping[str, object]) -> tuple[Drawing, tuple[Channel, ...]]:
+    """The drawing with its longest tick, if no message is late, and its channels."""
+    if not any(channel.late for channel in channels_of(drawing, values)):
+        drawing = with_common_tick(drawing, values)
+    return drawing, channels_of(drawing, values)
+
+
+def _ticks(own: MultirateLoop, channels, steps, held, number: str = "") -> tuple[list[list[int]], Ticks]:
+    """The ticks of each step, as numbers of kinds, and the map of each kind."""
     kinds = list(dict.fromkeys(kind for row, *_ in steps for kind in row))
     maps = []
     for tick, taken in kinds:
         loop = _at(own, tick, channels, taken)
         ticks = ticks_of(loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True)
         maps.append(ticks.maps[ticks.kind[0]])
-    ticks, drift = Ticks(tuple(maps), np.arange(len(maps))), drift_of_drawn(*pair)
-    _refuse_moved(ticks, drift)
-    ticks, _ = counted_ticks(ticks, drift)
     index = {kind: i for i, kind in enumerate(kinds)}
-    rows = [[index[kind] for kind in row] for row, *_ in steps]
-    follows = np.array([[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps])
-    symbols = tuple(symbol for _, symbol, *_ in steps)
-    return LoopFrames.of(ticks, drift.kept, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
+    return [[index[kind] for kind in row] for row, *_ in steps], Ticks(tuple(maps), np.arange(len(maps)))
 
 
 def _steps(channels: tuple[Channel, ...], frame: int) -> Iterator[tuple]:

@@ -118,7 +118,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
-        (rules.messages and ranges, "values of numbers beside channels", f"the range of {', '.join(ranges)}"),
+        (rules.at_random and ranges, "values of numbers beside messages lost at random", f"the range of {', '.join(ranges)}"),
         (for_all.shares and ranges, "values of numbers beside frames at random", f"the range of {', '.join(ranges)}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),

@@ -4,7 +4,7 @@ messages may be late or lost, by what their channels say."""
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from itertools import groupby
 
 import numpy as np
@@ -32,7 +32,7 @@ from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, 
 from wavesweep.for_all.keys import ForAll, values_of_range
 from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.mean_square import Chances, chances, decays, frames_at_random
-from wavesweep.for_all.messages import Sent, frames_with_messages
+from wavesweep.for_all.messages import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.plan import Plan
 from wavesweep.for_all.words import is_refuted
@@ -204,9 +204,11 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     """The loops of a box of ranges, along a number or at their own values."""
     paths = [axis.path for axis in ranges]
     box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
-    plan, zeros = rules.plan(values, (along, *paths)), [min(0.0, span[0])] if along else []
+    plan, zeros = None if rules.messages else rules.plan(values, (along, *paths)), [min(0.0, span[0])] if along else []
+    own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
+    over = plan.over if plan else partial(messages_over, *own)
     for path, (low, high) in zip(paths, box.T, strict=True):
-        least = domain(plan.drawing, plan.values, path, (low, high))[0]
+        least = domain(*own, path, (low, high))[0]
         zeros.append(least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan)
     zeros = np.array(zeros)
 
@@ -215,7 +217,7 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
         return rules.family({**values, **dict(zip(paths, point, strict=True))}, along)
 
     def frames_at(part, units=None):
-        return plan.over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
+        return over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
 
     return LoopsOver(family, frames_at, box, zeros)
 
