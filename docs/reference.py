@@ -269,41 +269,70 @@ def _laid_out(found, indent="", wide=110):
     return "{\n" + ",\n".join(rows) + f"\n{indent}}}"
 
 
+SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}\n", re.MULTILINE)  # of a docstring, whose line would make it a heading of the page
+ENTRY = re.compile(r"^(\S.*)\n?((?: .*\n?)*)", re.MULTILINE)
 OF_FILES = ("read", "read_table", "verify")  # of wavesweep.core.results: the rest writes what a run has computed
 
 
 def library() -> str:
-    """Every public name of the package with its signature and docstring; of a compiled loop also its methods."""
-    from wavesweep.core.drawn_loop import DrawnLoop
-
-    found = {name: getattr(wavesweep, name) for name in wavesweep.__all__}
+    """Every public name of the package with its signature and docstring."""
     parts = []
-    for name, each in ({"Loop": found.pop("Loop"), "DrawnLoop": DrawnLoop} | found).items():
-        if inspect.isclass(each):
-            parts += [f"## wavesweep.{name}".replace(".DrawnLoop", ".compile of a MultirateLoop"), _plain(inspect.getdoc(each))]
-            parts += [part for method, call in _methods(each) for part in _call(f"### {name}.", method, call)]
-        elif inspect.ismodule(each):
-            parts += [part for inner in OF_FILES for part in _call(f"## wavesweep.{name}.", inner, getattr(each, inner))]
-        elif callable(each):
-            parts += _call("## wavesweep.", name, each)
+    for name, each in public():
+        heading = f"### {name}" if re.match("(Drawn)?Loop[.]", name) else f"## wavesweep.{name}"
+        parts.append(heading.replace("wavesweep.DrawnLoop", "wavesweep.compile of a MultirateLoop"))
+        if not inspect.isclass(each):
+            signature = inspect.signature(each)
+            given = [each.replace(annotation=inspect.Parameter.empty) for each in parameters(each)]
+            call = signature.replace(parameters=given, return_annotation=inspect.Signature.empty)
+            parts.append(f"    {name.rpartition('.')[2]}{call}")
+        said, found = sections(each)
+        parts += [_plain(said), *(part for title, text in found.items() for part in (f"**{title}**", _section(title, text)))]
     return "\n\n".join(parts)
 
 
-def _methods(kind):
-    """The public methods of a compiled loop by name; a spec is made by `load`, and its methods are for the program."""
-    if kind.__name__ not in ("Loop", "DrawnLoop"):
-        return []
-    own = [(name, each) for name, each in vars(kind).items() if inspect.isfunction(each) and not name.startswith("_")]
-    return own + [(name, of_library(f"{kind.__name__}.{name}")) for name in library_names(kind.__name__)]
+def public():
+    """Yield the public names of the package, those of methods of a compiled loop too, and what they name."""
+    from wavesweep.core.drawn_loop import DrawnLoop
+
+    found = {name: getattr(wavesweep, name) for name in wavesweep.__all__}
+    for name, each in ({"Loop": found.pop("Loop"), "DrawnLoop": DrawnLoop} | found).items():
+        if inspect.ismodule(each):
+            yield from ((f"{name}.{inner}", getattr(each, inner)) for inner in OF_FILES)
+        elif callable(each):
+            yield name, each
+        if name in ("Loop", "DrawnLoop"):  # a spec is made by `load`, and its methods are for the program
+            own = {method: call for method, call in vars(each).items() if inspect.isfunction(call) and method[0] != "_"}
+            own |= {method: of_library(f"{name}.{method}") for method in library_names(name)}
+            yield from ((f"{name}.{method}", call) for method, call in own.items())
 
 
-def _call(before, name, function):
-    signature = inspect.signature(function)
-    given = [each.replace(annotation=inspect.Parameter.empty) for each in signature.parameters.values() if each.name != "self"]
-    call = signature.replace(parameters=given, return_annotation=inspect.Signature.empty)
-    yield f"{before}{name}"
-    yield f"    {name}{call}"
-    yield _plain(inspect.getdoc(function) or "")
+def parameters(call):
+    """The parameters of a call but for the loop that it is a method of."""
+    return [each for each in inspect.signature(call).parameters.values() if each.name != "self"]
+
+
+def sections(each):
+    """What a docstring says first, and the text of each section of numpydoc by its title."""
+    said, *parts = SECTION.split(inspect.getdoc(each))
+    return said.strip(), dict(zip(parts[::2], parts[1::2], strict=True))
+
+
+def entries(text):
+    """The entries of a section: names, type and meaning of each; what is not named has its type alone."""
+    for head, meaning in ENTRY.findall(text):
+        names, _, kind = head.partition(" : ")
+        yield names, kind, " ".join(meaning.split())
+
+
+def _section(title, text) -> str:
+    if title == "Examples":
+        return f"```pycon\n{text.strip()}\n```"
+    if title == "Notes":
+        return _plain(text.strip())
+    return "\n".join(
+        f"- `{names}`" + f" *{_plain(kind)}*" * bool(kind) + f": {_plain(meaning)}" * bool(meaning)
+        for names, kind, meaning in entries(text)
+    )
 
 
 def diagram(kind: str) -> str:

@@ -1,5 +1,7 @@
 """The documents cannot rot: what they list is what the program has, their code runs, and all links lead somewhere."""
 
+import doctest
+import inspect
 import json
 import os
 import pathlib
@@ -14,6 +16,8 @@ import pytest
 import wavesweep
 from wavesweep.core.cli import main
 from wavesweep.core.cli.entry import COMMANDS, WITHOUT_SUMMARY
+from wavesweep.core.sweep.running import Options
+from wavesweep.identification.table import Asked
 
 ROOT = pathlib.Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -109,6 +113,28 @@ def test_the_library_example_runs_as_it_stands(page, monkeypatch):
     names = {}
     exec(re.search(r"```python\n(.*?)```", TEXTS[page], re.DOTALL).group(1), names)  # noqa: S102 - the document's own code
     assert names["table"].certified.all()
+
+
+WITH_EXAMPLES = {"compile", "Loop.stable_intervals", "Loop.response", "zwidth", "simulate"}
+BY_NAME = {"zwidth": Options, "identify": Asked}  # what their **work and **asked take
+
+
+def test_docstrings_of_the_library_have_every_parameter_and_examples_that_run(reference):
+    stars = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}
+
+    def written(title):
+        return sorted(name for names, _, _ in reference.entries(found.get(title, "")) for name in names.split(", "))
+
+    calls = {name: call for name, call in reference.public() if not inspect.isclass(call)}
+    for name, call in calls.items():
+        said, found = reference.sections(call)
+        asked = sorted(f"{stars.get(each.kind, '')}{each.name}" for each in reference.parameters(call))
+        assert (name, written("Parameters")) == (name, asked)
+        assert (name, written("Other Parameters")) == (name, sorted(BY_NAME[name].__annotations__) if name in BY_NAME else [])
+        assert (name, said.count("\n"), "Returns" in found, "Examples" in found) == (name, 0, True, name in WITH_EXAMPLES)
+        examples = doctest.DocTestParser().get_doctest(inspect.getdoc(call), {}, name, None, None)
+        assert doctest.DocTestRunner().run(examples).failed == 0
+    assert {*WITH_EXAMPLES, *BY_NAME} <= {*calls}
 
 
 @pytest.mark.slow

@@ -9,5 +9,16 @@ from wavesweep.core.api import Source, spec_of
 
 
 def verdict(source: Source) -> dict[str, Any]:
-    """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.check.verdict`."""
+    """The verdict of `wavesweep check` on a spec's own design.
+
+    Parameters
+    ----------
+    source : Spec, str, Path or dict
+        A spec, its path, or its nested tables.
+
+    Returns
+    -------
+    dict
+        See `wavesweep.check.verdict`; a missing number is None.
+    """
     return of_check.verdict(spec_of(source))

@@ -44,7 +44,31 @@ def compile(source: Source) -> Loop: ...
 @overload
 def compile(source: MultirateLoop) -> DrawnLoop: ...
 def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
-    """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `MultirateLoop`) once, for any number of calls."""
+    """Compile a loop once, for any number of calls.
+
+    Parameters
+    ----------
+    source : Spec, str, Path, dict or MultirateLoop
+        A spec, its path, its nested tables, or a loop drawn in Python.
+
+    Returns
+    -------
+    Loop or DrawnLoop
+        A `DrawnLoop` of a `MultirateLoop`, else a `Loop`.
+
+    Raises
+    ------
+    UsageError
+        If a file cannot be read, or the blocks of a `MultirateLoop` make no loop.
+    SpecError
+        With all mistakes of the spec, or if its loops of direct terms have no solution.
+
+    Examples
+    --------
+    >>> import wavesweep
+    >>> wavesweep.compile({"controller": {"kind": "dc-slow"}})
+    <Loop spec: dc-slow, 3 states, frame of 20 ticks, 20 ms; K_VE = 500, B_VE = 1>
+    """
     if isinstance(source, MultirateLoop):
         source.refuse_wrong_names()
         refuse_infinite(source)
@@ -103,7 +127,23 @@ class Loop:
         return f"<p>{escape(question)}</p>{self.stable_intervals().to_html(index=False)}<p>{svg[1]}{svg[2]}</p>"
 
     def with_(self, **values: float | str) -> Self:
-        """The loop with other numbers: `loop.with_(b=30, **{"device.mass": 0.2})`. Errors: as for a spec's own numbers."""
+        """The loop with other numbers.
+
+        Parameters
+        ----------
+        **values : float or str
+            By name, see `Loop`: `loop.with_(b=30, **{"device.mass": 0.2})`.
+
+        Returns
+        -------
+        Loop
+            Another one, of the spec with these numbers.
+
+        Raises
+        ------
+        UsageError, SpecError
+            As for a spec's own numbers.
+        """
         spec = self.spec.with_values({key_named(self.spec, name).path: value for name, value in values.items()})
         refuse_singular(spec, own_loop(spec).drawing)
         return type(self)(spec, keys_of(spec))
@@ -121,19 +161,49 @@ class Loop:
         require: Mapping[str, float] | None = None,
         **axes: Numbers,
     ) -> DataFrame:
-        """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
+        """All stable intervals along an axis, for the product of the other axes given.
 
-        along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
-        (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
-        `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
-        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high (N/m), low_hz, high_hz (Hz), open_places,
-        open_low, open_high. Of a spec with [for_all] the rows
-        that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are
-        of its own numbers, and say so in `.attrs["guarantee"]`. Errors: UsageError if a spec would not accept a name, SpecError
-        if it would not accept a value or a combination.
-        require: bounds on every mode, as [sweep] require of a spec has them: {"radius": 0.99}, {"settling": 0.1},
-            {"damping_ratio": 0.3}.
-        Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md.
+        Parameters
+        ----------
+        along : str, optional
+            Name of the axis; by default K_VE or, of a drawn loop, the spec's own.
+        span : tuple of float, optional
+            (low, high) in the unit of the axis; by default (0, 20000) along K_VE, and the spec's own along an axis of its
+            [sweep] if the loop is drawn.
+        require : dict, optional
+            Bounds on every mode, as [sweep] require of a spec has them: `{"radius": 0.99}`, `{"settling": 0.1}` (s),
+            `{"damping_ratio": 0.3}`. By default stability alone.
+        **axes : float or array of shape (n,)
+            The other axes, see `Loop`.
+
+        Returns
+        -------
+        DataFrame
+            A row per interval, with the columns of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high
+            (in the unit of the axis), low_omega, high_omega (rad/s), certified, residual (relative), doubt, felt_low, felt_high
+            (N/m), low_hz, high_hz (Hz), open_places, open_low, open_high (in the unit of the axis). Of a spec with [for_all]
+            the rows that hold for all of it follow, as in the table (column `guarantee`); DataFrames of other methods are of
+            its own numbers, and say so in `.attrs["guarantee"]`.
+
+        Raises
+        ------
+        UsageError
+            If a spec would not accept a name.
+        SpecError
+            If it would not accept a value or a combination.
+
+        Notes
+        -----
+        Accuracy: ends usually to 1e-12 relative along K_VE and B_VE, 1e-9 along other axes, see ACCURACY.md.
+
+        Examples
+        --------
+        >>> import wavesweep
+        >>> loop = wavesweep.compile({"controller": {"kind": "dc-slow"}})
+        >>> loop.stable_intervals("K_VE", (0, 1000), B_VE=[0.5, 1.0])[["B_VE", "low", "high", "certified"]].round(3)
+           B_VE  low     high  certified
+        0   0.5  0.0  210.510       True
+        1   1.0  0.0  263.137       True
         """
         from wavesweep.core.analyses.intervals import job_over
 
@@ -144,8 +214,16 @@ class Loop:
     def spectral_radius(self, **axes: Numbers) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
 
-        axes: see `Loop`. The array has one dimension per axis that is a list, in the order given. If the radius is below 1,
-        the loop is stable. It is infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
+        Parameters
+        ----------
+        **axes : float or array of shape (n,)
+            See `Loop`.
+
+        Returns
+        -------
+        ndarray
+            One dimension per axis that is a list, in the order given. If the radius is below 1, the loop is stable. It is
+            infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
         """
         from wavesweep.core.analyses.loops import radius_over
 
@@ -157,18 +235,47 @@ class Loop:
     def response(
         self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
     ) -> DataFrame:
-        """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
+        """Admittance, impedance, worst-case gain and verdict over frequency.
 
-        A row per frequency: controller, frequency_hz (Hz), omega_Ts (rad per fast sample), admittance_re, admittance_im,
-        admittance_abs (m/N), admittance_deg, impedance_re, impedance_im, impedance_abs (N/m), impedance_deg (deg), worst_gain
-        (m/N), stable, admittance_error, impedance_error, worst_gain_error (relative), doubt.
-        frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
-        from_, to: an input and an output of a drawn loop, between which the response is wanted; all of those if one is None. In
-        place of an output any signal of the loop, "block.port", does.
-        If both are, it is the response that the spec's [bode] asks for: of a loop without a hand those between all of them,
-        with the columns of the table bode-ports. axes: see `Loop`. Errors: UsageError for unknown names, SpecError for
-        a drawn loop without a hand that has no such ports.
+        Parameters
+        ----------
+        frequency_hz : float or array of shape (n,), optional
+            In Hz, from 0 (the static limit) up to the fast Nyquist frequency; by default those of the spec's [bode] table.
+        from_, to : str, optional
+            An input and an output of a drawn loop, between which the response is wanted; all of those if one is None. In place
+            of an output any signal of the loop, "block.port", does. If both are None, it is the response that the spec's [bode]
+            asks for: of a loop without a hand those between all of them.
+        **axes : float or array of shape (n,)
+            See `Loop`.
+
+        Returns
+        -------
+        DataFrame
+            A row per frequency, with the columns of `wavesweep bode`: controller, frequency_hz (Hz), omega_Ts (rad per sample
+            of the slow rate), admittance_re, admittance_im, admittance_abs (m/N), admittance_deg (deg), impedance_re,
+            impedance_im, impedance_abs (N/m), impedance_deg (deg), worst_gain (m/N), stable, admittance_error, impedance_error,
+            worst_gain_error (relative), doubt. Between inputs and outputs it has those of the table bode-ports.
+
+        Raises
+        ------
+        UsageError
+            For unknown names.
+        SpecError
+            For a drawn loop without a hand that has no such ports.
+
+        Notes
+        -----
         Accuracy: every row has bounds on its relative errors, or a reason of doubt.
+
+        Examples
+        --------
+        >>> import wavesweep
+        >>> loop = wavesweep.compile({"controller": {"kind": "pmw", "Kp": 20}})
+        >>> loop.response([0, 1, 10])[["frequency_hz", "admittance_abs", "impedance_abs", "stable"]].round(4)
+           frequency_hz  admittance_abs  impedance_abs  stable
+        0           0.0          0.0020       500.0000    True
+        1           1.0          0.0024       417.0963    True
+        2          10.0          0.0008       931.5156    True
         """
         from wavesweep.core.analyses.responses import one_spec
 
@@ -181,10 +288,19 @@ class Loop:
     def plot_zwidth(
         self, along: str | None = None, span: Span | None = None, *, ax: Axes | None = None, **axes: Numbers
     ) -> Figure:
-        """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.
+        """The figure of stable intervals, as `wavesweep zwidth` draws it.
 
-        along, span, axes: as for `stable_intervals`. Intervals between the values given are computed for the figure. ax: axes
-        of a figure with a constrained layout, in whose place it is drawn; so for all figures of a loop.
+        Parameters
+        ----------
+        along, span, **axes
+            As for `stable_intervals`. Intervals between the values given are computed for the figure.
+        ax : Axes, optional
+            Axes of a figure with a constrained layout, in whose place it is drawn; so for all figures of a loop.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it.
         """
         along = self._usual if along is None else along
         columns = self.stable_intervals(along, span, require=None, **axes)
@@ -201,24 +317,52 @@ class Loop:
         ax: Axes | None = None,
         **axes: Numbers,
     ) -> Figure:
-        """The figure of responses, as `wavesweep bode` draws it: a matplotlib `Figure`.
+        """The figure of responses, as `wavesweep bode` draws it.
 
-        frequency_hz, from_, to, axes: as for `response`.
+        Parameters
+        ----------
+        frequency_hz, from_, to, **axes
+            As for `response`.
+        ax : Axes, optional
+            As for `plot_zwidth`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
         """
         found = self.response(frequency_hz, from_=from_, to=to, **axes)
         return figure_from(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec)
 
     def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
-        """The closed loop over a frame as a `control.StateSpace`, dt of the frame.
+        """The closed loop over a frame as a system of python-control.
 
-        output: "position" (m): the hand's forces (N) in the ticks of a frame in, as many positions out; "displacement" (m): the
-        changes of the position in each tick; "outputs": the inputs of [ports] in, each held over the whole frame, and the
-        outputs of [ports] as the first tick of the frame shows them, when its blocks have run. By default "position", or
-        "outputs" of a loop without a hand. So a step response of "outputs" is that of the loop at the frame's starts; for other
-        ticks, and inputs that change within a frame, see `simulate` and `response`.
+        Parameters
+        ----------
+        output : {"position", "displacement", "outputs"}, optional
+            "position" (m): the hand's forces (N) in the ticks of a frame in, as many positions out; "displacement" (m): the
+            changes of the position in each tick; "outputs": the inputs of [ports] in, each held over the whole frame, and the
+            outputs of [ports] as the first tick of the frame shows them, when its blocks have run. By default "position", or
+            "outputs" of a loop without a hand.
+
+        Returns
+        -------
+        control.StateSpace
+            With dt of the frame (s).
+
+        Raises
+        ------
+        UsageError
+            For any other output.
+        SpecError
+            For a loop without a hand, or without outputs.
+
+        Notes
+        -----
+        A step response of "outputs" is that of the loop at the frame's starts; for other ticks, and inputs that change within a
+        frame, see `simulate` and `response`.
+
         Position is a state. If the loop drifts, it therefore has a pole at exactly 1, which is no sign of instability.
         Displacements do not show the drift, and the system from forces to them has no such pole; outputs that show it do.
-        Errors: UsageError for any other output; SpecError for a loop without a hand, or without outputs.
         """
         import control
 
@@ -287,10 +431,55 @@ def zwidth(
 ) -> DataFrame:
     """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
 
-    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. for_hands: a word or
-    several, whose intervals are added: "passive", "box", "box:mass=0.1..0.4,damping=2..5", "port", see `wavesweep zwidth
-    --help`. work: jobs, backend, scheduler, progress, checkpoint and force, see `Options`. Errors: UsageError, SpecError,
-    WavesweepError.
+    Parameters
+    ----------
+    source : Spec, str, Path or dict
+        A spec, its path, or its nested tables.
+    along : str or None, default "K_VE"
+        The axis of the intervals; None for the spec's own.
+    for_hands : str or iterable of str, optional
+        A word or several, whose intervals are added: "passive", "box", "box:mass=0.1..0.4,damping=2..5" (kg, N*s/m; stiffness
+        in N/m), "port", see `wavesweep zwidth --help`.
+    **work
+        How the run is done, see Other Parameters.
+
+    Returns
+    -------
+    DataFrame
+        The axes of [sweep] and the columns of `Loop.stable_intervals`; with `for_hands` also those of guarantees for hands. Its
+        `.attrs` has the `units` of the columns, the `facts` of the run, and the `summary`.
+
+    Other Parameters
+    ----------------
+    jobs : int, optional
+        Number of worker processes if the work is worth them.
+    backend : {"loky", "threading", "dask"}, optional
+        Kind of the workers, which is then used in any case.
+    scheduler : str, optional
+        Address of a dask scheduler.
+    progress : callable, optional
+        Is called with the number of slices done, of all slices, and of certified ones, None if no slice can be.
+    checkpoint : str or Path, optional
+        File for finished chunks, from which a run of the same spec goes on; by default they stay in memory.
+    force : bool, default False
+        Begin anew, whatever the checkpoint holds.
+    part : str, optional
+        Name of this run in the checkpoint, if several runs keep their chunks in one.
+
+    Raises
+    ------
+    UsageError, SpecError, WavesweepError
+        For arguments, for the spec, and if a run fails.
+
+    Examples
+    --------
+    >>> import wavesweep
+    >>> spec = {"controller": {"kind": "dc-slow"}, "sweep": {"K_VE": {"start": 0, "stop": 1000}, "B_VE": [0, 1, 2]}}
+    >>> wavesweep.zwidth(spec)[["B_VE", "low", "high", "certified"]].round(1)
+       B_VE  low   high  certified
+    0   0.0  0.0  157.9       True
+    1   1.0  0.0  263.1       True
+    2   2.0  0.0  368.4       True
     """
     from wavesweep.core.tables.hands import hands_of
 
@@ -300,9 +489,19 @@ def zwidth(
 def stability_region(
     source: Source, along: str | None = None, for_hands: str | Iterable[str] = (), **work: Unpack[Options]
 ) -> DataFrame:
-    """The same along the spec's own axis, as `wavesweep stability-region` computes them.
+    """Stable intervals along the spec's own axis, as `wavesweep stability-region` computes them.
 
-    source: a spec, a path, or nested tables. along: another axis than the spec's own. The rest is as for `zwidth`.
+    Parameters
+    ----------
+    source, for_hands, **work
+        As for `zwidth`.
+    along : str, optional
+        Another axis than the spec's own.
+
+    Returns
+    -------
+    DataFrame
+        As of `zwidth`.
     """
     return zwidth(source, along, for_hands, **work)
 
@@ -310,10 +509,19 @@ def stability_region(
 def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:
     """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
 
-    Of drawn loops that ask for them it has the responses between inputs and outputs, with the columns of bode-ports.
+    Parameters
+    ----------
+    *sources : Spec, str, Path or dict
+        Specs, their paths, or their nested tables; of several that are called alike, the second and further ones have a number
+        in the column `spec`.
+    **work
+        As for `zwidth`.
 
-    sources: specs, paths, or nested tables; of several that are called alike, the second and further ones have a number in the
-    column `spec`. work: as for `zwidth`.
+    Returns
+    -------
+    DataFrame
+        The axes of [bode], the column `spec` and those of `Loop.response`; of drawn loops that ask for them the responses
+        between inputs and outputs, with the columns of the table bode-ports.
     """
     return framed(responses.responses(_numbered([spec_of(source) for source in sources]), **work))
 

@@ -40,17 +40,40 @@ class DrawnLoop:
             return [*object.__dir__(self), *library_names("DrawnLoop")]
 
     def spectral_radius(self) -> np.ndarray:
-        """Largest eigenvalue modulus per frame, without drift, over the batch: infinite after overflow, NaN if rounding hides
-        it."""
+        """Largest eigenvalue modulus per frame, without drift.
+
+        Returns
+        -------
+        ndarray
+            Of the shape of the batch. It is infinite after overflow, and NaN if rounding hides it.
+        """
         with named_loops(self.drawn):
             return radius_of(*frame_with_reliability(self.drawn, self.drift))
 
     def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:
-        """Admittance and impedance at a port: a DataFrame with a row per frequency.
+        """Admittance and impedance at a port.
 
-        frequency_hz: Hz, from 0 (the static limit) up to half the tick's rate. force: the input of the drawing (N). position: a
-        plant's position (m). reaction: the signal of the force against the hand (N), if any; without it the impedance is
-        force over position. Errors: UsageError for a batch of loops, other frequencies, or a signal that does not fit.
+        Parameters
+        ----------
+        frequency_hz : float or array of shape (n,)
+            In Hz, from 0 (the static limit) up to half the tick's rate.
+        force : str
+            The input of the drawing (N).
+        position : str
+            A plant's position (m).
+        reaction : str, optional
+            The signal of the force against the hand (N), if any; without it the impedance is force over position.
+
+        Returns
+        -------
+        DataFrame
+            A row per frequency: frequency_hz (Hz), the complex admittance (m/N) and impedance (N/m), NaN if not known, and
+            bounds on their relative errors, admittance_error and impedance_error.
+
+        Raises
+        ------
+        UsageError
+            For a batch of loops, other frequencies, or a signal that does not fit.
         """
         from pandas import DataFrame
 

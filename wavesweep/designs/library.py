@@ -16,6 +16,21 @@ if TYPE_CHECKING:
 def design(source: Source, **work: Unpack[Options]) -> DataFrame:
     """Designs that meet the wishes of the spec's [design], the best first, as `wavesweep design` has them.
 
-    source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
+    Parameters
+    ----------
+    source, **work
+        As for `zwidth`.
+
+    Returns
+    -------
+    DataFrame
+        A row per design, with the columns of `wavesweep design`.
+
+    Raises
+    ------
+    UsageError, SpecError
+        For arguments and for the spec.
+    WavesweepError
+        If no design meets all bounds.
     """
     return framed(study.design(spec_of(source).asking("design"), **work))

@@ -15,13 +15,40 @@ if TYPE_CHECKING:
 def identify(log: str | Path, **asked: Unpack[table.Asked]) -> DataFrame:
     """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
 
-    log: a CSV file with time (s), force (N), or a current (A), and position (m), or a velocity or an acceleration; or torque
-    (N*m) and angle (rad), speed or angular_acceleration. columns, scales: names in the file and factors to these units, by
-    name: `columns={"position": "enc"}, scales={"position": 2e-5}`. motor_constant: bounds, (low, high), in N/A or N*m/A, for a
-    current. resolution: step of the readings, by default the one that they show. spring, friction: fit some. two_masses: fit a
-    load on a spring. delay: in ticks, None to fit it.
-    rate_hz: the file is a frequency response, whose force was held at this rate.
-    The rows are the samples; `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the log
-    is `explained`, what is `missing`, and the `residual`. Errors: UsageError for a log that cannot be used.
+    Parameters
+    ----------
+    log : str or Path
+        A CSV file with time (s), force (N), or a current (A), and position (m), or a velocity or an acceleration; or torque
+        (N*m) and angle (rad), speed or angular_acceleration.
+    **asked
+        What the log has and what is fitted, see Other Parameters.
+
+    Returns
+    -------
+    DataFrame
+        The rows are the samples. `.attrs["summary"]` has the `parameters` with `value`, `low`, `high` and `unit`, whether the
+        log is `explained`, what is `missing`, and the `residual`.
+
+    Other Parameters
+    ----------------
+    columns, scales : dict, optional
+        Names in the file and factors to these units, by name: `columns={"position": "enc"}, scales={"position": 2e-5}`.
+    resolution : float, optional
+        Step of the readings (m or rad), by default the one that they show.
+    spring, friction : bool, default False
+        Fit a spring, fit Coulomb friction.
+    two_masses : bool, default False
+        Fit a load on a spring.
+    delay : float, optional
+        In ticks; None to fit it.
+    rate_hz : float, optional
+        The file is a frequency response, whose force was held at this rate (Hz).
+    motor_constant : tuple of float, optional
+        Bounds, (low, high), in N/A or N*m/A, for a current.
+
+    Raises
+    ------
+    UsageError
+        For a log that cannot be used.
     """
     return framed(table.identify(str(log), **asked))

@@ -21,21 +21,52 @@ class Loop(api.Loop):
     """Methods of a compiled loop."""
 
     def margins(self, cut: str = "") -> DataFrame:
-        """Margins of the loop broken at a signal, as `wavesweep margins` computes them: a DataFrame.
+        """Margins of the loop broken at a signal, as `wavesweep margins` computes them.
 
-        A row per margin: cut, margin (its name), value in its unit (a ratio, deg or s), omega (rad/s from frame to frame) and
-        hz (Hz, the line that a spectrum shows), bound (relative), certified, doubt, limited (whether there is a limit at all).
-        cut: an output of a block that a wire reads, "block.port"; by default the only one that acts on the plant. Errors:
-        UsageError for another signal, or if the loop is not stable. Accuracy: every row has a bound on its relative error, or
-        a reason of doubt.
+        Parameters
+        ----------
+        cut : str, optional
+            An output of a block that a wire reads, "block.port"; by default the only one that acts on the plant.
+
+        Returns
+        -------
+        DataFrame
+            A row per margin: cut, margin (its name), value in its unit (a ratio, deg or s), omega (rad/s from frame to frame)
+            and hz (Hz, the line that a spectrum shows), bound (relative), certified, doubt, limited (whether there is a limit
+            at all).
+
+        Raises
+        ------
+        UsageError
+            For another signal, or if the loop is not stable.
+
+        Notes
+        -----
+        Accuracy: every row has a bound on its relative error, or a reason of doubt.
         """
         return framed(table.margins(self.spec, cut))
 
     def plot_margins(self, cut: str, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
         """Nyquist curve, open-loop Bode plot and step response with the margins, as `wavesweep margins` draws them.
 
-        cut: as for `margins`. axes: numbers with several values each (see `Loop`); each combination has a curve in each panel.
-        By default these are the ends of the ranges of [for_all]. Errors: as for `margins`.
+        Parameters
+        ----------
+        cut : str
+            As for `margins`.
+        ax : Axes, optional
+            As for `plot_zwidth`.
+        **axes : float or array of shape (n,)
+            Numbers with several values each (see `Loop`); each combination has a curve in each panel. By default these are the
+            ends of the ranges of [for_all].
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UsageError
+            As for `margins`.
         """
         from wavesweep.margins.figure import margins, named_specs
 

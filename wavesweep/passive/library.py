@@ -22,20 +22,41 @@ class Loop(api.Loop):
     """Methods of a compiled loop."""
 
     def passivity(self, **axes: Numbers) -> DataFrame:
-        """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
+        """Norm of the wave channel and margin at the hand's port.
 
-        channel_norm (passive up to 1), channel_omega (rad/s, of that norm), port_margin (m/N, the smallest eigenvalue of the
-        Hermitian part, force to displacement), port_omega (rad/s), channel_passive, port_passive, stable, damping_needed
-        (N*s/m of further device damping for a passive port), channel_hz, port_hz. axes: see `Loop`. Accuracy: see
-        ACCURACY.md.
+        Parameters
+        ----------
+        **axes : float or array of shape (n,)
+            See `Loop`.
+
+        Returns
+        -------
+        DataFrame
+            The columns of `wavesweep passivity`: each axis given, channel_norm (passive up to 1), channel_omega (rad/s, of that
+            norm), port_margin (m/N, the smallest eigenvalue of the Hermitian part, force to displacement), port_omega (rad/s),
+            channel_passive, port_passive, stable, damping_needed (N*s/m of further device damping for a passive port),
+            channel_hz, port_hz (Hz).
+
+        Notes
+        -----
+        Accuracy: see ACCURACY.md.
         """
         spec = naming(self.spec, axes)
         return self._frame("passivity", table.in_memory(spec, axes_asked(spec, axes)))
 
     def plot_passivity(self, *, ax: Axes | None = None, **axes: Numbers) -> Figure:
-        """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
+        """The figure of channel norm and port margin, as `wavesweep passivity` draws it.
 
-        axes: as for `passivity`.
+        Parameters
+        ----------
+        ax : Axes, optional
+            As for `plot_zwidth`.
+        **axes
+            As for `passivity`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
         """
         return figure_from(ax, "passivity", self.passivity(**axes), self.spec)
 
@@ -43,8 +64,17 @@ class Loop(api.Loop):
 def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:
     """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
 
-    A DataFrame with the axes of [sweep] and the columns of `Loop.passivity`. source: a spec, a path, or nested tables.
-    tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
+    Parameters
+    ----------
+    source, **work
+        As for `zwidth`.
+    tolerance : float, default 0.001
+        J per J sent that aliasing may add.
+
+    Returns
+    -------
+    DataFrame
+        The axes of [sweep] and the columns of `Loop.passivity`.
     """
     return framed(table.passivity(spec_of(source), tolerance, **work))
 
@@ -52,8 +82,17 @@ def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) 
 def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
     """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
 
-    A DataFrame: lp1_order, lp1_cutoff_hz (Hz), channel_norm and its channel_omega (rad/s), excess (norm less 1), energy_gain
-    (J per J sent), bank_norm (with the filter bank), certified, sufficient_order (the least for the tolerance), channel_hz.
-    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
+    Parameters
+    ----------
+    source : Spec, str, Path or dict
+        A spec, its path, or its nested tables.
+    tolerance : float, default 0.001
+        As for `passivity`.
+
+    Returns
+    -------
+    DataFrame
+        lp1_order, lp1_cutoff_hz (Hz), channel_norm and its channel_omega (rad/s), excess (norm less 1), energy_gain (J per J
+        sent), bank_norm (with the filter bank), certified, sufficient_order (the least for the tolerance), channel_hz (Hz).
     """
     return framed(table.filter_choices(spec_of(source), tolerance))

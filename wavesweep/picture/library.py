@@ -17,5 +17,15 @@ class Loop(api.Loop):
     """Methods of a compiled loop."""
 
     def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
-        """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
+        """The picture of the loop, as `wavesweep check --plot` draws it.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            As for `plot_zwidth`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         return drawn_into(ax, lambda: diagram(self.spec))

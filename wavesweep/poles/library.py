@@ -24,22 +24,43 @@ class Loop(api.Loop):
     """Methods of a compiled loop."""
 
     def poles(self) -> DataFrame:
-        """The closed-loop poles of the loop's own numbers: a DataFrame, a row per pole, the slowest first, without what drifts.
+        """The closed-loop poles of the loop's own numbers, without what drifts.
 
-        Columns: those of `wavesweep poles`, among them `z_re` and `z_im` per frame and their `radius`; `s_re` (1/s) and `s_im`
-        (rad/s) of `s = log(z)/T`, T the period of the frame; `frequency_hz`, `damping_ratio` and `time_constant_s` of s;
-        `states`, the states that take part most, by participation factors; `shown_hz`, the line that a spectrum shows, since a
-        frame has only an image of a frequency above half its rate.
+        Returns
+        -------
+        DataFrame
+            A row per pole, the slowest first, with the columns of `wavesweep poles`, among them `z_re` and `z_im` per frame and
+            their `radius`; `s_re` (1/s) and `s_im` (rad/s) of `s = log(z)/T`, T the period of the frame; `frequency_hz` (Hz),
+            `damping_ratio` and `time_constant_s` (s) of s; `states`, the states that take part most, by participation factors;
+            `shown_hz` (Hz), the line that a spectrum shows, since a frame has only an image of a frequency above half its rate.
+
+        Notes
+        -----
         Accuracy: that of eigenvalues in double precision; `doubt` says where rounding hides whether a pole is stable.
         """
         return framed(table.poles(self.spec))
 
     def plot_root_locus(self, number: str, values: Numbers | None = None, *, ax: Axes | None = None) -> Figure:
-        """The poles per frame over a number: a matplotlib `Figure`, with the unit circle and the ends of stable intervals.
+        """The poles per frame over a number, with the unit circle and the ends of stable intervals.
 
-        number: named as an axis, see `Loop`. values: by default 300 over the span that the spec's [sweep] has for it. Ends,
-        which are certified or marked as not certified, are those between the least and the largest value; a number that
-        decides how the loop is built has none. Errors: UsageError if a spec would not accept a name or a value.
+        Parameters
+        ----------
+        number : str
+            Named as an axis, see `Loop`.
+        values : array of shape (n,), optional
+            By default 300 over the span that the spec's [sweep] has for it. Ends, which are certified or marked as not
+            certified, are those between the least and the largest value; a number that decides how the loop is built has none.
+        ax : Axes, optional
+            As for `plot_zwidth`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UsageError
+            If a spec would not accept a name or a value.
         """
         spec = naming(self.spec, [number])
         if values is None:

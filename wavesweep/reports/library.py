@@ -11,11 +11,30 @@ from wavesweep.reports import content
 
 
 def report(source: Source, path: str | Path | None = None, cut: str = "", for_hands: str | Iterable[str] = ()) -> str:
-    """The report of `source` as `wavesweep report` writes it: the text of an HTML file, which is written to `path` too.
+    """The report of a spec, as `wavesweep report` writes it.
 
-    source: a spec, a path, or nested tables. path: of the file; an earlier one is replaced. cut: the signal for the margins,
-    "block.port"; by default the one that acts on the plant. for_hands: words for guarantees, as for `zwidth`. What the spec
-    does not allow is named in the report. Errors: UsageError for other words, OSError for a file that cannot be written.
+    Parameters
+    ----------
+    source : Spec, str, Path or dict
+        A spec, its path, or its nested tables. What the spec does not allow is named in the report.
+    path : str or Path, optional
+        The file to write it to as well; an earlier one is replaced.
+    cut : str, optional
+        The signal for the margins, "block.port"; by default the one that acts on the plant.
+    for_hands : str or iterable of str, optional
+        Words for guarantees, as for `zwidth`.
+
+    Returns
+    -------
+    str
+        The text of an HTML file.
+
+    Raises
+    ------
+    UsageError
+        For other words.
+    OSError
+        For a file that cannot be written.
     """
     hands = (for_hands,) if isinstance(for_hands, str) else tuple(for_hands)
     text = content.report(spec_of(source), content.Request(cut, hands))

@@ -18,22 +18,48 @@ class Loop(api.Loop):
     """Methods of a compiled loop."""
 
     def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
-        """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
+        """How each end of the stable intervals, and the stiffness felt there, moves with each number.
 
-        along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
-        and number, with the columns of `wavesweep why`: along, interval, side, crossing, corner, quantity, limit_value in
-        unit, omega (rad/s), hz and second_hz (Hz) and damping_ratio of the mode, states, number and its value in number_unit,
-        elasticity, slope, certified, doubt. elasticity is d ln limit/d ln number, slope d limit/d number. By the
-        implicit function theorem. Errors: UsageError if a spec would not accept a name or a value.
-        Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
+        Parameters
+        ----------
+        along, span, **axes
+            As for `stable_intervals`.
+
+        Returns
+        -------
+        DataFrame
+            A row per end that stability sets, crossing, quantity ("end" or "felt") and number, with the columns of `wavesweep
+            why`: each axis given, along, interval, side, crossing, corner, quantity, limit_value in unit, omega (rad/s), hz and
+            second_hz (Hz) and damping_ratio of the mode, states, number and its value in number_unit, elasticity, slope,
+            certified, doubt. elasticity is d ln limit/d ln number, slope d limit/d number.
+
+        Raises
+        ------
+        UsageError
+            If a spec would not accept a name or a value.
+
+        Notes
+        -----
+        By the implicit function theorem. Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a
+        reason of doubt and no number.
         """
         grid, axis = self._asked(along, span, axes)
         return self._frame("why", table.sensitivities(grid, axis))
 
 
 def why(source: Source, along: str | None = None) -> DataFrame:
-    """Elasticities and slopes of each limit of the own design of `source`, as `wavesweep why` computes them.
+    """Elasticities and slopes of each limit of a spec's own design, as `wavesweep why` computes them.
 
-    source: a spec, a path, or nested tables. along: the axis of the intervals, the spec's own by default.
+    Parameters
+    ----------
+    source : Spec, str, Path or dict
+        A spec, its path, or its nested tables.
+    along : str, optional
+        The axis of the intervals, the spec's own by default.
+
+    Returns
+    -------
+    DataFrame
+        As of `Loop.sensitivity`.
     """
     return framed(table.why(spec_of(source), along))

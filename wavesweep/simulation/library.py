@@ -32,19 +32,42 @@ class Loop(api.Loop):
     """Methods of a compiled loop."""
 
     def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
-        """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
+        """The loop run tick by tick.
 
-        It begins with tick, frame, phase (ticks into the frame) and time_s (s); signals follow in their units.
-        force: the hand's force (N), or the signal of the input that [simulate] has `from`, per tick, `(ticks,)`; by default
-        the input of [simulate]. options: effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
-        Errors: as for a spec.
+        Parameters
+        ----------
+        force : array of shape (ticks,), optional
+            The hand's force (N), or the signal of the input that [simulate] has `from`, per tick; by default the input of
+            [simulate].
+        **options : float, str or None
+            Effects of the device in place of those of [simulate] (`wall=0.01, friction=0.2`).
+
+        Returns
+        -------
+        DataFrame
+            A row per fast tick, with the columns of `wavesweep simulate`: tick, frame, phase (ticks into the frame) and time_s
+            (s); signals follow in their units.
+
+        Raises
+        ------
+        UsageError, SpecError
+            As for a spec.
         """
         return self._frame("simulate", recorded(simulation_of(self.spec, force, **options)))
 
     def plot_simulate(self, force: Numbers | None = None, *, ax: Axes | None = None, **options: float | str | None) -> Figure:
-        """The figure of a simulation, as `wavesweep simulate` draws it: a matplotlib `Figure`.
+        """The figure of a simulation, as `wavesweep simulate` draws it.
 
-        force, options: as for `simulate`.
+        Parameters
+        ----------
+        force, **options
+            As for `simulate`.
+        ax : Axes, optional
+            As for `plot_zwidth`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
         """
         tables = self.spec.asking("simulate").tables()
         off = [name for name, value in options.items() if value is None]
@@ -57,10 +80,24 @@ class DrawnLoop(drawn_loop.DrawnLoop):
     """Methods of a loop drawn in Python."""
 
     def simulate(self, inputs: Mapping[str, ArrayLike], signals: Iterable[str]) -> DataFrame:
-        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
+        """The blocks run tick by tick from rest.
 
-        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
-        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
+        Parameters
+        ----------
+        inputs : dict of str to array of shape (ticks,)
+            For each input of the drawing its value in every tick.
+        signals : iterable of str
+            Names of ports or junctions.
+
+        Returns
+        -------
+        DataFrame
+            A row per tick with `time_s` (s) and the signals. The rows end before a signal that is not finite.
+
+        Raises
+        ------
+        UsageError
+            For a batch of loops, or for other inputs or signals.
         """
         from pandas import DataFrame
 
@@ -83,5 +120,28 @@ class DrawnLoop(drawn_loop.DrawnLoop):
 
 
 def simulate(source: Source) -> list[DataFrame]:
-    """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
+    """The run that the [simulate] of a spec describes, tick by tick, as `wavesweep simulate` has it.
+
+    Parameters
+    ----------
+    source : Spec, str, Path or dict
+        A spec, its path, or its nested tables.
+
+    Returns
+    -------
+    list of DataFrame
+        The run, with the columns of `Loop.simulate`, and, for settled sines, its response.
+
+    Examples
+    --------
+    >>> import wavesweep
+    >>> spec = {"controller": {"kind": "pmw"}, "simulate": {"input": "pulse", "at_s": 0.1, "width_s": 0.05, "duration_s": 1}}
+    >>> (run,) = wavesweep.simulate(spec)
+    >>> run[["time_s", "f_h", "x"]].iloc[[0, 149, 150, 999]].round(4)
+         time_s  f_h       x
+    0     0.000  0.0  0.0000
+    149   0.149  1.0  0.0021
+    150   0.150  0.0  0.0022
+    999   0.999  0.0  0.0001
+    """
     return [framed(each) for each in table.simulate(spec_of(source).asking("simulate"))]

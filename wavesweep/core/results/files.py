@@ -182,11 +182,25 @@ def _call(name: str, *arrays: Any, options: Any = None) -> Any:
 
 
 def read(path: str | Path) -> dict[str, np.ndarray]:
-    """Give the columns of the CSV or Parquet table at `path`, or of a folder of Parquet parts, exactly as they were written.
+    """Give the columns of a CSV or Parquet table, or of a folder of Parquet parts, exactly as they were written.
 
-    Numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object arrays of str. The kind of
-    a column of a CSV follows from its name, or from the data package beside it.
-    Raises UsageError for a file of another kind, or one that is no table; OSError if it cannot be read.
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the folder.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Columns of shape (rows,): numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object
+        arrays of str. The kind of a column of a CSV follows from its name, or from the data package beside it.
+
+    Raises
+    ------
+    UsageError
+        For a file of another kind, or one that is no table.
+    OSError
+        If it cannot be read.
     """
     if not isinstance(path, (str, os.PathLike)):
         raise UsageError(f"expected the path of a CSV or Parquet file, found {path!r:.60}")
@@ -220,12 +234,29 @@ def _as_table(path: Path) -> Iterator[None]:
 
 
 def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:
-    """Give the kind of the table at `path`, its columns, and the facts of the run that made it.
+    """Give the kind of a table, its columns, and the facts of the run that made it.
 
-    The facts of a CSV are in the data package beside it, those of a Parquet file in its schema. Other programs may have added
-    columns to a Parquet file, which are left out, or changed their order, which is that of the program again.
-    Raises UsageError for a file that is torn or changed, or no table of this program, before its rows are read if its columns
-    show it; OSError if it cannot be read.
+    Parameters
+    ----------
+    path : str or Path
+        The CSV or Parquet file, or a folder of Parquet parts.
+
+    Returns
+    -------
+    kind : str
+        Of the table, e.g. "zwidth".
+    columns : dict of str to ndarray
+        As `read` gives them. Other programs may have added columns to a Parquet file, which are left out, or changed their
+        order, which is that of the program again.
+    facts : dict
+        Those of a CSV are in the data package beside it, those of a Parquet file in its schema.
+
+    Raises
+    ------
+    UsageError
+        For a file that is torn or changed, or no table of this program, before its rows are read if its columns show it.
+    OSError
+        If it cannot be read.
     """
     path = Path(path)
     if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):

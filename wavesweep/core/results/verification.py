@@ -46,12 +46,34 @@ def verify(
 ) -> Verification:
     """Compare each table in a folder with its data package (bytes, hashes, digest of the spec), and compute rows again.
 
-    directory: of results. rows: of a table of intervals, so many combinations are drawn at random; the smaller tables of
-    responses, passivity and simulation are computed again as a whole. seed: of the draw. prove:
-    of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic. progress: is
-    called with the number of combinations of a table that are done, and of all that are computed, or proved, again.
+    Parameters
+    ----------
+    directory : str or Path
+        Folder of results.
+    rows : int, default 20
+        Of a table of intervals, so many combinations are drawn at random; the smaller tables of responses, passivity and
+        simulation are computed again as a whole.
+    seed : int, default 0
+        Of the draw.
+    prove : int, default 0
+        Of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic.
+    progress : callable, optional
+        Is called with the number of combinations of a table that are done, and of all that are computed, or proved, again.
+
+    Returns
+    -------
+    Verification
+        Sentences: `checked` of the checks that were made, `differences` of what was found; `proved` for each table of which
+        slices were proved again.
+
+    Raises
+    ------
+    UsageError
+        If the folder has no data package of this program, or if there is nothing that proves.
+
+    Notes
+    -----
     Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
-    Raises UsageError if the folder has no data package of this program, or if there is nothing that proves.
     """
     if prove and not any(modules("prover")):
         raise UsageError("prove: expected the capability `prove`, whose ball arithmetic proves slices again, found it missing")

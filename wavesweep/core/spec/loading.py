@@ -24,11 +24,25 @@ MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecon
 def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> Spec:
     """Return the spec of a TOML file, or of the same nested tables as a dict.
 
-    source: a path or the tables. overrides: texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`,
-    `sweep.B_VE.num=20`. They replace values of the source before anything is checked; `rates.ratio` also replaces the source's
-    `rates.slow_hz`, and the other way round.
+    Parameters
+    ----------
+    source : str, Path or dict
+        A path or the tables.
+    overrides : iterable of str, optional
+        Texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They replace values of the source
+        before anything is checked; `rates.ratio` also replaces the source's `rates.slow_hz`, and the other way round.
 
-    Errors: UsageError if a file cannot be read, and SpecError with all mistakes of source and overrides at once.
+    Returns
+    -------
+    Spec
+        With all its values.
+
+    Raises
+    ------
+    UsageError
+        If a file cannot be read.
+    SpecError
+        With all mistakes of source and overrides at once.
     """
     if isinstance(source, Mapping):
         try:
