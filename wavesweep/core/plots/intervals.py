@@ -80,9 +80,10 @@ def _draw(shown: Shown) -> Any:
     layout, panels = shown.layout, shown.layout.panel_values or (np.nan,)
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) or is_narrow() else 3
     down = -(-len(panels) // across)
-    beside = across > 1 and down > 1 and not is_narrow()  # the legend
     usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
     members, marks = entries_of(shown, panels)
+    beside = across > 1 and down > 1 and not is_narrow()  # the legend, if it is more than a row
+    beside = beside and rows_of(members + marks, wide(usual)) > 1
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
     legends = [] if beside else [members, marks] if across == 1 else [members + marks]
     more += 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
