@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import control
 import numpy as np
@@ -10,9 +11,12 @@ from scipy.linalg import expm
 from support.drawn import DRIVE
 
 import wavesweep
+from wavesweep.core import plots
 from wavesweep.core.analyses.asked import axes_asked
 from wavesweep.core.analyses.poles import poles
+from wavesweep.core.plots.style import as_asked
 from wavesweep.core.spec import load
+from wavesweep.poles import table
 from wavesweep.poles.locus import ends_on_circle
 
 # Two springs and masses that do not act on each other, m x'' + d x' + k x = 0, and a filter that only watches.
@@ -176,3 +180,16 @@ def test_a_root_locus_has_lines_through_the_poles_of_a_held_force_and_the_whole_
         for pole in np.linalg.eigvals(whole[:2, :2] - np.outer(whole[:2, 2], [kp, kd])):
             assert np.abs(vertices - pole).min() < 1e-9
     assert axes.get_xlim()[0] <= -1 < 1 <= axes.get_xlim()[1]
+
+
+@pytest.mark.slow
+def test_a_narrow_figure_has_its_legend_whole_and_says_what_its_lines_are():
+    """The legend of modes with three states each was cut off at both sides."""
+    spec = load(Path(__file__).parents[2] / "sweeps" / "templates" / "two-mass.toml")
+    found = table.poles(spec)
+    with as_asked(85 / 25.4):
+        canvas = plots.poles(found.columns, found.facts)
+    box = canvas.legends[0].get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= canvas.bbox.x1
+    assert canvas.legends[0].get_texts()[0].get_text() == "poles"
+    assert "damping ratios of 0.1, 0.3, 0.5" in " ".join(canvas.get_supxlabel().split())

@@ -1,6 +1,7 @@
 """The figure of poles in the plane of the frame: the modes of a loop by name, or their root locus over a number."""
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ ROOM = 1.05  # about the unit circle, which is shown whole
 STEP = 0.2  # between neighbouring values of the number, up to which a line joins two poles
 NAMED = 6  # modes with a mark of their own
 RATIOS = (0.1, 0.3, 0.5, 0.7)  # of damping, each with a line
+LETTERS, BESIDE = 19.0, 0.6  # of a legend in an inch, and inches for its marks
 _MARKS = "osD^v<>"
 _TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
 
@@ -40,13 +42,22 @@ def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
         axes.grid(**GRID)
         beyond = int((np.abs(z) > REACH).sum())
         far = f"Not shown: {beyond} poles beyond {REACH:g}." if beyond else ""
-        note_below(canvas, "\n".join(filter(None, (assumption(facts), far))))
+        pale = f"Grey: |z| = 1; paler: damping ratios of {', '.join(map(str, RATIOS[:-1]))} and {RATIOS[-1]}."
+        note_below(canvas, pale, assumption(facts), far)
     return canvas
+
+
+def _draw_legend(canvas: Any, axes: Any, **options: Any) -> None:
+    """The legend above the panel, its texts in lines that are no wider than the figure."""
+    handles, labels = axes.get_legend_handles_labels()
+    lines = [fill(each, int(LETTERS * (canvas.get_figwidth() - BESIDE))) for each in labels]
+    canvas.set_figheight(canvas.get_figheight() + 0.13 * sum(each.count("\n") for each in lines))
+    canvas.legend(handles, lines, fontsize=7, loc="outside upper center", **options)
 
 
 def _named(canvas: Any, axes: Any, columns: Columns, z: np.ndarray) -> None:
     """The poles of a loop, the slowest modes with a mark and their frequency, damping and states."""
-    axes.plot(z.real, z.imag, "x", color="0.3", markersize=4, zorder=2)
+    axes.plot(z.real, z.imag, "x", color="0.3", markersize=4, zorder=2, label="poles")
     lasting = [mode for mode in modes(columns) if mode["radius"] > GONE]
     for n, mode in enumerate(lasting[:NAMED]):
         hz, tau = mode["shown_hz"], mode["time_constant_s"]
@@ -54,7 +65,7 @@ def _named(canvas: Any, axes: Any, columns: Columns, z: np.ndarray) -> None:
         style = {"color": distinct_colour(n), "markerfacecolor": "none", "markersize": 7, "linestyle": "none", "zorder": 3}
         axes.plot([mode["z_re"]] * 2, [mode["z_im"], -mode["z_im"]], _MARKS[n], label=f"{rings}: {mode['states']}", **style)
     if lasting:
-        canvas.legend(fontsize=7, loc="outside upper center")
+        _draw_legend(canvas, axes)
 
 
 def _root_locus(canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, Any], z: np.ndarray) -> None:
@@ -75,7 +86,7 @@ def _root_locus(canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, An
         said = words + ("" if certified else ", not certified")
         axes.plot(real, imaginary, _MARKS[n % len(_MARKS)], linestyle="none", label=said, zorder=3, **style)
     if facts["ends"]:
-        canvas.legend(title="ends of stable intervals", fontsize=7, title_fontsize=7, loc="outside upper center")
+        _draw_legend(canvas, axes, title="ends of stable intervals", title_fontsize=7)
 
 
 def _steps(numbers: np.ndarray, z: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
