@@ -1,4 +1,4 @@
-"""Where eigenvalues have to be: as [sweep] requires, in place of the unit circle."""
+"""Where eigenvalues have to be, as [sweep] requires in place of the unit circle, and what a gain has to be below."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -6,20 +6,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.from_drawing import OUTPUT
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.spectrum import GONE
 from wavesweep.require.keys import SETTLED
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
-BY_DISCS = 0.1  # s per slice, measured, of a damping ratio, or of loops that conserve
+BY_DISCS, BY_GAIN = 0.1, 1.0  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
 DISCS = "discs about the frame's eigenvalues against {}, on panels halved down to the ends"
+GAIN = "the gain by its symplectic pencil, whose eigenvalues are shown to be off the unit circle on panels of the number"
 BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true } finds where nothing grows"
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Bounds on the eigenvalues of a drawing's frame: their size `radius`, the time `settling` (s) in which a mode is down to
-    SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`.
+    SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`. gain: names of an input
+    and an output, and what the gain between them stays below; None if none is required.
 
     The protocol is that of `core.analyses.bound`.
     """
@@ -28,11 +31,18 @@ class Bound:
     settling: float = np.inf
     damping_ratio: float = 0.0
     bounded: bool = False
+    gain: tuple[str, str, float] | None = None
+
+    @property
+    def of_modes(self) -> "Bound | None":
+        """The bounds on eigenvalues alone; None if there are none."""
+        modes = replace(self, gain=None)
+        return modes if modes != Bound() else None
 
     @property
     def cost(self) -> float:
-        """Seconds per slice by discs; 0 of bounds on the size alone."""
-        return BY_DISCS if self.damping_ratio or self.bounded else 0.0
+        """Seconds per slice by discs and for a gain; 0 of bounds on the size alone."""
+        return BY_DISCS * bool(self.damping_ratio or self.bounded) + BY_GAIN * bool(self.gain)
 
     @property
     def of_size(self) -> "Bound | None":
@@ -72,16 +82,30 @@ class Bound:
         place = Circle() if self.bounded else Spiral(self.damping_ratio)
         return along_by_discs(frames, errors, span, columns, period, bounds, place)
 
+    def within_gain(self, loops, along: str, span, period, bounds, stable: Intervals) -> Intervals:
+        """The intervals in which the gain is small enough, looked for where the loops may be stable."""
+        from wavesweep.require.gains import along_gain
+
+        sides = (("from", loops.drawing.inputs), ("to", loops.drawing.outputs))
+        for name, (key, known) in zip(self.gain, sides, strict=False):
+            if name not in (names := [each for each, *_ in known]):
+                raise UsageError(f"sweep.require.gain.{key}: expected a name in [ports] ({', '.join(names)}), found {name!r}")
+        source = next(signal for name, signal, _ in loops.drawing.inputs if name == self.gain[0])
+        return along_gain(loops, along, span, period, bounds, (source, OUTPUT + self.gain[1]), self.gain[2], stable)
+
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
         found = f"{of_size}; of frames over the required radius, whose unit circle is its circle" if self.of_size else ""
         discs = DISCS.format("each other and the unit circle" if self.bounded else "the spiral of the damping ratio")
-        return "; and ".join(filter(None, [discs if self.cost else "", found]))
+        modes = [discs if self.damping_ratio or self.bounded else "", found]
+        return "; and ".join(filter(None, [*modes, of_size if self.gain and not any(modes) else "", GAIN if self.gain else ""]))
 
     def refuse_rates(self, name: str) -> None:
         """Raise UsageError for a time to settle, along a number that changes the time of a frame."""
         if self.settling < np.inf:
             raise UsageError(f"{name} changes the time of a frame: require radius along it, and not settling")
+        if self.gain:
+            raise UsageError(f"{name} changes the time of a frame: require no gain along it")
 
 
 def words_of(written: Mapping[str, object]) -> str:
@@ -92,4 +116,10 @@ def words_of(written: Mapping[str, object]) -> str:
         "damping_ratio": "of a damping ratio of at least {:g}",
         "bounded": "on the unit circle",
     }
-    return f"every mode {' and '.join(text.format(written[name]) for name, text in words.items() if name in written)}"
+    modes = " and ".join(text.format(written[name]) for name, text in words.items() if name in written)
+    gain = written.get("gain")
+    said = [
+        f"every mode {modes}" if modes else "stability",
+        gain and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}",
+    ]
+    return " and ".join(filter(None, said))

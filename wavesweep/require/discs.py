@@ -10,13 +10,12 @@ from wavesweep.core.monodromy.circle import inverse
 from wavesweep.core.monodromy.product import ROUNDING
 from wavesweep.core.monodromy.rounding import balance
 from wavesweep.core.stability.spectrum import GONE
+from wavesweep.require.panels import BAD, GOOD, OPEN, SAFE
 
-SAFE = 1.5  # on the largest value at points of a rim, for those between
 SMALL = 1e-3  # up to which eigenvalues may be 0 but for rounding
 FINE = 0.1  # what an inverse of eigenvectors may be off by
 CONSERVING = 1e-10  # of the largest coefficient of a characteristic polynomial, by how much it may differ read backwards
 GROWN = 1e4  # entry of a frame, from which on nothing is left of that
-GOOD, OPEN, LOST, BAD = range(4)  # labels of panels; of two that overlap the larger one holds
 
 
 @dataclass(frozen=True, slots=True)

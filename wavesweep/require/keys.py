@@ -1,4 +1,4 @@
-"""What [sweep] requires of every mode, in place of stability alone."""
+"""What [sweep] requires of every mode, or of a gain, in place of stability alone."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.checking import show
-from wavesweep.core.reading.keys import Key, by_path, number, positive
+from wavesweep.core.reading.checking import Leaf, show
+from wavesweep.core.reading.keys import Key, by_path, number, positive, word
 from wavesweep.core.reading.tables import Asked, Table
 
 if TYPE_CHECKING:
@@ -52,26 +52,40 @@ KEYS = by_path(
             "for a loop that conserves energy: find the intervals in which no mode grows; all are on the unit circle, "
             "no two equal",
         ),
+        word("sweep.require.gain.from", None, "input in [ports] of the gain that is bounded"),
+        word("sweep.require.gain.to", None, "output in [ports] of the gain that is bounded, or a signal"),
+        positive(
+            "sweep.require.gain.at_most",
+            None,
+            "of to over from",
+            "find the stable intervals in which the gain from an input to an output is below this at all frequencies: the "
+            "H-infinity norm, of all ticks of a frame",
+            high=1e12,
+        ),
     ]
 )
-KEYS_BY_NAME = {path.rpartition(".")[2]: key for path, key in KEYS.items()}
+KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
+OF_GAIN = tuple(name for name in KEYS_BY_NAME if name.startswith("gain."))
 
 
 @dataclass(frozen=True, slots=True)
 class Require(Asked):
     """The bounds on every mode: its eigenvalue of a frame, the time (s) in which it is down to SETTLED, its damping ratio.
 
-    bounded: whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
+    bounded: whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these. gain: the
+    names of an input and an output, and a bound on the gain from one to the other.
     """
 
     radius: float | None = None
     settling: float | None = None
     damping_ratio: float | None = None
     bounded: bool = False
+    gain: tuple[str, str, float] | None = None
 
-    def written(self) -> dict[str, float]:
+    def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        return {name: value for name, value in asdict(self).items() if value}
+        found = {name: value for name, value in asdict(self).items() if value}
+        return found | ({"gain": dict(zip(("from", "to", "at_most"), self.gain, strict=True))} if self.gain else {})
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
         """Raise UsageError, since more is required; see `Asked`."""
@@ -86,7 +100,7 @@ class Require(Asked):
         """The same for the search: bounds on the eigenvalues of the frames of a drawing."""
         from wavesweep.require.bound import Bound
 
-        return Bound(self.radius or 1.0, self.settling or inf, self.damping_ratio or 0.0, self.bounded)
+        return Bound(self.radius or 1.0, self.settling or inf, self.damping_ratio or 0.0, self.bounded, self.gain)
 
 
 def build(request: Request) -> Require | None:
@@ -95,15 +109,29 @@ def build(request: Request) -> Require | None:
     if (table := leaves.get("")) is not None:
         found = "an empty table" if table.value == {} else show(table.value)
         return mistakes.refuse(table, PATH, f"a table with some of {', '.join(KEYS_BY_NAME)}", found, of_key=False)
+    if isinstance(getattr(leaves.get("gain"), "value", None), dict):  # as a call of the library gives it
+        leaf = leaves.pop("gain")
+        leaves |= {f"gain.{name}": Leaf(value, leaf.place) for name, value in leaf.value.items()}
     numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
     if numbers.get("bounded") and len(numbers) > 1:
         mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", "true alone", "other requirements as well", of_key=False)
-    return Require(**numbers) if any(numbers.values()) else None
+    gain = tuple(numbers.pop(name, None) for name in OF_GAIN)
+    for name in OF_GAIN if any(leaves.keys() & {*OF_GAIN}) else ():
+        if name not in leaves:
+            some = next(leaf for other, leaf in leaves.items() if other in OF_GAIN)
+            mistakes.refuse(some, f"{PATH}.gain", f"all of {', '.join(OF_GAIN)}", f"none of {name}")
+    for name, ports in (("gain.from", "inputs"), ("gain.to", "outputs")):
+        path = f"{PATH}.{name}"
+        request.refuse_unknown_ends(path, [leaves[name].value] if path in request.belongs.keys else (), ports)
+    gain = None if None in gain else gain
+    return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
-    return shapes.table({name: shapes.value(key) for name, key in KEYS_BY_NAME.items()})
+    found = {name: shapes.value(key) for name, key in KEYS_BY_NAME.items()}
+    gain = {name.partition(".")[2]: found.pop(name) for name in OF_GAIN}
+    return shapes.table(found | {"gain": shapes.table(gain)})
 
 
-TABLE = Table(path=PATH, build=build, keys=KEYS, always=True, schema=schema)
+TABLE = Table(path=PATH, build=build, keys=KEYS, signals=(f"{PATH}.gain.to",), always=True, schema=schema)

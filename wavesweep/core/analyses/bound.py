@@ -14,12 +14,15 @@ class Bound(Protocol):
 
     The search takes a bound on their size as the unit circle of frames over its radius. What else is bounded has a search of
     its own, `intervals`, beside it. cost: s per slice of that search, 0 without one. of_size: the bounds on the size alone;
-    None if there are none. on_circle: whether a mode that meets its bound is on the circle of that radius.
+    None if there are none. on_circle: whether a mode that meets its bound is on the circle of that radius. gain: whether a gain
+    of the whole loop is bounded too. of_modes: what is required of eigenvalues alone; None if nothing is.
     """
 
     cost: float
     of_size: "Bound | None"
     on_circle: bool
+    gain: object
+    of_modes: "Bound | None"
 
     def over(self, frames: int) -> "Bound":
         """The same for so many frames in place of one."""
@@ -32,6 +35,12 @@ class Bound(Protocol):
 
     def intervals(self, frames, errors, span, columns: int, period, bounds) -> Intervals:
         """All intervals in which eigenvalues are where they have to be, apart from their size; see `stable_along_any`."""
+
+    def within_gain(self, loops, along: str, span, period, bounds, stable: Intervals) -> Intervals:
+        """All intervals along a number in which the gain is within its bound, as far as they are in `stable`.
+
+        An omega at an end that the gain sets has a minus.
+        """
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""

@@ -11,6 +11,7 @@ from wavesweep.capabilities import modules
 from wavesweep.core.analyses.interval_records import TINY
 from wavesweep.core.analyses.loops import drift_of, named_loops
 from wavesweep.core.analyses.open_loops import in_place
+from wavesweep.core.analyses.subloops import common
 from wavesweep.core.controllers import WALL
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
@@ -65,6 +66,14 @@ def by_bound(search: "Search", loops: Loops, size: int) -> Intervals:
     period, batch, bounds = _asked(search, loops, size)
     found = search.bound.intervals(batch.frames, batch.errors, search.span, size, period, bounds)
     return _in_own_time(search, found, loops)
+
+
+def by_gain(search: "Search", loops: Loops, stable: Intervals) -> Intervals:
+    """Those of some intervals in which the gain is small enough; stable: of every slice."""
+    size = 1 + int(stable.column.max())
+    drawn, bounds = loops.drawn(), domains(*loops, search.along, search.span, size)
+    period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    return common([stable, search.bound.within_gain(loops, search.along, search.span, period, bounds, stable)])
 
 
 def _asked(search, loops, size):

@@ -56,6 +56,15 @@ def records_of(found: Intervals) -> np.ndarray:
     return records
 
 
+def ends_of(records: np.ndarray, *, set_by: bool) -> Columns:
+    """The omegas of records as columns and, if `set_by`, what sets each end: a mode, or a gain."""
+    omegas = {end: records[f"{end}_omega"] for end in ("low", "high")}
+    found = {f"{end}_omega": np.abs(omega) for end, omega in omegas.items()}
+    words = {end: np.where(np.signbit(omega), "gain", "mode").astype(object) for end, omega in omegas.items()}
+    more = {f"{end}_set_by": np.where(np.isnan(omega), "", words[end]) for end, omega in omegas.items()}
+    return found | (more if set_by else {})
+
+
 def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """Records of slice 0 with these ends, or the one record of a slice without intervals; other numbers are missing."""
     records = np.zeros(max(low.size, 1), dtype)
@@ -179,10 +188,13 @@ def _resting(search, loops) -> "Resting | None":
 
 
 def fill_in_lines(search: "Search", records: np.ndarray, members: np.ndarray, loops: Loops, opened: Opened | None) -> None:
-    """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`."""
+    """Fill in the strongest line (Hz) of the oscillation that starts at each end, of the loops `members`.
+
+    Ends that a gain sets have an omega with a minus, and no mode that starts.
+    """
     few, bound = 1 if search.in_pieces else BATCH, search.bound
     ends, omegas = (np.stack([records[name] for name in pair]) for pair in (("low", "high"), ("low_omega", "high_omega")))
-    end, rows = np.nonzero(~np.isnan(omegas) & _among(search, records["slice"], members))
+    end, rows = np.nonzero(~np.isnan(omegas) & ~np.signbit(omegas) & _among(search, records["slice"], members))
     p, omega = ends[end, rows], omegas[end, rows]
     at, found = np.searchsorted(members, records["slice"][rows]), omega / (2 * np.pi)
     if opened and opened.loops.cut and (bound is None or bound.on_circle):

@@ -154,6 +154,10 @@ class Search:
 
     def between_breaks(self, loops, size, opened) -> Intervals:
         """The intervals of loops that are built alike at all values of the number; opened: as for `connected`."""
+        if self.bound and self.bound.gain:
+            from wavesweep.core.analyses.by_frames import by_gain
+
+            return by_gain(self, loops, replace(self, bound=self.bound.of_modes).between_breaks(loops, size, opened))
         parts = self._parts(loops)
         if len(parts) <= 1:
             return self.connected(loops, size, opened)

@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.core.analyses.interval_records import RECORD, loop_by_loop
+from wavesweep.core.analyses.interval_records import RECORD, ends_of, loop_by_loop
 from wavesweep.core.analyses.interval_search import Search, Searches
 from wavesweep.core.analyses.loops import drift_of, frames, frames_of, refuse_singular
 from wavesweep.core.analyses.open_loops import exact_cut
@@ -114,6 +114,7 @@ def _columns(job, combination, records):
     """The axes, `along`, and the fields of the records."""
     found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
     found["doubt"] = words(found["doubt"])
+    found |= ends_of(records, set_by=bool(job.asked.require and job.asked.require.bound.gain))
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | found
 
@@ -145,7 +146,7 @@ def _searches(
     """
     parts: dict = {}
     path, require = asked.axis.path, asked.require
-    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=path):
+    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=_divided(path, require)):
         bound = require and require.bound.over(frames_of(loops))
         parts.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
@@ -154,6 +155,11 @@ def _searches(
         groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
         searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prove, bound))
     return Searches(tuple(searches))
+
+
+def _divided(path, require):
+    """The path along which a drawing has the longest tick: none if a gain is asked for, of signals in its own ticks."""
+    return "" if require and require.bound.gain else path
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
@@ -176,7 +182,8 @@ def job_over(grid: Grid, axis: Axis, *, require: Asked | None = None) -> Job:
         refuse_singular(spec, spec.drawing)
     index = some_loops(grid)
     changes = grid.loop_values(index)
-    parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=axis.path)]
+    own = _divided(axis.path, require)
+    parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=own)]
     for loops in parts:
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
@@ -250,7 +257,8 @@ def at_points(
     """
     count = len(next(iter(points.values())))
     records = _searches(spec, Along(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
-    return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+    found = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+    return found | ends_of(records, set_by=False)
 
 
 CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"

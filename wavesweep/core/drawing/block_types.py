@@ -357,7 +357,17 @@ COLUMNS = frozenset(
     (
         *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
         *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
-        *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
+        *(
+            "low_hz",
+            "high_hz",
+            "guarantee",
+            "fails_below",
+            "fails_from",
+            "counterexample",
+            "left_open",
+            "low_set_by",
+            "high_set_by",
+        ),
         *("open_places", "open_low", "open_high"),
         *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
         *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),

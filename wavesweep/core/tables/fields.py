@@ -68,7 +68,7 @@ def columns_beside(
 _GROUPS = columns_beside(__file__, _VALUES)
 ABOUT_ENDS, FOR_ALL, LEFT_OPEN = (_GROUPS[name] for name in ("about-ends", "for-all", "left-open"))
 _ALONG, _FOUND, _FELT, _LINES, _BODE = (_GROUPS[name] for name in ("along", "found", "felt", "lines", "bode"))
-_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_GROUPS["open"])
+_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_GROUPS["open"], *_GROUPS["set-by"])
 _FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES)
 _FOR_HANDS = (*_FOR_HANDS, *(each for each in (*FOR_ALL, *LEFT_OPEN) if each.name not in ("guarantee", "settled")))
 _FOR_HANDS = (*_FOR_HANDS, *_GROUPS["open"])

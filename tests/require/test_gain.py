@@ -1,0 +1,244 @@
+"""[sweep] require = { gain = ... }: stable intervals in which a gain stays below a level at all frequencies."""
+
+import pathlib
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import brentq, minimize_scalar
+
+import wavesweep
+from wavesweep.core.errors import UsageError
+
+STRING = pathlib.Path(__file__).parents[2] / "sweeps" / "examples" / "vehicle-string.toml"
+T = 0.01  # s, the period of the integrator
+INTEGRATOR = {
+    "rates": {"tick_hz": 1 / T},
+    "numbers": {"K": 10.0},
+    "block": {"p": {"type": "tf", "num": [1], "den": [1, 0]}},
+    "wire": {"p.u": "K*(ref - p.y - dist)"},
+    "ports": {
+        "inputs": {"dist": "dist", "ref": "ref"},
+        "outputs": {"error": "p.y + dist", "own": "p.y"},
+    },
+    "sweep": {"along": "K", "K": {"start": -5, "stop": 250}},
+}
+
+
+def bounded(source, signal, level, **more):
+    return {"gain": {"from": source, "to": signal, "at_most": level}, **more}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("source", "signal", "level", "end"),
+    [("dist", "error", 1.7, (2 - 2 / 1.7) / T), ("ref", "own", 1.5, 2 * 1.5 / 2.5 / T), ("dist", "error", 1e4, (2 - 2e-4) / T)],
+)
+def test_the_sensitivities_of_an_integrator_have_closed_forms(source, signal, level, end):
+    """`(z - 1)/(z - 1 + K T)` and `K T/(z - 1 + K T)`, both largest at z = -1."""
+    loop = wavesweep.compile(INTEGRATOR)
+    (row,) = loop.stable_intervals(require=bounded(source, signal, level)).itertuples()
+    assert (row.certified, row.low, row.low_set_by, row.high_set_by) == (True, 0, "mode", "gain")
+    assert (row.high, row.high_omega) == (pytest.approx(end, rel=1e-9), pytest.approx(np.pi / T))
+    assert (row.low_hz, row.high_hz) == (0, pytest.approx(np.nan, nan_ok=True))
+
+
+@pytest.mark.slow
+def test_a_gain_and_a_radius_are_what_both_have_in_common():
+    loop = wavesweep.compile(INTEGRATOR)
+    (row,) = loop.stable_intervals(require=bounded("dist", "error", 1.7, radius=0.9)).itertuples()
+    assert (row.certified, row.low_set_by, row.high_set_by) == (True, "mode", "gain")
+    assert (row.low, row.high) == (pytest.approx(0.1 / T), pytest.approx((2 - 2 / 1.7) / T))
+    (row,) = loop.stable_intervals(require=bounded("dist", "error", 50.0, radius=0.9)).itertuples()
+    assert (row.certified, row.high_set_by, row.high) == (True, "mode", pytest.approx(1.9 / T))
+    (row,) = loop.stable_intervals(require=bounded("dist", "error", 0.9)).itertuples()
+    assert (row.certified, row.intervals) == (True, 0)  # at z = -1 it is 1 or more
+
+
+def string_gain(h, theta, kp=0.5, step=0.05, ticks=4):
+    """From the speed ahead to the own speed: held messages, an engine of 0.3 s, and commands `ticks` late."""
+    A = np.array([[-1 / 0.3, 0, 0, 1 / 0.3], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]])
+    M, z = expm(step * A), np.exp(1j * theta)
+    _, speed, place = np.linalg.solve(
+        z * np.eye(3) - M[:3, :3], M[:3, 3]
+    )  # of the car; the one ahead is where its messages say
+    return speed * (1 + kp * step / (z - 1)) / (h * z**ticks + (1 + kp * h) * speed + kp * place)
+
+
+@pytest.mark.slow
+def test_a_string_of_cars_damps_where_its_gain_is_at_most_that_at_rest():
+    """|G| = 1 at rest for every headway; a ring of N such cars has modes G^N = 1, and tends to the string."""
+    (row,) = wavesweep.stability_region(wavesweep.load(STRING)).itertuples()
+    angles = np.geomspace(1e-3, np.pi, 2000)
+
+    def swells(h):
+        gains = [abs(string_gain(h, angle)) for angle in angles]
+        near = angles[max(np.argmax((np.array(gains) - 1) / angles**2) - 1, 0) :][:3]
+        return -minimize_scalar(lambda t: (1 - abs(string_gain(h, t))) / t**2, bounds=(near[0], near[-1]), method="bounded").fun
+
+    assert (row.certified, row.low_set_by, row.high, row.high_set_by) == (True, "gain", 3.0, "")
+    assert row.low == pytest.approx(brentq(swells, 1.1, 1.2, xtol=1e-9), rel=1e-7)
+    said = STRING.read_text(encoding="utf-8")
+    assert all(f"h > {end} s" in said for end in (f"{row.low:.5f}", "1.12775", "1.15757"))
+    assert [f"{ring(N):.5f}" for N in (4, 40)] == ["1.12775", "1.15757"]
+
+
+def ring(cars, kp=0.5, step=0.05, ticks=4):
+    """The least headway of cars on a ring, from the modes in which each car does what the one ahead does, turned by w."""
+    A = np.array([[-1 / 0.3, 0, 0], [1, 0, 0], [0, -1, 0]])
+    M = expm(step * np.block([[A, np.array([[1 / 0.3, 0], [0, 0], [0, 1]])], [np.zeros((2, 5))]]))
+
+    def radius(h):
+        E, b = np.zeros((3 + ticks,) * 2), np.zeros((3 + ticks, 1))
+        E[:3, :3], E[:3, -1], b[:3, 0] = M[:3, :3], M[:3, 3], M[:3, 4]
+        E[3, 1:3], b[3] = [-(1 + kp * h) / h, kp / h], 1 / h
+        E[range(4, 3 + ticks), range(3, 2 + ticks)] = 1
+        reads = np.eye(3 + ticks)[1:2]
+        found = [np.linalg.eigvals(E + np.exp(2j * np.pi * k / cars) * b @ reads) for k in range(cars)]
+        return max(np.abs(z[np.abs(z - 1) > 1e-7]).max() for z in found)
+
+    return brentq(lambda h: radius(h) - 1, 1.0, 1.3, xtol=1e-9)
+
+
+def draw(seed):
+    """A mass under PD control at several rates, from a generator of random numbers: numbers, the axis, its span, the ports."""
+    r = np.random.default_rng(seed)
+    c = {"m": r.uniform(0.05, 1), "d": r.uniform(0.5, 5), "k": r.choice([0.0, 20.0, 100.0]), "a": r.uniform(0.1, 0.9)}
+    c |= {"kp": 10 ** r.uniform(1, 3), "kd": r.uniform(0, 5)}
+    c = {name: float(value) for name, value in c.items()}
+    c |= {"hz": float(r.choice([100, 500, 1000])), "n": int(r.choice([1, 1, 2, 3])), "q": int(r.choice([1, 1, 2]))}
+    c |= {"late": int(r.choice([1, 1, 2, 4]))}
+    along = str(r.choice(["kp", "kd", "m", "d"]))
+    span = {"kp": (5.0, 2000.0), "kd": (0.0, 20.0), "m": (0.02, 2.0), "d": (0.1, 20.0)}[along]
+    return c, along, span, (str(r.choice(["noise", "push"])), str(r.choice(["x_out", "force", "seen"]))), r
+
+
+def tables(c):
+    return {
+        "rates": {"tick_hz": c["hz"]},
+        "numbers": {name: c[name] for name in ("kp", "kd", "m", "d", "k", "a")},
+        "block": {
+            "p": {"type": "mass", "mass": "m", "damping": "d", "stiffness": "k"},
+            "s": {"type": "hold", "every": c["n"]},
+            "f": {"type": "tf", "num": ["a", 0], "den": [1, "a-1"], "discrete": True, "every": c["q"]},
+            "z": {"type": "delay", "steps": c["late"]},
+        },
+        "wire": {"s.u": "p.x + e", "f.u": "p.v", "z.u": "-kp*s.y - kd*f.y", "p.f": "z.y + g"},
+        "ports": {"inputs": {"noise": "e", "push": "g"}, "outputs": {"x_out": "p.x", "force": "z.y", "seen": "s.y"}},
+    }
+
+
+def frame(c, source, signal):
+    """A, B, C and D of a frame, by a run of its ticks from every state and every input."""
+    A = np.array([[0, 1, 0], [-c["k"] / c["m"], -c["d"] / c["m"], 1 / c["m"]], [0, 0, 0]])
+    step, ticks = expm(A / c["hz"]), int(np.lcm(c["n"], c["q"]))
+    n = 4 + c["late"]
+
+    def run(state, inputs):
+        x, v, s, f, *late = state
+        shown = []
+        for i, u in enumerate(inputs):
+            e, g = (u, 0.0) if source == "noise" else (0.0, u)
+            s = x + e if i % c["n"] == 0 else s
+            f = (1 - c["a"]) * f + c["a"] * v if i % c["q"] == 0 else f
+            shown.append({"x_out": x, "force": late[-1], "seen": s}[signal])
+            x, v, _ = step @ [x, v, late[-1] + g]
+            late = [-c["kp"] * s - c["kd"] * f, *late[:-1]]
+        return np.array([x, v, s, f, *late, *shown])
+
+    columns = [run(part[:n], part[n:]) for part in np.eye(n + ticks)]
+    whole = np.array(columns).T
+    return whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+
+
+def radius_and_gain(c, source, signal):
+    """The spectral radius, and the largest singular value over a dense grid of angles, refined."""
+    A, B, C, D = frame(c, source, signal)
+    poles = np.abs(np.angle(np.linalg.eigvals(A)))
+    angles = np.concatenate([np.linspace(0, np.pi, 600), np.geomspace(1e-5, 1, 60)])
+    angles = np.concatenate([angles, *(pole + width * np.linspace(-1, 1, 31) for pole in poles for width in (0.05, 1e-3))])
+    angles = np.unique(np.clip(angles, 0, np.pi))
+
+    def gain(theta):
+        z = np.exp(1j * np.atleast_1d(theta))[:, None, None]
+        return np.linalg.svd(C @ np.linalg.solve(z * np.eye(len(A)) - A, B + 0 * z) + D, compute_uv=False)[:, 0]
+
+    found = gain(angles)
+    near = [angles[[max(at - 1, 0), min(at + 1, angles.size - 1)]] for at in np.argsort(found)[-3:]]
+    tops = [
+        -minimize_scalar(lambda t: -gain(t)[0], bounds=pair, method="bounded", options={"xatol": 1e-12}).fun for pair in near
+    ]
+    return np.abs(np.linalg.eigvals(A)).max(), max(found.max(), *tops)
+
+
+@pytest.mark.slow
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(40))
+def test_the_largest_singular_value_is_below_the_level_inside_and_not_outside(seed):
+    c, along, span, route, r = draw(seed)
+    values = r.uniform(*span, 8)
+    gains = [gain for radius, gain in (radius_and_gain(c | {along: value}, *route) for value in values) if radius < 1]
+    if not gains:
+        return
+    level = float(np.quantile(gains, r.uniform(0.1, 0.9)) * r.uniform(0.9, 1.3))
+    table = wavesweep.compile(tables(c)).stable_intervals(along, span, require=bounded(*route, level))
+    rows = list(table.itertuples())
+    ends = [end for row in rows for end, omega in ((row.low, row.low_omega), (row.high, row.high_omega)) if omega >= 0]
+    beside = [end + side * (1.2e-8 * abs(end) + 1.2e-13 * span[1]) for end in ends for side in (-1, 1)]
+    for value in [*values, *beside]:
+        radius, gain = radius_and_gain(c | {along: float(value)}, *route)
+        inside = any(row.low < value < row.high for row in rows)
+        known = abs(gain / level - 1) > 1e-9 and abs(radius - 1) > 1e-10 and span[0] < value < span[1]
+        if known and (table.certified.all() or (inside and not table.open_places.any())):
+            assert inside == (radius < 1 and gain < level)
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_the_gain_of_one_rate_is_the_norm_of_python_control():
+    control = pytest.importorskip("control")
+    c, *_ = draw(0)
+    c |= {"n": 1, "q": 1}
+    (row,) = (
+        wavesweep.compile(tables(c)).stable_intervals("kp", (5.0, 2000.0), require=bounded("noise", "x_out", 2.0)).itertuples()
+    )
+    assert (row.certified, row.high_set_by) == (True, "gain")
+    for value, side in ((row.high * (1 - 1e-6), -1), (row.high * (1 + 1e-6), 1)):
+        system = control.ss(*frame(c | {"kp": value}, "noise", "x_out"), True)
+        omega = row.high_omega / c["hz"] * np.linspace(0.98, 1.02, 401)
+        assert np.sign(np.abs(control.frequency_response(system, omega).frdata).max() - 2.0) == side
+
+
+GAIN = "sweep.require.gain"
+NAMES = "radius, settling, damping_ratio, bounded, gain.from, gain.to, gain.at_most"
+
+
+@pytest.mark.parametrize(
+    ("gain", "expected"),
+    [
+        (
+            bounded("dust", "own", 1.0)["gain"],
+            f'{GAIN}.from: expected an input in [ports] of a drawn loop (dist, ref), found "dust"',
+        ),
+        ({"from": "ref", "to": "own"}, f"{GAIN}: expected all of gain.from, gain.to, gain.at_most, found none of gain.at_most"),
+        (bounded("ref", "own", 0.0)["gain"], f"{GAIN}.at_most: expected a number > 0, found 0"),
+        (
+            bounded("ref", "own", 1.0)["gain"] | {"band_hz": [1, 2]},
+            f"{GAIN}.band_hz: expected one of {NAMES}, found an unknown key",
+        ),
+    ],
+)
+def test_what_cannot_be_required_is_one_clear_line(gain, expected):
+    with pytest.raises(UsageError, match=r"^" + expected.translate({ord(each): f"\\{each}" for each in "[]()."})):
+        wavesweep.load(INTEGRATOR | {"sweep": INTEGRATOR["sweep"] | {"require": {"gain": gain}}})
+
+
+def test_names_that_a_loop_does_not_have_and_outputs_that_drift_are_refused():
+    loop = wavesweep.compile(INTEGRATOR)
+    with pytest.raises(UsageError, match=r"gain\.to: expected a name in \[ports\] \(error, own\), found 'p\.y'"):
+        loop.stable_intervals(require=bounded("ref", "p.y", 1.0))
+    free = {**INTEGRATOR, "block": INTEGRATOR["block"] | {"q": {"type": "tf", "num": [1], "den": [1, 0]}}}
+    free |= {"wire": INTEGRATOR["wire"] | {"q.u": "p.y"}, "ports": {"inputs": {"ref": "ref"}, "outputs": {"place": "q.y"}}}
+    free["wire"]["p.u"] = "K*(ref - p.y)"
+    with pytest.raises(UsageError, match=r"gain\.to: expected an output that comes to rest, found place, which drifts"):
+        wavesweep.compile(free).stable_intervals(require=bounded("ref", "place", 1.0))

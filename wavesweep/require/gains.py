@@ -1,0 +1,422 @@
+"""Where the gain from an input to an output stays below a level at all frequencies, along any number of a loop.
+
+The gain is the H-infinity norm of the map of a frame from the inputs of its ticks to its outputs, `H(z) = T + O (z - A)^-1 G`:
+the root of the largest ratio of the energy of an output to that of its input. It is below the level if `level^2 - H* H` is
+positive on the unit circle. With P = -O'O, S = -O'T and R = level^2 - T'T this is Popov's form
+
+    [x; u]* [P S; S' R] [x; u],   x = (z - A)^-1 G u,
+
+and it is singular on the circle only where the pencil `N - z L` is (see `hinf`),
+
+    N = [A 0 G; P -1 S; S' 0 R],   L = [1 0 0; 0 -A' 0; 0 -G' 0].
+
+So in a connected set of numbers in which no eigenvalue of the pencil is on the circle, the form is positive everywhere if it is
+at one angle of one number. The map `(z - a)/(1 - conj(a) z)` takes the circle to itself, and what is infinite to a finite
+place: less its value c at z = 1, over c, the eigenvalues d of the circle have |1 + d| = 1, and solve
+
+    rate (N - L) v = d (L - conj(a) N) v,   rate = (1 - |a|^2)/(1 - a).
+
+Where the gain at rest of a loop of one tick is the level itself, as in a string of vehicles, `level^2 - |H|^2` is 0 at z = 1.
+Times |z - b|^2/|z - 1|^2 it is such a form too: with f = 1 - b, r = (1 - A)^-1 G and c = H(1) O (1 - A)^-1
+
+    x = (z - A)^-1 (G - f r) u,   P = -O'O,   S' = -T O - f c A,   R = level^2 - T^2 + f^2 c r - 2 f c G.
+"""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from wavesweep.core.analyses.loops import drift_of
+from wavesweep.core.energy.hinf import NEAR, START, with_middles
+from wavesweep.core.energy.lifted_map import reached, read
+from wavesweep.core.errors import IllPosedLoopError, UsageError
+from wavesweep.core.loops.domain import guards_at
+from wavesweep.core.loops.from_drawing import OUTPUT
+from wavesweep.core.monodromy.circle import inverse, on_circle, solve
+from wavesweep.core.monodromy.drift import TickDrift
+from wavesweep.core.monodromy.open_ticks import facts_of
+from wavesweep.core.monodromy.periodic import ticks_of
+from wavesweep.core.monodromy.rounding import ENTRIES, ROUNDING, balance
+from wavesweep.core.response.port import port_between
+from wavesweep.core.response.ticks import joined, plus, times
+from wavesweep.core.stability.frames import level as level_of
+from wavesweep.core.stability.frames import pole_inside
+from wavesweep.core.stability.intervals import Intervals
+from wavesweep.core.stability.regions import NEAR_ZERO
+from wavesweep.core.sweep.grid import Loops
+from wavesweep.require.discs import SMALL
+from wavesweep.require.panels import BAD, GOOD, OPEN, RIM, SAFE, along_panels
+
+TURN = 0.35 + 0.4j  # a
+RATE = (1 - abs(TURN) ** 2) / (1 - TURN)
+ONE = (1 - TURN) / (1 - np.conj(TURN))  # where the map takes z = 1
+SURELY = 1e-9  # relative, by which dominance has to hold beyond its own rounding
+POSITIVE = 1e-9  # of the terms of the form, from which on it is positive at an angle whatever rounding does
+SWEEPS = 12  # of balancing
+ANGLES = 8  # eigenvalues next to the circle, at whose angles and between which the form is looked at
+TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where the gain at rest is looked at
+EXACT = 1e-8  # of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by its root
+AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
+
+
+def along_gain(loops: Loops, along: str, span, period, bounds, route, level: float, stable: Intervals) -> Intervals:
+    """All intervals of a number in which the gain of loops stays below a level, within those in which they may be stable.
+
+    route: the input and the signal. period: of the frame, s, `(columns,)`. bounds: see `along_panels`. The omegas of ends are
+    those at which the gain is largest, with a minus: no mode is on the circle there. A gain at rest that is the level at all
+    values, in loops of one tick, is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT, see `Judge`.
+    Errors: UsageError if the signal moves without end.
+    """
+    drift = drift_of(loops.changed({along: np.array(span)}), watched=route[1:])
+    values, size = span[0] + (span[1] - span[0]) * np.array(TYPICAL), period.size
+    number, p = np.repeat(np.arange(size), values.size), np.tile(values, size)
+    port, _ = _port(loops, along, drift, route, number, p)
+    if port.outputs > 1:
+        what = route[1].removeprefix(OUTPUT)
+        raise UsageError(f"sweep.require.gain.to: expected an output that comes to rest, found {what}, which drifts")
+    kept = np.flatnonzero(read(port.maps) & reached(port.maps))
+    gain = Gain(
+        loops, along, route, level, drift, kept if kept.size else np.arange(1), port.kind.size, np.arange(size), stable, False
+    )
+    E, G, O, T = (part for part, _ in gain.maps(number, p)[0])
+    at_rest = np.zeros(size, bool)
+    if port.kind.size == 1:
+        at_rest = (np.abs(np.abs(T - O @ solve(E, G)) - level) <= AT_REST * level).reshape(size, -1).all(-1)
+    columns = [np.flatnonzero(at_rest == touching) for touching in (False, True)]
+    judges = [replace(gain, columns=some, at_rest=bool(at_rest[some[0]])) for some in columns if some.size]
+    found = along_panels(judges, np.ones(size, bool), span, period, bounds)
+    return _attached(
+        replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega), stable, NEAR_ZERO * (span[1] - span[0])
+    )
+
+
+def _attached(found, stable, nothing):
+    """Intervals whose ends that are as near to those of stability as ends are exact are these."""
+    ends = {}
+    for side in ("low", "high"):
+        own, other = getattr(found, side)[:, None], getattr(stable, side)
+        near = (np.abs(own - other) <= EXACT * (np.abs(other) + nothing)) & (found.column[:, None] == stable.column)
+        at, some = near.argmax(-1), near.any(-1)
+        for name in (side, f"{side}_omega"):
+            ends[name] = np.where(some, getattr(stable, name)[at], getattr(found, name))
+    return replace(found, **ends)
+
+
+def _port(loops, along, drift, route, number, p):
+    """The loops `number` at values p as they are seen between an input and a signal, and their pivots."""
+    at = loops.some(number).changed({along: p})
+    with np.errstate(all="ignore"):
+        drawn = at.drawn()
+        port, (pivot, _) = port_between(drawn, *route, drift), facts_of(ticks_of(drawn, alone=True).maps)
+    pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
+    return port, np.concatenate([pivot, guards_at(*at, along, p.shape).reshape(p.size, -1)], -1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gain:
+    """The gain of loops between an input and a signal (route) along a number; level: which it has to stay below.
+
+    A judge of `panels`, of these columns. kept: states that the input reaches and the signal depends on. inputs: ticks of the
+    frame. stable: where loops may be stable, and nothing is looked for elsewhere. at_rest: see `along_gain`.
+    """
+
+    loops: Loops
+    along: str
+    route: tuple[str, str]
+    level: float
+    drift: TickDrift
+    kept: np.ndarray
+    inputs: int
+    columns: np.ndarray
+    stable: Intervals
+    at_rest: bool
+    many: ClassVar[int] = 1000
+    exact: ClassVar[float] = EXACT
+    finest: ClassVar[float] = 64.0
+    smooth: ClassVar[bool] = False
+
+    @property
+    def order(self) -> int:
+        """Of the pencil."""
+        return 2 * self.kept.size + self.inputs
+
+    def maps(self, column, p):
+        """E less identity, G, O and T of a frame, each with a bound on its error, and pivots; NaN without a solution."""
+        try:
+            port, pivots = _port(self.loops, self.along, self.drift, self.route, self.columns[column], p)
+        except IllPosedLoopError:
+            if p.size == 1:
+                n, m = self.kept.size, self.inputs
+                shapes = ((1, n, n), (1, n, m), (1, m, n), (1, m, m))
+                return [(np.full(shape, np.nan),) * 2 for shape in shapes], np.zeros((1, 1))
+            halves = [self.maps(column[part], p[part]) for part in np.array_split(np.arange(p.size), 2)]
+            maps = [
+                tuple(map(np.concatenate, zip(*pair, strict=True))) for pair in zip(*(each for each, _ in halves), strict=True)
+            ]
+            return maps, np.zeros((p.size, 1))  # which may be poles
+        return _lifted(port, self.kept, p.shape), pivots
+
+    def label(self, column, low, high, bounds):
+        """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
+        own = self.stable.column == self.columns[column][:, None]
+        within = own & (self.stable.low < high[:, None]) & (self.stable.high > low[:, None])
+        label, inside = np.full(column.size, BAD), within.any(-1)
+        if inside.any():
+            label[inside] = self._label(column[inside], low[inside], high[inside], bounds)
+        return label
+
+    def _label(self, column, low, high, bounds):
+        middle, half = (low + high) / 2, (high - low) / 2
+        p = middle[:, None] + 2 * half[:, None] * np.append(0.0, RIM)
+        maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
+        form, shape = self.form(p.shape[1], *maps), p.shape
+        both = [tuple(part.reshape(*shape, *part.shape[1:]) for part in pair) for pair in self.pencil(maps[0], *form)]
+        (K, dK), (L, dL) = both
+        known = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
+        known &= ~_poles(pivots.reshape(*shape, -1))
+        if self.at_rest:
+            known &= ~_poles(_determinants(maps[0][0].reshape(*shape, *maps[0][0].shape[1:]))[..., None])
+        known &= np.logical_and.reduce([np.isfinite(part).all((-1, -2, -3)) for part in (K, dK, L, dL)])
+        label, some = np.full(column.size, OPEN), np.flatnonzero(known)
+        if not some.size:
+            return label
+        middles = K[some, 0].real, dK[some, 0], L[some, 0].real, dL[some, 0]
+        inside, d = clear(*middles, (K[some, 1:], L[some, 1:]), self.inputs)
+        parts = [tuple(part.reshape(*shape, *part.shape[1:])[some] for part in pair) for pair in (maps[0], *form)]
+        theta = _angles(d)
+        value, size, v = _least([part[:, 0].real for part, _ in parts], theta)
+        good = inside & (value > POSITIVE * size).any(-1)
+        label[some[good]] = GOOD
+        rest = np.flatnonzero(~good & (value.min(-1) < 0))
+        if rest.size:
+            at = value[rest].argmin(-1)
+            with np.errstate(all="ignore"):
+                bad = _negative([tuple(part[rest] for part in pair) for pair in parts], theta[rest, at], v[rest, at])
+            label[some[rest[bad]]] = BAD
+        return label
+
+    def worst(self, column, p):
+        """The point of the circle, less 1, at which the form is least, and by how much it is negative, of its terms."""
+        maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
+        form = self.form(1, *maps)
+        (K, dK), (L, dL) = self.pencil(maps[0], *form)
+        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs)
+        theta = _angles(d)
+        value, size, _ = _least([part for part, _ in (maps[0], *form)], theta)
+        most = (value / size).argmin(-1)[:, None]
+        value, size, theta = (np.take_along_axis(part, most, 1)[:, 0] for part in (value, size, theta))
+        return on_circle(theta), -value / size
+
+    def form(self, points, E, G, O, T):
+        """The matrices G, P, S, R of the form, each with a bound on its error; points: of a disc, with one b."""
+        if self.at_rest:
+            return self._form_at_rest(points, E, G, O, T)
+        TT = times(_transposed(T), T)
+        R = plus((self.level**2 * np.eye(TT[0].shape[-1]), 0.0), _minus(TT))
+        back = _transposed(O)
+        return G, _minus(times(back, O)), _minus(times(back, T)), R
+
+    def _form_at_rest(self, points, E, G, O, T):
+        X = inverse(-E[0])
+        aX, sign = np.abs(X), np.sign((T[0] + O[0] @ X @ G[0]).real)
+        r, c = X @ G[0], self.level * sign * (O[0] @ X)
+        r = r, aX @ (E[1] @ np.abs(r) + G[1] + ROUNDING * (np.abs(E[0]) @ np.abs(r) + np.abs(G[0])))
+        c = c, (np.abs(c) @ (E[1] + ROUNDING * np.abs(E[0])) + self.level * (O[1] + ROUNDING * np.abs(O[0]))) @ aX
+        ticks = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2  # by which a slow input is late
+        f = np.repeat(1 / np.maximum(2.0, ticks), points, axis=0).reshape(-1, 1, 1)
+        g = plus(G, _minus(_scaled(f, r)))
+        cA = plus(c, _minus(_scaled(self.level * sign, O)))
+        S = _minus(_transposed(plus(times(T, O), _scaled(f, cA))))
+        late = plus(_scaled(f**2, times(c, r)), _minus(_scaled(2 * f, times(c, G))))
+        R = plus(plus((self.level**2, 0.0), _minus(times(T, T))), late)
+        return g, _minus(times(_transposed(O), O)), S, R
+
+    def pencil(self, E, G, P, S, R):
+        """N - L and L, each with a bound on its error."""
+        n, m = G[0].shape[-2:]
+        x, l, u, found = slice(n), slice(n, 2 * n), slice(2 * n, None), []
+        for e, g, p, s, r in zip(E, G, P, S, R, strict=True):
+            K, L = np.zeros((2, *g.shape[:-2], 2 * n + m, 2 * n + m), g.dtype)
+            K[..., x, x], K[..., x, u] = e, g
+            K[..., l, x], K[..., l, l], K[..., l, u] = p, _t(e), s
+            K[..., u, x], K[..., u, l], K[..., u, u] = _t(s), _t(g), r
+            L[..., l, l], L[..., u, l] = -_t(e), -_t(g)
+            found.append((K, L))
+        (K, L), errors = found
+        L[..., x, x], L[..., l, l] = np.eye(n), L[..., l, l] - np.eye(n)
+        return (K, np.abs(errors[0])), (L, np.abs(errors[1]) + ROUNDING * np.abs(L))
+
+
+def _t(part):
+    return np.swapaxes(part, -1, -2)
+
+
+def _minus(pair):
+    return -pair[0], pair[1]
+
+
+def _scaled(factor, pair):
+    return factor * pair[0], np.abs(factor) * (pair[1] + ROUNDING * np.abs(pair[0]))
+
+
+def _transposed(pair):
+    return tuple(np.swapaxes(part, -1, -2) for part in pair)
+
+
+def _lifted(port, kept, batch):
+    """E less identity, G, O and T of a frame, of some states, each with a bound on its error."""
+    ticks = []
+    for (E, B, C, D), sizes in zip(port.maps, port.sizes, strict=True):
+        parts = [(E, sizes[0]), (B, sizes[1]), (C, sizes[2]), (D, sizes[3])]
+        ticks.append([np.broadcast_to(part, (*batch, *part.shape[-2:])) for pair in parts for part in pair])
+    n, M = kept.size, port.kind.size
+    E, G, O, T = (np.zeros((*batch, n, n)),) * 2, (np.zeros((*batch, n, 0)),) * 2, [], []
+    for at, kind in enumerate(port.kind.tolist()):
+        e, de, b, db, c, dc, d, dd = ticks[kind]
+        e, b, c = ((x, ENTRIES * dx) for x, dx in ((e, de), (b, db), (c, dc)))
+        e, b, c = (tuple(x[:, kept[:, None], kept] for x in e), tuple(x[:, kept] for x in b), tuple(x[:, :, kept] for x in c))
+        O.append(plus(c, times(c, E)))
+        T.append(joined((times(c, G), (d, ENTRIES * dd), (np.zeros((*batch, 1, M - at - 1)),) * 2), -1))
+        E = plus(plus(E, e), times(e, E))
+        G = joined((plus(G, times(e, G)), b), -1)
+    return E, G, joined(O, -2), joined(T, -2)
+
+
+def clear(K, dK, L, dL, rims, inputs):
+    """Whether no eigenvalue of pencils is on the circle, for all numbers of discs; the eigenvalues in the middle, see the head.
+
+    K, L: N - L and L in the middle, `(n, r, r)`, with bounds on their errors; rims: both on circles of twice the size about the
+    discs, `(n, points, r, r)`. inputs: the last columns, in which L is 0 and the pencil is N times a number that is not 0 for
+    any d of the circle. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal in the middle,
+    `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
+    """
+    N, n = K.shape[-1], K.shape[-1] - inputs
+    states, last = np.arange(N) < n, np.arange(N) >= n
+
+    def parts(K, L, sizes=False):
+        """P and Q of `P - d Q`, or their sizes."""
+        if sizes:
+            rate, back, one = abs(RATE), abs(TURN), abs(1 - TURN)
+            return np.where(last, K, rate * K), states * (one * L + back * K)
+        rate, back, one = RATE, -np.conj(TURN), 1 - np.conj(TURN)
+        return np.where(last, K, rate * K), states * (one * L + back * K)
+
+    (P, Q), rounding = parts(K, L), N * ROUNDING  # of complex products of three, one after the other
+    sizes = parts(dK + rounding * np.abs(K), dL + rounding * np.abs(L), sizes=True)
+    with np.errstate(all="ignore"):
+        from_u = inverse(P[:, n:, n:])
+        S, T = (part[:, :n, :n] - P[:, :n, n:] @ from_u @ part[:, n:, :n] for part in (P, Q))
+        S = inverse(T) @ S
+        fine = np.isfinite(S).all((-1, -2))
+        S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
+        delta, V = _vectors(S)
+        V = units[:, :, None] * V
+        U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
+        V = np.concatenate([np.concatenate([V, 0 * _t(U)], -1), np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)], -2)
+        W = inverse(np.where(last, P, Q @ V))
+        moved = [part - whole[:, None] for part, whole in zip(rims, (K, L), strict=True)]
+        moved = [np.concatenate(some, 1) for some in zip(parts(*moved), parts(*(part.conj() for part in moved)), strict=True)]
+        d = np.concatenate([delta, np.zeros((len(delta), inputs))], -1)
+        off = W @ P @ V - W @ Q @ V * d[:, None, :] - np.eye(N) * last, W @ Q @ V - np.eye(N) * states
+        F, loss = (
+            SAFE / 2 * np.abs(W[:, None] @ part @ V[:, None]).max(1) + np.abs(each) + np.abs(W) @ size @ np.abs(V)
+            for part, each, size in zip(moved, off, sizes, strict=True)
+        )
+        room = np.where(last, 1.0, np.abs(2 * d.real + np.abs(d) ** 2) / (np.abs(1 + d) + 1))
+        size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
+        H = (F + size[:, :, None] * loss) / room[:, :, None]
+        fine &= np.isfinite(H).all((-1, -2))
+        H, _ = balance(np.where(fine[:, None, None], H, 0.0), SWEEPS)
+        u = solve(np.eye(N) * (1 + SURELY) - H, np.ones((len(H), N, 1)))
+        fine &= (u > 0).all((1, 2)) & (H @ u < u * (1 - SURELY / 2)).all((1, 2))
+    return fine, delta
+
+
+def _vectors(S):
+    """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may have too few, a Schur basis."""
+    from scipy.linalg import schur
+
+    delta, V = (part.astype(complex) for part in np.linalg.eig(S))
+    for middle in (-TURN, -1 / np.conj(TURN)):
+        place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
+        near = np.abs(delta - place) <= SMALL
+        for at in np.flatnonzero(near.sum(-1) > 1):
+            T, basis, count = schur(S[at], output="complex", sort=lambda d, place=place: abs(d - place) <= SMALL)
+            if count == near[at].sum():
+                delta[at, near[at]], V[at][:, near[at]] = np.diagonal(T)[:count], basis[:, :count]
+    return delta, V
+
+
+def _angles(d):
+    """Angles (rad per frame) at which the form is looked at, `(n, any)`: some, those of eigenvalues next to the circle, and
+    between these."""
+    off = np.abs(np.abs(1 + d) - 1)
+    nearest = np.argsort(off, -1)[:, :ANGLES]
+    d, off = (np.take_along_axis(part, nearest, -1) for part in (d, off))
+    zeta = ONE * (1 + d)
+    theta = np.abs(np.angle((zeta + TURN) / (1 + np.conj(TURN) * zeta)))
+    found = with_middles(np.where(off <= NEAR, theta, np.nan))
+    return np.concatenate([np.nan_to_num(found), np.broadcast_to(START, (len(d), START.size))], -1)
+
+
+def _least(parts, theta):
+    """The least eigenvalue of the form at angles, `(n, angles)`, the size of its terms, and its vectors.
+
+    parts: E, G, P, S, R of each, `(n, r, c)`.
+    """
+    E, G, P, S, R = (part[:, None] for part in parts)
+    with np.errstate(all="ignore"):
+        x = solve(on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E, G + 0j * theta[..., None, None])
+        back, St = _t(x).conj(), _t(S)
+        whole = back @ P @ x + back @ S + St @ x + R
+        size = np.abs(back) @ np.abs(P) @ np.abs(x) + np.abs(back) @ np.abs(S) + np.abs(St) @ np.abs(x) + np.abs(R)
+        known = np.isfinite(whole).all((-1, -2))
+        value, vectors = np.linalg.eigh(np.where(known[..., None, None], whole, 0.0))
+    return np.where(known, value[..., 0], 0.0), np.where(known, size.sum((-1, -2)), 1.0), vectors[..., 0]
+
+
+def _negative(parts, theta, v):
+    """Whether the form is negative at an angle, in a direction v of the inputs, for all numbers of discs.
+
+    parts: E, G, P, S, R, each with a bound on its error, in the middle of a disc and on a circle of twice its size. The state x
+    and the size u of the input solve `(z - A) x = G v u` and `l (x, u) = 1`, where l keeps them finite also where the loop
+    has an eigenvalue at z. Where the number is complex, conjugates are continued: they solve the same for those of z, v and l.
+    """
+    (E, dE), (G, dG), (P, dP), (S, dS), (R, dR) = parts
+    n, w, v = E.shape[-1], on_circle(theta), v[:, None, :, None]
+    x = solve(w[:, None, None] * np.eye(n) - E[:, 0].real, G[:, 0].real @ v[:, 0])
+    q = np.concatenate([x, np.ones((len(x), 1, 1))], 1)
+    l = (q.conj() / (np.abs(q) ** 2).sum(1, keepdims=True))[:, None, :, 0]
+
+    def solved(w, v, l):
+        B = np.zeros((*E.shape[:2], n + 1, n + 1), complex)
+        B[..., :n, :n], B[..., :n, n:], B[..., n, :] = w[:, None, None, None] * np.eye(n) - E, -G @ v, l
+        back = inverse(B)
+        return B, back, back[..., :n, n:], v * back[..., n:, n:]
+
+    (B, back, x, i), (other, _, y, k) = solved(w, v, l), solved(w.conj(), v.conj(), l.conj())
+    value = (_t(y) @ (P @ x + S @ i) + _t(k) @ (_t(S) @ x + R @ i))[..., 0, 0]
+    change = np.abs(value[:, 1:] - value[:, :1].real).max(-1)
+    x, i, rough = x[:, 0], i[:, 0], 2 * (n + 4) * ROUNDING
+    sizes = [np.abs(part) for part in (x, i, back[:, 0], B[:, 0], v[:, 0])]
+    (ax, ai, far, aB, av), (P, S, R) = sizes, (P[:, 0], S[:, 0], R[:, 0])
+    dE, dG, dP, dS, dR = dE[:, 0], dG[:, 0], *(off[:, 0] + rough * np.abs(part) for off, part in ((dP, P), (dS, S), (dR, R)))
+    left = np.concatenate([dE @ ax + dG @ ai, 0 * ai[:, :1]], 1) + rough * aB @ far[..., n:]
+    off = far @ left
+    dx, di = off[:, :n], av * off[:, n:]
+    error = _t(ax) @ dP @ ax + 2 * _t(ax) @ dS @ ai + _t(ai) @ dR @ ai
+    error = error + 2 * (np.abs(_t(P @ x + S @ i)) @ dx + np.abs(_t(_t(S) @ x + R @ i)) @ di)
+    poles = _poles((_determinants(B) * _determinants(other))[..., None])
+    return ~poles & (value[:, 0].real + SAFE / 2 * change + error[:, 0, 0] < 0)
+
+
+def _poles(pivots):
+    """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper half, `(n, points, k)`."""
+    return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & (pivots != pivots[:, :1]).any((1, 2))
+
+
+def _determinants(A):
+    """The determinants of matrices `(n, points, r, r)`, of a disc over the size of that in its middle."""
+    sign, log = np.linalg.slogdet(A)
+    return sign * np.exp(log - log[:, :1])
