@@ -18,6 +18,7 @@ PAPERS = {  # what the paper gives for its statements: a local model with a stif
         "device.mass",
         "device.damping",
         "device.delay",
+        "device.dead_time",
         "controller.kind",
         "controller.b",
         "controller.Kp",
