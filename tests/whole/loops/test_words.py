@@ -282,7 +282,7 @@ def test_pd_on_an_integrator_has_its_limits_in_closed_form():
 def test_numbers_of_words_are_swept_to_where_eigenvalues_cross(block, along, span):
     """The count of unstable eigenvalues of the closed loop, from the block's response, on both sides of each end."""
     own = {"kp": 2.0, "kd": 0.1, "tau": 0.003, "f": 50.0, "q": 2.0, "a": 0.5, "b": 0.5}
-    read = re.findall(r"\w+", " ".join(each for key, each in block.items() if key != "type" and isinstance(each, str)))
+    read = re.findall(r"\w+", " ".join(str(each) for key, each in block.items() if key != "type"))
     numbers = {name: value for name, value in own.items() if name in read}
     plant = {"type": "tf", "num": [30.0], "den": [0.01, 1, 5]}
     found = intervals(along, span, block, numbers, plant)
