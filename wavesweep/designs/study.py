@@ -435,7 +435,8 @@ def _notices(job):
     ends = count_of(job.grid.spec)
     more = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
     if ends > 1 or more:
-        several = f"{ends} combination{'s' * (ends != 1)} of device, hand and timing{more}"
+        of = "the numbers of [for_all]" if job.grid.spec.drawing else "device, hand and timing"
+        several = f"{ends} combination{'s' * (ends != 1)} of {of}{more}"
         yield f"each design was tried with {several}, those of the front with {len(job.asked.finest)}"
     if job.grid.spec.for_all:
         names = {wish.name: f"that the loops of {wish.name} are stable" for wish in job.grid.spec.design.wishes}
@@ -443,7 +444,10 @@ def _notices(job):
         said = [names[wish.name] for wish in job.grid.spec.design.wishes if not wish.kind.reads]
         yield f"proved for all of [for_all]: {', '.join(said) or 'nothing'}"
         if _proof_of(job.grid.spec).vary:
-            yield "z_width is for all frames; the other wishes are of the spec's own constant rate alone"
+            if job.grid.spec.drawing and job.grid.spec.drawing.channels:
+                yield "how good a design is at its wishes is with every message in time"
+            else:
+                yield "z_width is for all frames; the other wishes are of the spec's own constant rate alone"
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
     if all(wish.kind.reads for wish in job.grid.spec.design.wishes):
