@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.plots.sampling import extremes
-from wavesweep.core.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
+from wavesweep.core.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, warn_above
 from wavesweep.core.plots.words import as_it_stands
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
@@ -29,16 +29,22 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         panels[1].plot(*extremes(times, columns[measured]), color=distinct_colour(0), linewidth=1.6, label="measured")
         panels[1].plot(*extremes(times, columns["fitted"]), color=IDEAL, linewidth=0.8, linestyle="--", label="fitted")
         panels[1].set_ylabel(place)
-        panels[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
         panels[2].plot(*extremes(times, columns["residual"]), color=distinct_colour(1), linewidth=0.7)
         for side in (-0.5, 0.5) if facts["resolution"] else ():
-            panels[2].axhline(side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":")
+            said = "half a step" if side > 0 else None
+            panels[2].axhline(side * facts["resolution"], color="0.6", linewidth=0.7, linestyle=":", label=said)
         panels[2].set(ylabel=f"residual ({unit})", xlabel="time (s)")
         hertz, density, white = _spectrum(columns, facts)
         panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
         panels[3].loglog(hertz, white, color="0.5", linewidth=0.8, linestyle="--", label="encoder and\nwhite noise")
         panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
-        panels[3].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        if is_narrow():
+            handles = [line for axes in panels[1:] for line in axes.get_legend_handles_labels()[0]]
+            names = [line.get_label().replace("\n", " ") for line in handles]
+            panels[0].legend(handles, names, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2, fontsize=7)
+        else:
+            for axes in panels[[1, 2, 3] if facts["resolution"] else [1, 3]]:
+                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
         for axes in panels:
             axes.grid(**GRID)
             axes.margins(x=0)

@@ -33,7 +33,7 @@ _DETAIL_FRAMES = 40
 _LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _DETAIL_TICKS = 800  # at least, of a drawn loop
 _ALIKE = 20.0  # times as large, at most, is a signal that shares a panel with another
-_TITLE = 24  # letters in a line of a panel's name
+_TITLE = 20  # letters in a line of a panel's name
 Panel = tuple[str, Sequence[tuple[str, str, str, bool]]]
 """The name of an axis, and column, label and colour of its signals, and whether they are held over a tick."""
 _AT_THE_HAND = (  # panel and its unit; column, label and number of the colour of each signal, and whether it is held
