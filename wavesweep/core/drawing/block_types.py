@@ -360,7 +360,6 @@ COLUMNS = frozenset(
         *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
         *("open_places", "open_low", "open_high", "low_set_by", "high_set_by", "channel_hz", "port_hz", "ports_hz"),
         *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
-        *("channel_hz", "port_hz", "ports_hz"),
         *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
         *("absolutely_stable", "ports_certified", "llewellyn", "damping_margin", "from_input", "to_output", "unit"),
         *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
