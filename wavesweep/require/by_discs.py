@@ -1,7 +1,6 @@
 """Intervals in which the eigenvalues of a loop are where they have to be, along any number, by discs about them."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -9,10 +8,12 @@ from wavesweep.core.monodromy.product import blocks_of
 from wavesweep.core.stability.along_any import EXACT
 from wavesweep.core.stability.frames import level, pole_inside
 from wavesweep.core.stability.intervals import Intervals
+from wavesweep.core.stability.regions import NEAR_ZERO
 from wavesweep.require.discs import Circle, Spiral, verdicts
-from wavesweep.require.panels import OPEN, PANELS, RIM, along_panels
+from wavesweep.require.panels import OPEN, PANELS, RIM, Accuracy, along_panels
 
 MANY, LARGE = 1024, 50_000  # panels of a column that may be open, and entries of their matrices
+ENDS = Accuracy(EXACT, 256.0, EXACT * NEAR_ZERO, 1e-9)  # eigenvalues may move along the spiral
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
 
 
@@ -27,9 +28,9 @@ def along_by_discs(frames, errors, span, columns: int, period, bounds, place: Sp
     eigenvectors of that in the middle. The entries there are bounded by the frames on a circle about the panel, as they are
     analytic and vanish in the middle (Schwarz's lemma), and by the errors of the frames. Otherwise the panel is halved, see
     `panels`. Diagonal blocks go apart.
-    Accuracy: see `along_panels`. Errors: UsageError if no loop can have its eigenvalues there.
+    Accuracy: ENDS. Errors: UsageError if no loop can have its eigenvalues there.
     """
-    return along_panels(*_loops_of(frames, errors, span, columns, place), span, period, bounds)
+    return along_panels(*_loops_of(frames, errors, span, columns, place), span, period, bounds, ENDS)
 
 
 def _loops_of(frames, errors, span, columns, place):
@@ -60,8 +61,6 @@ class _Loops:
     states: int
     block: np.ndarray
     place: Spiral | Circle
-    exact: ClassVar[float] = EXACT
-    finest: ClassVar[float] = 256.0  # eigenvalues may move along the spiral
 
     @property
     def order(self) -> int:

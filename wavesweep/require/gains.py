@@ -46,7 +46,7 @@ from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.regions import NEAR_ZERO
 from wavesweep.core.sweep.grid import Loops
 from wavesweep.require.discs import SMALL
-from wavesweep.require.panels import BAD, GOOD, OPEN, RIM, SAFE, along_panels
+from wavesweep.require.panels import BAD, GOOD, OPEN, RIM, SAFE, Accuracy, along_panels
 
 TURN = 0.35 + 0.4j  # a
 RATE = (1 - abs(TURN) ** 2) / (1 - TURN)
@@ -65,7 +65,7 @@ def along_gain(loops: Loops, along: str, span, period, bounds, route, level: flo
 
     route: the input and the signal. period: of the frame, s, `(columns,)`. bounds: see `along_panels`. The omegas of ends are
     those at which the gain is largest, with a minus: no mode is on the circle there. A gain at rest that is the level at all
-    values, in loops of one tick, is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT, see `Judge`.
+    values, in loops of one tick, is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT.
     Errors: UsageError if the signal moves without end.
     """
     drift = drift_of(loops.changed({along: np.array(span)}), watched=route[1:])
@@ -85,7 +85,7 @@ def along_gain(loops: Loops, along: str, span, period, bounds, route, level: flo
         at_rest = (np.abs(np.abs(T - O @ solve(E, G)) - level) <= AT_REST * level).reshape(size, -1).all(-1)
     columns = [np.flatnonzero(at_rest == touching) for touching in (False, True)]
     judges = [replace(gain, columns=some, at_rest=bool(at_rest[some[0]])) for some in columns if some.size]
-    found = along_panels(judges, np.ones(size, bool), span, period, bounds)
+    found = along_panels(judges, np.ones(size, bool), span, period, bounds, Accuracy(EXACT, 64.0, EXACT, EXACT))
     return _attached(
         replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega), stable, NEAR_ZERO * (span[1] - span[0])
     )
@@ -132,8 +132,6 @@ class Gain:
     stable: Intervals
     at_rest: bool
     many: ClassVar[int] = 1000
-    exact: ClassVar[float] = EXACT
-    finest: ClassVar[float] = 64.0
     smooth: ClassVar[bool] = False
 
     @property

@@ -1,36 +1,48 @@
 """Intervals of a number from panels of its span, each of which is in an interval, or not, as a whole; else it is halved."""
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from wavesweep.core.stability.along_any import EXACT
 from wavesweep.core.stability.certificate import CROWDED, NONE, ROUNDING, SEARCH
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.regions import NEAR_ZERO
 
 PANELS = 16  # of a column to begin with
 OFTEN = 16  # times so many, in all
-BEGUN = 1e-9  # of the span: an interval is proved from so near to its low end on, where a gain of zero leaves a drift
 ENTRIES = 2_000_000  # of matrices at a time
 RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)  # of a disc; its lower half is the conjugate
 SAFE = 1.5  # on the largest value at points of a rim, for those between
 GOOD, OPEN, LOST, BAD = range(4)  # labels of panels; of two that overlap the larger one holds
 
 
+class Accuracy(NamedTuple):
+    """How exact ends are, of themselves and of a NEAR_ZERO-th of the span, and how many of the narrowest panels are as wide.
+
+    least, begun: shares of the span next to its low end, where a gain of zero may leave a drift: in the one no panel is halved,
+    within the other one an interval may begin where it is proved from.
+    """
+
+    exact: float
+    finest: float
+    least: float
+    begun: float
+
+    def of(self, p, width):
+        """How exact an end at p is, in a span of that width."""
+        return self.exact * (np.abs(p) + NEAR_ZERO * width)
+
+
 class Judge(Protocol):
     """What labels the panels of some columns.
 
-    order: of its matrices. many: panels of a column that are open, beyond which it is given up. exact: how exact ends are, of
-    themselves and of a NEAR_ZERO-th of the span. finest: so many of the narrowest panels are as wide as that. smooth: whether
-    `worst` is smooth in the number.
+    order: of its matrices. many: panels of a column that are open, beyond which it is given up. smooth: whether `worst` is
+    smooth in the number.
     """
 
     columns: np.ndarray
     order: int
     many: int
-    exact: float
-    finest: float
     smooth: bool
 
     def label(self, column, low, high, bounds) -> np.ndarray:
@@ -40,23 +52,22 @@ class Judge(Protocol):
         """What decides at values of a column, on the unit circle or near it, less 1, and by how much it is outside."""
 
 
-def along_panels(judges, known, span, period, bounds) -> Intervals:
+def along_panels(judges, known, span, period, bounds, accuracy: Accuracy) -> Intervals:
     """All intervals of a number p within span = (low, high) in which all judges find GOOD, per column.
 
     known: columns of which anything is known, `(columns,)`. period: of the frame, s, `(columns,)`. bounds: p beyond them has no
     loop, two arrays `(columns,)`. What is left are the ends, each in a gap as narrow as ends are exact, and panels in doubt.
-    Accuracy: see `Judge`, all of which have the same; within 1e-9 of the span of its low end, an interval begins where it is
-    proved from.
     """
     panels = [[(np.full(1, span[0]), np.full(1, GOOD if some else LOST))] for some in known]
     for each in judges:
-        owner, low, label = _panels(each, span, [part[each.columns] for part in bounds])
+        owner, low, label = _panels(each, span, [part[each.columns] for part in bounds], accuracy)
         for at, column in enumerate(each.columns.tolist()):
             own = owner == at
             order = np.argsort(low[own])
             panels[column].append((low[own][order], label[own][order]))
     rows = [
-        _intervals(column, *_merged(some, span, judges), judges, span, period[column]) for column, some in enumerate(panels)
+        _intervals(column, *_merged(some, span, accuracy), judges, span, period[column], accuracy)
+        for column, some in enumerate(panels)
     ]
     names = ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")
     parts = zip(*(row for some in rows for row in some), strict=True)
@@ -64,7 +75,7 @@ def along_panels(judges, known, span, period, bounds) -> Intervals:
     return Intervals(**{name: np.array(part, kind) for name, part, kind in zip(names, parts, kinds, strict=True)})
 
 
-def _panels(judge, span, bounds):
+def _panels(judge, span, bounds, accuracy):
     """Panels that cover the span: their columns, low ends and labels."""
     edges, count = np.linspace(*span, PANELS + 1), len(judge.columns)
     column, low, high = np.repeat(np.arange(count), PANELS), np.tile(edges[:-1], count), np.tile(edges[1:], count)
@@ -73,9 +84,8 @@ def _panels(judge, span, bounds):
     while column.size:
         parts = [slice(first, first + few) for first in range(0, column.size, few)]
         label = np.concatenate([judge.label(column[some], low[some], high[some], bounds) for some in parts])
-        narrow = (judge.finest * (high - low) <= _exact(judge, (low + high) / 2, width)) | (
-            high - span[0] <= EXACT * NEAR_ZERO * width
-        )
+        narrow = accuracy.finest * (high - low) <= accuracy.of((low + high) / 2, width)
+        narrow |= high - span[0] <= accuracy.least * width
         open_ = np.bincount(column, minlength=count)
         tried += open_
         lost = ((open_ > many) | (tried > OFTEN * many))[column]
@@ -88,19 +98,14 @@ def _panels(judge, span, bounds):
     return [np.concatenate(parts) for parts in zip(*done, strict=True)]
 
 
-def _exact(judge, p, width):
-    """How exact an end is."""
-    return judge.exact * (np.abs(p) + NEAR_ZERO * width)
-
-
-def _merged(panels, span, judges):
+def _merged(panels, span, accuracy):
     """Low ends and labels of runs of panels: of several partitions of the span, each as sorted low ends and labels."""
     edges = np.unique(np.concatenate([low for low, _ in panels]))
     label = np.max([some[np.searchsorted(low, edges, side="right") - 1] for low, some in panels], axis=0)
     edges, label = _runs(edges, label)
     size = np.diff(edges, append=span[1])
     beside = np.concatenate([[LOST], label, [LOST]])
-    slivers = (beside[:-2] == OPEN) & (beside[2:] == OPEN) & (size <= _exact(judges[0], edges, span[1] - span[0]) / 8)
+    slivers = (beside[:-2] == OPEN) & (beside[2:] == OPEN) & (size <= accuracy.of(edges, span[1] - span[0]) / 8)
     return _runs(edges, np.where(slivers, OPEN, label))  # in a gap a few panels may settle
 
 
@@ -110,17 +115,15 @@ def _runs(edges, label):
     return edges[new], label[new]
 
 
-def _intervals(column, edges, label, judges, span, period):
+def _intervals(column, edges, label, judges, span, period, accuracy):
     """Yield the rows of a column from its runs of panels, sorted; edges: their low ends."""
     width, runs = span[1] - span[0], list(zip(edges, [*edges[1:], span[1]], label, strict=True))
     doubt, parts, gaps = NONE, [], {}
     for at, (low, high, what) in enumerate(runs):
         sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
         if what == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
-            tight, begun = (
-                high - low <= _exact(judges[0], high, width),
-                at == 0 and sides == [GOOD] and high - low <= BEGUN * width,
-            )
+            tight = high - low <= accuracy.of(high, width)
+            begun = at == 0 and sides == [GOOD] and high - low <= accuracy.begun * width
             doubt = max(doubt, NONE if tight or begun else ROUNDING)
             if tight or not begun:
                 gaps |= dict.fromkeys((low, high), (low, high))
