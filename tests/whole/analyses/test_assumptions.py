@@ -34,7 +34,7 @@ def test_messages_of_a_swept_number_are_a_range():
     tables |= {"wire": {"bus.u": "-g*r.y", "r.u": "bus.y"}, "sweep": {"n": [2, 5, 1], "k": [1]}}
     spec = load(tables)
     assert assumes(spec) == "messages of bus late by up to 1 tick or lost up to 5 in a row"
-    assert assumes(spec, ["numbers.n", "numbers.k"]) == "messages of bus late by up to 1 tick or lost up to 1 to 9 in a row"
+    assert assumes(spec, ["numbers.n", "numbers.k"]) == "messages of bus late by up to 1 tick or lost at most 1 to 9 in a row"
 
 
 def test_frames_that_vary_are_named_with_the_delay_and_the_step_that_they_have():

@@ -97,13 +97,14 @@ def _messages(spec, swept) -> Iterator[str]:
 
     for block in spec.drawing.channels:
         late, lost = (ends(dict(block.keys)[key]) for key in ("late", "lost"))
-        said = [f"late by up to {_range(late)} tick{'s' * (late != [1])}"] * any(late)
-        said += ["lost at random"] if block.loses_at_random else [f"lost up to {_range(lost)} in a row"] * any(lost)
+        said = [f"late by {_most(late)} tick{'s' * (late != [1])}"] * any(late)
+        said += ["lost at random"] if block.loses_at_random else [f"lost {_most(lost)} in a row"] * any(lost)
         yield f"messages of {block.name} {' or '.join(said) or 'all in time'}"
 
 
-def _range(ends) -> str:
-    return " to ".join(f"{end:g}" for end in ends)
+def _most(ends) -> str:
+    """The most that there may be, itself a range if a number of it is swept."""
+    return f"{'at most' if len(ends) > 1 else 'up to'} {' to '.join(f'{end:g}' for end in ends)}"
 
 
 def _values(axis) -> str:
