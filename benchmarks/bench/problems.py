@@ -138,8 +138,9 @@ def bundles(spec: Spec) -> tuple[Bundle, ...]:
 def digest(spec: Spec) -> str:
     """Digest of everything on which the answer depends: the keys that the loop reads, and the sweep."""
     read = {path: spec.values[path] for path in sorted(keys_of_page(spec.values))}
-    if not read["device.delay"]:
-        del read["device.delay"]  # as in the references, which know of none
+    for path in ("device.delay", "device.dead_time"):  # as in the references, which know of none
+        if not read[path]:
+            del read[path]
     text = json.dumps({**read, "sweep": [[axis.name, axis.values, axis.stop] for axis in spec.sweep]})
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -435,7 +435,7 @@ def _notices(job):
     ends = count_of(job.grid.spec)
     more = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
     if ends > 1 or more:
-        of = "the numbers of [for_all]" if job.grid.spec.drawing else "device, hand and timing"
+        of = "the numbers of [design.for_all]" if job.grid.spec.drawing else "device, hand and timing"
         several = f"{ends} combination{'s' * (ends != 1)} of {of}{more}"
         yield f"each design was tried with {several}, those of the front with {len(job.asked.finest)}"
     if job.grid.spec.for_all:

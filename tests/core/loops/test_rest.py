@@ -165,6 +165,7 @@ ke = { start = 0, stop = 20000 }
 """
 
 
+@pytest.mark.asks("prove")
 def test_a_sprung_master_and_a_slave_on_a_spring_share_a_force_that_nothing_changes():
     # At rest the waves carry any force; the two springs follow it, and so the shift has the root of 2b in it.
     loop = wavesweep.compile(tomllib.loads(BILATERAL))
