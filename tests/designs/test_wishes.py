@@ -419,7 +419,7 @@ def least_ratio(d, k=50.0):
     return (-s.real / np.abs(s)).min()
 
 
-@pytest.mark.asks("check")
+@pytest.mark.asks("check", "require")
 def test_a_damping_ratio_is_that_of_every_mode_for_wishes_requirements_and_check():
     spec = load(TWO_MODES)
     designs = np.array([0.5, 2.0, 20.0])

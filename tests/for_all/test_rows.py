@@ -436,6 +436,7 @@ def test_a_long_counterexample_says_that_it_is_cut_and_each_end_keeps_its_own():
 
 
 @pytest.mark.slow
+@pytest.mark.asks("require")
 def test_the_library_gives_the_rows_of_the_command():
     spec = load(PD | {"for_all": {"kd": {"start": 3, "stop": 5}}})
     loop, table = wavesweep.compile(spec), wavesweep.stability_region(spec)

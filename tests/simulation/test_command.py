@@ -129,6 +129,7 @@ def test_a_run_without_a_tick_is_a_table_without_a_row(simulate):
 
 @pytest.mark.sample(3)
 @pytest.mark.slow
+@pytest.mark.asks("require")
 @pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
