@@ -81,6 +81,10 @@ def test_cutoffs_that_the_rates_cannot_have_are_left_out(wavesweep, filters, tmp
     ]
     assert wavesweep("passivity", filters, "--filters", "--no-plot", "--out", "there", *settings)[0] == 0
     table = results.read(tmp_path / "there/passivity-filters.csv")
+    np.testing.assert_allclose(2 * np.pi * table["channel_hz"], table["channel_omega"])
+    whole = results.read(tmp_path / "there/passivity.csv")
+    for name in ("channel", "port"):
+        np.testing.assert_allclose(2 * np.pi * whole[f"{name}_hz"], whole[f"{name}_omega"])
     assert set(table["lp1_cutoff_hz"].tolist()) == {1.2, 3.0, 5.14, 6.0, 9.0, 12.0}
 
 

@@ -38,13 +38,8 @@ def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
 
     Errors: see `number_of`.
     """
-    own = () if spec.drawing else (RATIO,)
-    axes = (
-        []
-        if spec.for_all is None
-        else [axis for axis in spec.for_all.axes if axis.path in own or axis in spec.for_all.changing]
-    )
-    axis = next((axis for axis in axes if axis.path in own or spec.drawing), None)
+    axes = spec.for_all.axes if spec.for_all else ()
+    axis = next((each for each in axes if (each in spec.for_all.changing if spec.drawing else each.path == RATIO)), None)
     values = axis and (axis.values or range(int(axis.start), int(axis.stop) + 1))
     varying = bool(axis and axis in spec.for_all.changing)
     if not spec.drawing:

@@ -294,10 +294,9 @@ def clear(K, dK, L, dL, rims, inputs):
 
     def parts(K, L, sizes=False):
         """P and Q of `P - d Q`, or their sizes."""
-        if sizes:
-            rate, back, one = abs(RATE), abs(TURN), abs(1 - TURN)
-            return np.where(last, K, rate * K), states * (one * L + back * K)
         rate, back, one = RATE, -np.conj(TURN), 1 - np.conj(TURN)
+        if sizes:
+            rate, back, one = abs(rate), abs(back), abs(one)
         return np.where(last, K, rate * K), states * (one * L + back * K)
 
     (P, Q), rounding = parts(K, L), N * ROUNDING  # of complex products of three, one after the other
