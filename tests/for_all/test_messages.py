@@ -11,7 +11,7 @@ from wavesweep.core.drawing.drawing import path_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
 from wavesweep.for_all.joint import bracket, decide
-from wavesweep.for_all.messages import Sent, frames_with_messages
+from wavesweep.for_all.messages import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.varying import Rules, bracketed_over
 from wavesweep.for_all.words import growth
 
@@ -230,6 +230,26 @@ def test_what_is_proved_for_a_range_of_masses_survives_them_with_random_patterns
         own = loop | {"numbers": [proof.above.point[0], *others]}
         assert ends[0] <= proof.above.point[0] <= ends[1]
         assert radius(own, proof.above.x, pattern(found, proof.above.word)) >= 1 - 1e-9
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(9))
+def test_frames_over_a_range_grow_as_those_of_each_of_its_numbers_do(seed):
+    """A proof over a range is no better than these, whatever a search for its worst number finds."""
+    source = np.random.default_rng(300 + seed)
+    loop = random_loop(source)
+    mass, *others = loop["numbers"]
+    tables = spec_of(loop)
+    tables["numbers"]["m"], tables["block"]["plant"]["mass"] = mass, "m"
+    spec, found = load(tables), family(tables, "g")
+    box = np.array([[0.1, 0.99 * mass], [0.11, 1.01 * mass]])
+    over = messages_over(spec.drawing, dict(spec.values), [path_of("g"), path_of("m")], lambda sides: sides, box).polynomials()
+    word = next(filter(None, (random_word(found, source) for _ in range(60))))
+    for s in ([-1, -1], [0.3, -0.5], [1, 1]):
+        g, m = box.mean(0) + (box[1] - box[0]) / 2 * s
+        frames, own = np.tensordot((s**over.exponents).prod(1), over.terms, (0, 0)), loop | {"numbers": [m, *others]}
+        assert growth(frames, word) == pytest.approx(radius(own, g, pattern(found, word)), rel=1e-6)
 
 
 @pytest.mark.slow
