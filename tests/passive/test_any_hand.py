@@ -16,6 +16,16 @@ def test_at_one_rate_it_is_the_bound_of_colgate_and_schenkel(values, kind, stiff
     assert found.damping == pytest.approx(colgate_schenkel(stiffness, damping, 1e-3), rel=1e-9)
 
 
+@pytest.mark.parametrize("late", [0.0004, 0.0013, 0.002])
+def test_a_dead_time_divides_the_tick_in_two_parts_of_which_a_hand_may_use_one(values, late):
+    """`(d*/T - K (1/2 + late/T)) d* = K^2 T s (1 - s)/4`: a hand that is faster before the force changes takes out more."""
+    K, T, s = 300.0, 1e-3, np.ceil(late / 1e-3 - 1e-9) - late / 1e-3
+    found = damping_needed(values("dc", K_VE=K, B_VE=0.0, **ENCODER) | {"device.dead_time": late})
+    held = K * (T / 2 + late)
+    assert found.certified
+    assert found.damping == pytest.approx((held + np.sqrt(held**2 + (K * T) ** 2 * s * (1 - s))) / 2, rel=1e-8)
+
+
 def test_point_samples_of_the_velocity_have_no_bound(values):
     assert damping_needed(values("dc")) is None
 

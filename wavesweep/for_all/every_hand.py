@@ -78,7 +78,8 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
     if drawing.has_waves:
         raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
     if drawing.dead_times:
-        raise UsageError(REFUSED.format("delays in ticks", f"seconds of {', '.join(drawing.dead_times)}"))
+        whole = "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
+        raise UsageError(REFUSED.format(whole, f"seconds of {', '.join(drawing.dead_times)}"))
     with placed(spec):
         margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0], along)
     ruled = margin.ruled

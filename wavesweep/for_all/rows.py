@@ -12,7 +12,7 @@ from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.loops.dead_time import timing
+from wavesweep.core.loops.dead_time import pieces_of, timing
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.studies import K_VE_SPAN
 from wavesweep.core.stability.certificate import CONTRADICTION, NONE, SEARCH
@@ -116,6 +116,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     swept = [axis.name for axis in for_all.axes if axis.path == along]
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
     timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
+    timed = [*timed, along] if timed and along and name_of(along) in timing(drawing) else timed
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
         (rules.at_random and ranges, "values of numbers beside messages lost at random", f"the range of {', '.join(ranges)}"),
@@ -123,7 +124,7 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
-        (timed, "values of a number that dead times follow from", f"the range of {', '.join(timed)}"),
+        (timed[1:], "one number that dead times follow from, and values of others", f"ranges of {', '.join(timed)}"),
         (
             parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
             "values of a number that decides how the loop is built and need not be whole",
@@ -164,7 +165,10 @@ class Row:
 
 
 def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -> list[Case]:
-    """Return a case for each combination of the numbers of [for_all] that have values, with the ranges of the others."""
+    """Return a case for each combination of the numbers of [for_all] that have values, with the ranges of the others.
+
+    A range of a number that dead times follow from is in pieces, in each of which these have the same whole ticks.
+    """
     drawing, values = loop
     unknown = [axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
     ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
@@ -173,7 +177,12 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     for each in product(*map(values_of_range, listed)):
         fixed = dict(zip((axis.path for axis in listed), each, strict=True))
         own = values | fixed
-        cases.append(Case(Loops(rules.drawing or loop_drawing(own, (along, *gains)), own), along, span, ranges, fixed))
+        drawing = rules.drawing or loop_drawing(own, (along, *gains))
+        timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
+        pieces = pieces_of(drawing, own, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
+        for (low, high), whole in pieces:
+            some = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges]
+            cases.append(Case(Loops(drawing, own | whole), along, span, some, fixed))
     return cases
 
 

@@ -40,7 +40,9 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     In a tick a damper takes at least `d dx^2/T` for the displacement dx, whatever way it goes, and masses and springs
     take nothing in the end. The held force takes `f_m dx`. So all of it is passive for a continuous hand exactly when
     `d/T + C` is positive real, C the lifted map from the frame's displacements to its forces:
-    `d* = -T min lambda(He C)`, the smallest eigenvalue of the Hermitian part over all frequencies. At one rate this is
+    `d* = -T min lambda(He C)`, the smallest eigenvalue of the Hermitian part over all frequencies. A dead time divides each
+    tick in two parts, with a force f_i and a displacement dx_i in each; the damper takes at least `d dx_i^2/(l_i T)` in a part
+    of l_i ticks, so C is the map from all `dx_i/sqrt(l_i)` to all `sqrt(l_i) f_i`. At one rate without one this is
     `b > K T/2 + |B|` (J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic
     interfaces, Journal of Robotic Systems 14(1), 37-47, 1997). The condition at the port for held forces (`port_margin`) is
     weaker: it asks nothing of hands whose force moves within the tick, and lets the device's mass help.
@@ -52,7 +54,7 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     if loop.device is None or loop.reads_velocity:
         return None
     drawn, batch = loop.drawn(), loop.batch
-    ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], batch)
+    ticks, x = reaction(loop, drawn, batch)
     lifted = ticks.lifted()
     responsive, apart = _responsive(lifted, x), settled(lifted, x)
     parts = [(getattr(apart, name), getattr(lifted, name)) for name in LiftedMap.__slots__]
@@ -73,20 +75,28 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
 REACTION = "ports.push"  # the junction of the force that pushes the device, but for the hand's
 
 
-def reaction(drawn: MultirateLoop, device: str, force: str, batch) -> tuple[TickMaps, list[int]]:
+def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, list[int]]:
     """The ticks from the displacement of the device (m) to the force against it (N), and its position among the states.
 
-    The device is a ruler: the hand's input is the displacement in the tick. States that the force does not depend on are left
-    out.
+    The device is a ruler: the hand's input is the displacement in the tick. Both have an entry for each part of the tick, a
+    displacement over and a force times the root of its share; see `damping_needed`. drawn: the blocks of the loops. States that
+    the force does not depend on are left out.
     """
-    one = np.ones((1, 1))
-    ruler = Block(device, ("f",), ("x", "v"), ("x",), 0 * one, one, np.array([[1.0], [0.0]]), np.zeros((2, 1)))
+    device, force, parts = loop.device, loop.drawing.hand[0], loop.parts
+    n, moves, sums, pushed = len(parts), [], dict(drawn.sums), {}
+    ports = tuple(port.removeprefix(f"{device}.") for port in parts)
+    ruler = Block(device, ports, ("x", "v"), ("x",), np.zeros((1, 1)), np.ones((1, n)), np.eye(2, 1), np.zeros((2, n)))
     placed = tuple(replace(each, block=ruler) if each.block.name == device else each for each in drawn.placed)
-    pushed = {signal: -gain for signal, gain in drawn.sums[f"{device}.f"].items() if signal != force}
-    sums = dict(drawn.sums) | {f"{device}.f": {force: 1.0}, REACTION: pushed}
-    ticks = ticks_of(replace(drawn, placed=placed, sums=sums, exact=None), (REACTION,))
-    column = ticks.maps[0].inputs.index(force)
-    maps = [(each.E, each.B[..., column : column + 1], each.C, each.D[..., column : column + 1]) for each in ticks.maps]
+    for port, share in parts.items():
+        root, own = np.sqrt(share), {signal: -gain for signal, gain in drawn.sums[port].items() if signal != force}
+        pushed = pushed | own
+        sums[f"{REACTION}.{port}"] = {signal: root * gain for signal, gain in pushed.items()}
+        sums[port] = {(move := f"move.{port}"): root}
+        moves.append(move)
+    outputs = tuple(f"{REACTION}.{port}" for port in parts)
+    ticks = ticks_of(replace(drawn, placed=placed, sums=sums, inputs=(*drawn.inputs, *moves), exact=None), outputs)
+    at = [ticks.maps[0].inputs.index(move) for move in moves]
+    maps = [(each.E, each.B[..., at], each.C, each.D[..., at]) for each in ticks.maps]
     kept = np.flatnonzero(read(maps))
     maps = [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps]
     at = [i for i, state in enumerate(kept) if ticks.states[state] == f"{device}.x"]
@@ -98,19 +108,21 @@ def settled(lifted: LiftedMap, x) -> LiftedMap:
 
     Nothing moves the position x but the displacements, and every other state of a responsive loop settles at R times x, so
     the states less R x follow `w s = E s + (G - R G_x) u`, without x. The force for a constant position is the stiffness k,
-    the same in every tick, so that x adds `k/w 11^T`, whose Hermitian part is `-k/2 11^T` at every frequency.
+    the same in every part of a tick, so that x adds `k/w g^T g`, whose Hermitian part is `-k/2 g^T g` at every frequency, g
+    being its row of G, the roots of the shares of these parts.
     """
     if not x:
         return lifted
     rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
     with np.errstate(all="ignore"):
         place = -_exact(lifted.E[:, rest][..., rest], lifted.E[:, rest][..., x])
-        stiffness = (lifted.O[..., x] + lifted.O[..., rest] @ place).mean((-1, -2))
+        g = lifted.G[:, x]
+        stiffness = g @ (lifted.O[..., x] + lifted.O[..., rest] @ place) / (g**2).sum(-1, keepdims=True)
         E, G, O = (part.copy() for part in (lifted.E, lifted.G, lifted.O))
         E[:, x, :], E[:, :, x], O[..., x] = 0.0, 0.0, 0.0
         E[:, x, x] = -1.0
         G[:, rest] -= place * lifted.G[:, x]
-        return LiftedMap(E, lifted.T - stiffness[:, None, None] / 2, O, G)
+        return LiftedMap(E, lifted.T - stiffness * np.swapaxes(g, -1, -2) * g / 2, O, G)
 
 
 def _exact(A, b):

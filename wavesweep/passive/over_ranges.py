@@ -73,7 +73,7 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
         at = loop.changed({path: away_from_0(p, span)})
         drawn = at.drawn()
         with np.errstate(all="ignore"):
-            ticks, x = reaction(drawn, loop.device, loop.drawing.hand[0], p.shape)
+            ticks, x = reaction(at, drawn, p.shape)
             lifted = settled(ticks.lifted(measured=False), x)
         paid = np.broadcast_to(device_keys(at)[1] / drawn.period, p.shape)
         T = lifted.T + paid[:, None, None] * np.eye(lifted.T.shape[-1])

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import Drawing
+from wavesweep.core.drawing.drawing import AT, Drawing
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold
@@ -234,6 +234,10 @@ class March:
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
         increments = zero_order_hold(*body[:3], lengths if self.effects.jitter else loop.tick).tolist()
         plants = zip(lengths.tolist(), increments if self.effects.jitter else repeat(increments), strict=False)
+        late, gone_by = loop.late
+        change, of_motors = ticks.at(besides(f"{device}.f{AT}{late}")), ticks.at(AT + late)
+        parts = [each * loop.tick for each in (gone_by, 1.0 - gone_by)] if late else []
+        parts = [(each, zero_order_hold(*body[:3], each).tolist()) for each in parts]
         running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects.wall, self.late), [], [], 0.0
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
@@ -249,7 +253,11 @@ class March:
             rows.append(seen(z)[:-1])
             touched.append(running.touching)
             if device:
-                x, v = slide(body, x, v, share * f + z[net] + (f_m - min(max(f_m, -most), most)), *next(plants))
+                pushed = share * f + z[net]
+                for begun, part in enumerate(parts or (next(plants),)):
+                    if begun:  # what the motors are late with has arrived
+                        pushed, f_m = pushed + z[change], f_m + z[of_motors]
+                    x, v = slide(body, x, v, pushed + (f_m - min(max(f_m, -most), most)), *part)
         if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
             z[hand], z[own_x] = 0.0, x
             running.tick(len(force))
@@ -330,11 +338,14 @@ def refuse(loop: Loop, effects: Effects) -> None:
     plants = [part.name for part in loop.parts if part.plant and part.name != loop.device]
     slow = [each for each in results_of(loop) if not each.channel]
     linear = "a wall in [ports] whose numbers only multiply signals of wires"
-    between = "one that a dead time moves between ticks" if any(part.type == "dead time" for part in loop.parts) else "none"
+    between = (
+        "one that dead times read or move between ticks" if any(part.type == "dead time" for part in loop.parts) else "none"
+    )
     for names, met, expected, found in (
         (asked, loop.device, "a device, the only block of type mass that the hand's force acts on", between),
         (asked[:1] * bool(effects.max_force), REACTION in loop.wires, "ports.hand.reaction, the force of the motors", "none"),
         (["jitter"] * bool(effects.jitter), not plants, "no plant besides the device", ", ".join(plants)),
+        (["jitter"] * bool(effects.jitter), not loop.late[0], "forces that change at ticks", f"the dead time {loop.late[0]}"),
         (wall, loop.wall, linear, "none"),
         (late + ["frames"] * loop.waits, slow, "slow blocks (every > 1) that others read, or a wall", "none"),
     ):

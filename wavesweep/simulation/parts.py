@@ -124,9 +124,10 @@ class Loop:
 
     tick (s) and rate (Hz) of the common tick. wires: port or signal -> sum; away: the same while the wall is not touched. hand:
     the signal of its force. device: the block that it moves, empty if it moves several, or another thing than a mass. body: of
-    the device, mass (kg), damping (N s/m) and stiffness (N/m). wall: None if none is named, or if its numbers do more than
-    multiply signals in wires. walled: whether one is named. entries: name and signal of each input besides the hand. frames:
-    of its slow blocks, None if all are alike. channels: the keys of each channel.
+    the device, mass (kg), damping (N s/m) and stiffness (N/m). late: the name of a dead time after which forces reach the
+    device, and the share of a tick that has gone by then, where it is not 0. wall: None if none is named, or if its numbers do
+    more than multiply signals in wires. walled: whether one is named. entries: name and signal of each input besides the hand.
+    frames: of its slow blocks, None if all are alike. channels: the keys of each channel.
     """
 
     tick: float
@@ -138,6 +139,7 @@ class Loop:
     hand: str = ""
     device: str = ""
     body: tuple[float, ...] = ()
+    late: tuple[str, float] = ("", 1.0)
     wall: Wall | None = None
     walled: bool = False
     entries: tuple[tuple[str, str], ...] = ()
@@ -264,13 +266,18 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
         wires[VELOCITY] = away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in wires[POSITION])
     plants = {f"{part.name}.{port}": part.name for part in parts if part.plant for port in part.inputs}
     moved = [plants[port] for port, sum_ in wires.items() if port in plants and any(name == hand for _, name in sum_)]
-    alone = {block.name for block in drawing.alone}
-    device = moved[0] if len(moved) == 1 and moved[0] in alone.intersection(masses) else ""
+    sensed = {plant.name for plant in drawing.plants if plant.sensed}
+    movable = {block.name for block in drawing.apart}.intersection(masses) - sensed
+    device = moved[0] if len(moved) == 1 and moved[0] in movable else ""
+    arriving = [name for plant in drawing.plants if plant.name == device for _, name in plant.arriving if waits[name][1]]
+    for name, each in product(arriving, (wires, away)):  # by how much the force of the motors is about to change
+        each[AT + name] = tuple((gain, f"{name}.next") for gain, signal in each.get(REACTION, ()) if signal == f"{name}.y")
+    late = next(((name, 1.0 - waits[name][1]) for name in arriving), ("", 1.0))
     body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
     entries = tuple((name, signal) for name, signal, _ in drawing.inputs if signal != hand)
     channels = {block.name: _numbers(block, known) for block in drawing.channels}
     own = replace(own, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
-    return replace(own, device=device, body=body, wall=wall, walled=bool(drawing.wall), frames=frames)
+    return replace(own, device=device, body=body, late=late, wall=wall, walled=bool(drawing.wall), frames=frames)
 
 
 def _refuse(frames, schedules):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support import exact
 from support.certified import Witness
-from support.exports import written
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
@@ -105,11 +104,38 @@ def test_mistakes_in_the_delay_of_an_amplifier(tables, said):
     assert str(error.value) == said
 
 
-def test_what_needs_whole_ticks_says_so(tmp_path):
-    own = nested(values("dc-slow", 0, 0.0004)) | {"sweep": {"along": "K_VE", "K_VE": {"start": 0, "stop": 900}}}
-    with pytest.raises(wavesweep.UsageError, match=r"device\.delay in place of device\.dead_time"):
-        wavesweep.zwidth(own, for_hands="passive")
-    with pytest.raises(wavesweep.UsageError, match=r"option friction: .* found one that a dead time moves between ticks"):
-        wavesweep.simulate(own | {"simulate": {"friction": 0.1}})
-    with pytest.raises(wavesweep.UsageError, match=r"device\.dead_time: expected 0, .*--set device\.dead_time=0"):
-        written(own, tmp_path)
+def test_a_dead_time_is_part_of_a_device_with_friction_encoder_and_limited_motors():
+    """Against a march that cuts each tick where the force changes, and where the device comes to rest or sets off."""
+    K, T, late, step, most, friction = 180.0, 1e-3, 1.3e-3, 2e-5, 0.5, 0.15
+    simulate = {"friction": friction, "resolution": step, "max_force": most}
+    device = {"dead_time": late, "velocity": "difference", "mass": 0.1, "damping": 1.5}
+    given = load(
+        {"controller": {"kind": "dc"}, "environment": {"K_VE": K, "B_VE": 0.0}, "device": device, "simulate": simulate}
+    )
+    force = 1.5 * np.sin(np.arange(150) / 10)
+    x, v, places, asked = 0.0, 0.0, [], [0.0, 0.0]
+    for f in force:
+        places.append(x)
+        asked.append(K * step * np.floor(x / step + 0.5))
+        for exerted, part in ((asked[-3], late % T), (asked[-2], T - late % T)):
+            net, left = f - np.clip(exerted, -most, most), part
+            while left > 0 and (v or abs(net) > friction):
+                end = (net - friction * np.sign(v or net)) / 1.5  # the velocity that it tends to
+                stop = 0.1 / 1.5 * np.log(1 - v / end) if v * end < 0 else np.inf
+                t = min(stop, left)
+                x, v = x + end * t + (v - end) * -np.expm1(-15 * t) / 15, end + (v - end) * np.exp(-15 * t)
+                v, left = (0.0 if t == stop else v), left - t
+    found = simulated(given, force).signals["x"]
+    assert np.any(np.diff(places) == 0), "it rests now and then"
+    np.testing.assert_allclose(found, places, rtol=0, atol=1e-12)
+
+
+def test_what_cannot_be_had_beside_a_dead_time_says_so():
+    with pytest.raises(
+        wavesweep.UsageError, match="option jitter: expected forces that change at ticks, found the dead time amp"
+    ):
+        wavesweep.simulate(nested(values("dc-slow", 0, 0.0004)) | {"simulate": {"jitter": 0.1}})
+    frames = {"rates.ratio": {"start": 5, "stop": 7, "varying": True}}
+    own = nested(values("dc-slow", 0, 0.0004) | {"device.velocity": "difference"})
+    with pytest.raises(wavesweep.UsageError, match=r"expected device\.delay in place of device\.dead_time, found"):
+        wavesweep.zwidth(own | {"for_all": frames, "sweep": {"K_VE": {"start": 0, "stop": 900}}}, for_hands="passive")

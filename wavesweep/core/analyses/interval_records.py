@@ -13,6 +13,7 @@ from wavesweep.core.analyses.loops import watched_drift
 from wavesweep.core.analyses.open_loops import Opened, by_zeros
 from wavesweep.core.columns import Columns, different
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.dead_time import pieces_of
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
 from wavesweep.core.loops.ports import feels, hand_of
 from wavesweep.core.stability.certificate import SEARCH
@@ -230,10 +231,36 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee) -> np.
         for place, number in enumerate(members.tolist()):
             loop = loops.one(place)
             try:
-                found[number] = records = guarantee.records_of(loop, along, span)
+                pieces = pieces_of(*loop, along, span)
+                records = [guarantee.records_of(loop.changed(whole), along, piece) for piece, whole in pieces]
+                found[number] = records = _joined(records) if len(records) > 1 else records[0]
                 if feels(loop.drawing) and records["intervals"][0]:
                     felt_at_ends(records, np.arange(records.size), lambda _, p, loop=loop: felt_along(loop, along, p))
             except FAILURES as error:
                 found[number] = unanswered(guarantee.dtype, number, span, error)
             found[number]["slice"] = number
     return np.concatenate([found[number] for number in sorted(found)])
+
+
+def _joined(pieces):
+    """The records of pieces of a range, of which those that meet are one; none is known better than the piece known least."""
+    rows = [row for piece in pieces for row in piece if row["intervals"]]
+    joined = rows[:1]
+    for row in rows[1:]:
+        last = joined[-1]
+        if row["low"] > last["high"]:
+            joined.append(row)
+            continue
+        for name in row.dtype.names:
+            if name.startswith("high") or name == "fails_from":
+                last[name] = row[name]
+            elif row.dtype[name].kind == "U":
+                last[name] = "; ".join(dict.fromkeys(filter(None, (str(last[name]), str(row[name])))))
+    every = np.concatenate(pieces)
+    found = np.array(joined or every[:1])
+    found["intervals"], found["interval"] = len(joined), np.arange(len(found))
+    found["doubt"] = every["doubt"][np.argmin(every["certified"])]
+    for name in found.dtype.names:
+        if found.dtype[name].kind == "b":
+            found[name] = every[name].all()
+    return found

@@ -168,6 +168,12 @@ class Drawing:
         return [block for block in self.blocks if block not in members]
 
     @property
+    def apart(self) -> list[DrawnBlock]:
+        """The blocks on which no plant acts continuously, and at most one dead time between two ticks."""
+        others = {block for plant in self.plants if plant.couplings or len(plant.arriving) > 1 for block in plant.members}
+        return [block for block in self.blocks if block not in others]
+
+    @property
     def inside(self) -> dict[str, str]:
         """The signal of a plant for each port of its members."""
         return {port: signal for plant in self.plants for port, signal in plant.signals.items()}

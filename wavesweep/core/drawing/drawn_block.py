@@ -133,9 +133,13 @@ class Plant:
         """The name of the block that all members are together."""
         return "+".join(block.name for block in self.members)
 
+    def own(self, name: str) -> str:
+        """The name that the port or state MEMBER.NAME has in the plant: the same, without the member if it is the only one."""
+        return name.replace(".", PORT) if len(self.members) > 1 else name.rpartition(".")[2]
+
     def start(self, member: str) -> str:
         """What the names of the ports and states of a member begin with."""
-        return f"{self.name}.{member.replace('.', PORT)}{PORT}"
+        return f"{self.name}.{self.own(member + '.')}"
 
     @property
     def drawn_ports(self) -> tuple[list[str], list[str]]:
@@ -145,12 +149,12 @@ class Plant:
     @property
     def ports(self) -> tuple[list[str], list[str]]:
         """The same as ports of the plant."""
-        return tuple([name.replace(".", PORT) for name in side] for side in self.drawn_ports)
+        return tuple([*map(self.own, side)] for side in self.drawn_ports)
 
     @property
     def signals(self) -> dict[str, str]:
         """The signal of the plant for each port of its members."""
-        return {name: f"{self.name}.{name.replace('.', PORT)}" for side in self.drawn_ports for name in side}
+        return {name: f"{self.name}.{self.own(name)}" for side in self.drawn_ports for name in side}
 
     @property
     def acts_on_itself(self) -> bool:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.controllers import HAND
-from wavesweep.core.drawing.drawing import Drawing, scalars
+from wavesweep.core.drawing.drawing import AT, Drawing, scalars
 from wavesweep.core.drawing.expressions import ONE
+from wavesweep.core.loops.dead_time import built, shares
 from wavesweep.core.loops.from_drawing import POSITION, assembled, twins
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.loops.ports import Ports
@@ -60,8 +61,21 @@ class HeldLoop:
 
     @property
     def reads_velocity(self) -> bool:
-        """Whether something reads the velocity of the device as a point sample."""
-        return any(np.any(terms.get(f"{self.device}.v", 0.0)) for terms in self.drawn().sums.values())
+        """Whether something reads the velocity of the device as a point sample, or its position between two ticks."""
+        own, sensed = f"{self.device}.v", f"{self.device}.x{AT}"
+        terms = [each for sums in self.drawn().sums.values() for each in sums.items()]
+        return any(np.any(gain) and (name.startswith((own, sensed))) for name, gain in terms)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """The parts of a tick in each of which the force on the device is held: its port in each, and its share of the tick."""
+        plant = next((each for each in self.drawing.plants if each.members[0].name == self.device), None)
+        if plant is None or not plant.arriving:
+            return {f"{self.device}.f": 1.0}
+        ((port, name),) = plant.arriving
+        known = built(self.drawing, scalars(self.values))
+        later = shares(self.drawing, known, values_of(self.drawing.tick_hz, known))[name]
+        return {port: 1.0 - later, f"{port}{AT}{name}": later}
 
     def drift(self, watched=()) -> TickDrift:
         """Return the drift of the loops; watched: see `drift_of_drawn`."""
@@ -84,13 +98,13 @@ _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are
 def device_of(drawing: Drawing) -> str | None:
     """Return the mass that the hand's force acts on, and nothing else, and whose position is the displacement of the hand.
 
-    It is a plant of its own.
+    Nothing else acts on it continuously.
     """
     if drawing.hand is None:
         return None
     force, displacement, _ = drawing.hand
     pushed = [(port, dict(terms)[force]) for port, terms in drawing.wires if force in dict(terms)]
-    masses = {f"{block.name}.f": block.name for block in drawing.alone if block.type == "mass"}
+    masses = {f"{block.name}.f": block.name for block in drawing.apart if block.type == "mass"}
     if len(pushed) != 1 or pushed[0][0] not in masses or not _is_one(pushed[0][1]):
         return None
     name = masses[pushed[0][0]]

@@ -58,8 +58,12 @@ class TickMaps:
         return TickMaps(tuple((E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind)
 
     def pencil(self, owner, level) -> Element:
-        """Return the frame of the loops `owner` with the balance `2 u y - 2 level u^2`, of one u and one y; see `hinf`."""
-        return self._frame(owner, lambda C, D: (0.0, np.swapaxes(C, -1, -2), 2 * (D - level[:, None, None])))
+        """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see `hinf`."""
+
+        def costs(C, D):
+            return 0.0, np.swapaxes(C, -1, -2), D + np.swapaxes(D, -1, -2) - 2 * level[:, None, None] * np.eye(D.shape[-1])
+
+        return self._frame(owner, costs)
 
     def loss_pencil(self, owner, square) -> Element:
         """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see `hinf`."""

@@ -10,9 +10,10 @@ after the tick k - m began. If another dead time arrives there before, `s' T` be
 So m, and which comes first, decide how a loop is built, and s is a number of it like others.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 from math import lcm
 
 import numpy as np
@@ -122,6 +123,21 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
         if ends[-1] + apart < each < span[1] - apart:
             ends.append(each)
     return [*ends, span[1]]
+
+
+def pieces_of(
+    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+) -> Iterator[tuple[tuple[float, float], dict[str, int]]]:
+    """Yield the parts of a number's span in which the loop is built alike, with the whole numbers by which it is.
+
+    values: flat numbers of one loop.
+    """
+    if name_of(path) not in timing(drawing):
+        yield span, {}
+        return
+    for piece in pairwise(breaks(drawing, values, path, span)):
+        found = structure(drawing, {**values, path: sum(piece) / 2})
+        yield piece, {each: int(number) for each, number in found.items()}
 
 
 def _whole_at(beyond, low, high):
@@ -237,8 +253,8 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
         of_D.append(concatenated([each for _, each in columns], -1))
     return replace(
         block,
-        inputs=(*block.inputs, *(f"{port.replace('.', ':')}{AT}{name}" for port, name in plant.arriving)),
-        outputs=(*block.outputs, *(f"{signal.replace('.', ':')}{AT}{name}" for signal, name in plant.sensed)),
+        inputs=(*block.inputs, *(f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving)),
+        outputs=(*block.outputs, *(f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed)),
         B=G,
         C=concatenated(C, -2),
         D=concatenated(D, -2),

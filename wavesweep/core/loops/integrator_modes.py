@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.drawing.drawing import Drawing, scalars
-from wavesweep.core.drawing.drawn_block import DELTA, PORT
+from wavesweep.core.drawing.drawn_block import DELTA
 from wavesweep.core.drawing.expressions import FUNCTIONS, Tree, names_in
 from wavesweep.core.loops.block import Block
 from wavesweep.core.loops.blocks import recentred
@@ -262,7 +262,7 @@ def equations_of(
             _add_drawn(rest, own.type, keys_with(own, value), block)
             continue
         for member in plants[block.name].members:
-            start = f"{member.name}{PORT}".replace(".", PORT)
+            start = plants[block.name].own(f"{member.name}.")
             states = [state.removeprefix(start) for state in block.states if state.startswith(start)]
             parts = at_rest(member.type, keys_with(member, value), root)
             parts = ([], [], [[] for _ in parts[0]], *parts) if len(parts) == 1 else parts

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wavesweep.core.drawing.drawn_block import PORT, Plant
+from wavesweep.core.drawing.drawn_block import Plant
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.algebraic import loop_inverse
 from wavesweep.core.loops.block import Block, block_diagonal, numbers
@@ -40,7 +40,7 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     block = Block(
         plant.name,
         *map(tuple, plant.ports),
-        tuple(f"{name}{PORT}{state}".replace(".", PORT) for name, state in states),
+        tuple(plant.own(f"{name}.{state}") for name, state in states),
         *(E, G, shown, through),
         terms=(*of_held, of_C, of_D),
         labels=tuple(f"{name} {LABELS.get(state, state)}" for name, state in states),

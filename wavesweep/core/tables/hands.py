@@ -90,14 +90,9 @@ def device_held(kind: str, own: Job) -> "HeldLoop":
     """The spec's own loop, whose device any hand can hold. Errors: UsageError if its hand does not hold one mass alone."""
     loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
     if loop.device is None:
-        late = f"a dead time in seconds ({', '.join(dead)}), " if (dead := loop.drawing.dead_times) else ""
-        whole = (
-            "device.delay in place of device.dead_time" if not own.grid.spec.drawing else "that block steps in place of seconds"
-        )
-        late += f"which may end between two ticks; give {whole}" if dead else "another one"
         raise UsageError(
             f"hand {kind}: expected a hand whose force acts on one block mass and on nothing else, and whose "
-            f"displacement is the position of that block, found {late}"
+            "displacement is the position of that block, found another one"
         )
     return loop
 

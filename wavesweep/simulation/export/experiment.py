@@ -16,7 +16,7 @@ from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.march import SLOW_ALONE, March, refuse
 from wavesweep.simulation.parts import SEEN, Frames, Loop, loop_of
 
-AMPLIFIER = "device.delay"  # of the device, and so of no controller
+AMPLIFIER = ("device.delay", "device.dead_time")  # of the device, and so of no controller
 RATIO, DELAY = "rates.ratio", "environment.delay"
 NEXT = -1  # as a delay in C: the result is in place with the next slow step
 
@@ -77,8 +77,8 @@ def _lengths(spec: Spec, axis) -> set[int]:
 
 
 def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False) -> Drawing:
-    """Return the drawing of a spec, without the delay of its amplifier unless `amplifier`; gains: see `exported`."""
-    changed = ({} if amplifier else {AMPLIFIER: 0}) | (SLOW_ALONE if steps else {})
+    """Return the drawing of a spec, without the delays of its amplifier unless `amplifier`; gains: see `exported`."""
+    changed = ({} if amplifier else dict.fromkeys(AMPLIFIER, 0)) | (SLOW_ALONE if steps else {})
     return spec.drawing or loop_drawing({**spec.values, **changed}, ("controller.Kp",) * gains)
 
 

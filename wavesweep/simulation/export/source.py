@@ -11,20 +11,20 @@ from textwrap import fill
 from typing import Any, NamedTuple
 
 from wavesweep import __version__
-from wavesweep.core.drawing.drawing import scalars
+from wavesweep.core.drawing.drawing import AT, scalars
 from wavesweep.core.drawing.drawn_block import PORT
 from wavesweep.core.drawing.expressions import sum_of, text_of, value_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
-from wavesweep.simulation.export.experiment import AMPLIFIER, NEXT, Steps, drawing_of, loop_with, march_of, steps_of, timing_of
+from wavesweep.simulation.export.experiment import NEXT, Steps, drawing_of, loop_with, march_of, steps_of, timing_of
 from wavesweep.simulation.export.gains import Gains, Table, gains_of, named
 from wavesweep.simulation.export.text import comment, constants, factor, filled, number, table_of
 from wavesweep.simulation.from_spec import effects_of, hand_force
 from wavesweep.simulation.laws import Sum
 from wavesweep.simulation.march import Results, results_of
 from wavesweep.simulation.named import Named
-from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SEEN, SPEED, Loop, Part
+from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SEEN, SPEED, Loop, Part, divided
 from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
@@ -65,9 +65,6 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """
     spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
-    if spec.drawing is None and (seconds := spec.values["device.dead_time"]):
-        expected = "0, as it is the device's and no part of a program (--set device.dead_time=0)"
-        raise UsageError(f"device.dead_time: expected {expected}, found {seconds:g}")
     effects, steps = effects_of(spec), steps_of(spec)
     drawing = drawing_of(spec, steps, gains=gains)
 
@@ -89,7 +86,7 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     columns |= {member: signals[name if name in own.inputs else SEEN + name] for name, member in members.items()}
     table = Table(dict(zip(found.paths, _identifiers([path.rpartition(".")[2] for path in found.paths]), strict=True)))
     own = own._replace(programs=[table.of(each) for each in own.programs])
-    flags, values = _values(spec, own, members, entry, steps)
+    flags, values = _values(spec, own, march.loop, members, entry, steps)
     longest = max((each for name in columns if name.startswith("late_") for each in columns[name].tolist()), default=0)
     values["pending"] = (longest + 2) * max(1, len(own.results))
     flags |= {"gains": bool(found.paths), "constants": bool(found.constants)}
@@ -216,9 +213,12 @@ def _identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
 
 
 def _values(
-    spec: Spec, own: Controller, members: Mapping[str, str], entry: str, steps: Steps | None
+    spec: Spec, own: Controller, whole: Loop, members: Mapping[str, str], entry: str, steps: Steps | None
 ) -> tuple[dict[str, bool], dict[str, Any]]:
-    """Flags and texts for the templates' names. entry: the signal from outside that the example gives."""
+    """Flags and texts for the templates' names.
+
+    whole: the loop with its amplifier. entry: the signal from outside that the example gives.
+    """
     loop, wall = own.loop, own.loop.wall
     kinds, ticks = _phases(own, steps)
     programs = [_function(number, program, own) for number, program in enumerate(own.programs)]
@@ -248,6 +248,7 @@ def _values(
         "wall_speed": own.places[SPEED],
         "wall_force": own.places[FORCE],
     }
+    late = 0.0 if spec.drawing else spec.values["device.delay"] + spec.values["device.dead_time"] * loop.rate
     numbers = {"fast_hz": loop.rate, "T": loop.tick, "K": wall.K if wall else 0.0, "B": wall.B if wall else 0.0}
     numbers["position"] = (wall and wall.position) or 0.0
     flags = {
@@ -258,9 +259,10 @@ def _values(
         "several": len(programs) > 1,
         "zero": own.late and any(each.zero for each in own.results),
         "steps": steps is not None,
-        "amplifier": bool(spec.values.get(AMPLIFIER)),
+        "amplifier": bool(late),
     }
-    texts |= _signals(own, members) | _results(own, ticks) | _host(own, members, entry, int(spec.values.get(AMPLIFIER, 0)))
+    texts |= {"late": f"{late:g}", **_signals(own, members), **_results(own, ticks)}
+    texts |= _host(own, whole, members, entry, divided(late)[0])
     texts |= _steps(steps) if steps else {}
     sums = []  # what enters each output, a line for each term
     for port, made in terms_of(spec).items():
@@ -412,12 +414,12 @@ def _term(value: float, name: str) -> str:
     return f" {sign} {name}" if sign else f" + {factor(value)} * {name}"
 
 
-def _host(own: Controller, members: Mapping[str, str], entry: str, late: int) -> dict[str, Any]:
+def _host(own: Controller, whole: Loop, members: Mapping[str, str], entry: str, late: int) -> dict[str, Any]:
     """The texts of the device in the example: what is sensed, what pushes it, and how it moves.
 
-    entry: see `_values`. late: ticks of the amplifier's delay.
+    whole, entry: see `_values`. late: ticks after which what the amplifier is asked for is exerted, maybe before the last ends.
     """
-    plants, sensed, pushed, moved, after = [part for part in own.loop.parts if part.plant], [], [], [], []
+    plants, sensed, pushed, moved, after = [part for part in whole.parts if part.plant], [], [], [], []
     names = [f"{part.name}.{name}" for part in plants for name in (*part.law.keeps, *part.inputs)]
     own_names = dict(zip(names, _identifiers(names, "host_"), strict=True))
 
@@ -428,6 +430,10 @@ def _host(own: Controller, members: Mapping[str, str], entry: str, late: int) ->
         ports = [(f"{part.name}.{port}", part.law.gives[port]) for port in part.outputs]
         sensed += [f"        in.{members[name]} = {sum_of(part, terms)};" for name, terms in ports if name in members]
         for port in (f"{part.name}.{port}" for port in part.inputs):
+            if AT in port:  # by how much it changes within the tick
+                pushed.insert(-1, f"        {own_names[port]} = -asked[tick % {late}];")
+                pushed.append(f"        {own_names[port]} += asked[(tick + 1) % {late}];")
+                continue
             terms = own.beside.get(port) or [term for term in own.loop.wires.get(port, ()) if term[1] in own.loop.inputs]
             share = sum(float(gain) for gain, name in terms if name == entry)
             force = f"out.{members[besides(port)]}" if besides(port) in members else "0.0"

@@ -31,7 +31,7 @@
  * The frame, after which all blocks are in step again, has $frame ticks. Outputs leave out forces from outside, as the hand's.
 @end
 @if amplifier
- * The amplifier's delay of $amplifier_ticks ticks is the device's: out is what it is asked for.
+ * The amplifier's delay of $late ticks is the device's: out is what it is asked for.
 @end
 @if wall
  * s.wall may be changed before any tick.
