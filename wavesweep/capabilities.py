@@ -25,7 +25,7 @@ panel: what a page of `explore` shows in addition: `data(spec)`; `quick(spec, qu
 shell: what a shell completes, `register()` before the line is parsed, and `prepare(command)`.
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
 frames: frames as they were measured, for --frames: `identified`, a table of them, and its `spec_text`, with `number_of` a spec;
-    whether a run is `within` what a spec's answers are for, and its `lines`.
+    whether a run is `within` what a spec's answers are for, and its `lines`; `read_run`, the frames of a file.
 walls: `walls_of` several specs, the table and figure of `zwidth` for them.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """

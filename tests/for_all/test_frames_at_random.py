@@ -4,6 +4,8 @@ The marches begin a frame with its sample, so that the step of the wall is the l
 kept for each such length: another form than that of the package, whose frames end with their sample.
 """
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -48,24 +50,25 @@ def rows_of(shares):
     return [shares] if np.ndim(shares) == 1 else shares
 
 
-def radius(frame, lengths, shares):
+def radius(frame, lengths, shares, results=((1, 1.0),)):
     """The spectral radius of the second moments, kept for each length of the last frame.
 
-    frame: the matrix of a frame of some length after another one.
+    frame: the matrix of a frame of some length after another one, with a result of some delay. results: the delays, None of
+    one that is lost, each with its probability, or of frames of each length its probabilities.
     """
     rows = np.array([np.array(row) / sum(row) for row in rows_of(shares)])
     rows = rows if len(rows) > 1 else np.tile(rows, (len(lengths), 1))
-    n = len(frame(lengths[0], lengths[0])) ** 2
+    n = len(frame(lengths[0], lengths[0], results[0][0])) ** 2
     whole = np.zeros((len(lengths), n, len(lengths), n))
-    for i, before in enumerate(lengths):
-        for j, length in enumerate(lengths):
-            A = frame(length, before)
-            whole[j, :, i] = rows[i, j] * np.kron(A, A)
+    for (i, before), (j, length) in product(enumerate(lengths), enumerate(lengths)):
+        for delay, chance in results:
+            A = frame(length, before, delay)
+            whole[j, :, i] += rows[i, j] * np.resize(chance, len(lengths))[j] * np.kron(A, A)
     return np.abs(np.linalg.eigvals(whole.reshape(len(lengths) * n, -1))).max()
 
 
-def matrix_of(march, states, length, before):
-    return np.array([march(column, length, before) for column in np.eye(states)]).T
+def matrix_of(march, states, *frame):
+    return np.array([march(column, *frame) for column in np.eye(states)]).T
 
 
 def ticked(m=0.1, d=1.5):
@@ -78,44 +81,50 @@ def dc_slow(K, B=1.0):
     """Velocity, position, the one before, and the force that is held."""
     free, forced = ticked()
 
-    def march(state, length, _):
+    def march(state, length, _, delay):
         (v, x, last, held), result = state, 0.0
         for tick in range(length):
             if tick == 0:
                 result = K * x + B * (x - last) / T
-            if tick == 1:
-                held = result
+            held = result if tick == delay else held
             v, last, x = free[0] * v - forced[0] * held, x, x + free[1] * v - forced[1] * held
-        return v, x, last, held
+        return v, x, last, result if delay == length else held
 
-    return lambda length, before: matrix_of(march, 4, length, before)
+    return lambda length, before, delay=1: matrix_of(march, 4, length, before, delay)
 
 
 def pmw(K, B=1.0, b=10.0, cutoff=8.57):
     """Velocity, what the position moved by, the filter's last input and output, the avatar, and the wave that is held."""
     (free, forced), ((b0, b1), (_, a1)) = ticked(), butter(1, cutoff, fs=1 / T)
 
-    def march(state, length, before):
+    def wall(y, avatar):
+        speed = (np.sqrt(2 * b) * y - K * avatar) / (b + B)
+        return speed, y - np.sqrt(2 / b) * (K * avatar + B * speed)
+
+    def march(state, length, before, delay):
         (v, moved, u, y, avatar, wave), result = state, 0.0
         for tick in range(length):
-            if tick == 1:
+            if tick == delay == 0:  # round within the tick: what the wave is with a wave of 0, and what one of 1 adds
+                none, one = (wall(b0 * (np.sqrt(2 * b) * moved / T - each) + b1 * u - a1 * y, avatar)[1] for each in (0, 1))
+                wave = none / (1 - (one - none))
+            elif tick == delay:
                 wave = result
             now = np.sqrt(2 * b) * moved / T - wave
             y, u = b0 * now + b1 * u - a1 * y, now
             if tick == 0:
-                speed = (np.sqrt(2 * b) * y - K * avatar) / (b + B)
-                force = K * avatar + B * speed
-                avatar, result = avatar + before * T * speed, y - np.sqrt(2 / b) * force
+                speed, result = wall(y, avatar)
+                avatar += before * T * speed
             push = -(b * moved / T - np.sqrt(2 * b) * wave)
             v, moved = free[0] * v + forced[0] * push, free[1] * v + forced[1] * push
-        return v, moved, u, y, avatar, wave
+        return v, moved, u, y, avatar, result if delay == length else wave
 
-    return lambda length, before: matrix_of(march, 6, length, before)
+    return lambda length, before, delay=1: matrix_of(march, 6, length, before, delay)
 
 
 def found_of(spec, along, high=2000.0):
     loaded = load(spec)
-    return brackets_on_average(Rules.of(loaded).on_average().family(dict(loaded.values), along), (0.0, high))
+    rules = Rules.of(loaded)
+    return brackets_on_average((rules.on_average() or rules).family(dict(loaded.values), along), (0.0, high))
 
 
 @pytest.mark.parametrize("lengths", [[1, 2], [3, 5, 11], [2, 40]])
@@ -177,6 +186,45 @@ def test_random_walls_end_where_the_moments_of_a_march_begin_to_grow(seed):
     assert all(any(each.low <= K <= each.high for each in found) for K in inside)
 
 
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("seed", range(200))
+def test_results_late_and_lost_at_random_have_the_moments_of_a_march(seed):
+    """Delays of 0, of a whole frame and between, independent or by the length of the frame, and results that never come."""
+    rng = np.random.default_rng(seed)
+    lengths = rng.choice(np.arange(2, 30), rng.integers(1, 4), replace=False).tolist()
+    shares = rng.integers(0, 9, len(lengths) if rng.uniform() < 0.5 else (len(lengths),) * 2) + 1
+    delays = rng.choice(1 + min(lengths), rng.integers(1, min(4, 1 + min(lengths))), replace=False).tolist()
+    rows = rng.integers(0, 5, (len(lengths) if seed % 3 and len(lengths) > 1 else 1, len(delays))) + (rng.uniform() < 0.8)
+    rows[:, 0] += 1
+    loss = rng.choice([0.0, 0.05, 0.4])
+    kind, march = (("pmw", pmw), ("dc-slow", dc_slow))[seed % 2]
+    spec = built_in(kind, lengths, **{"shares" if shares.ndim == 1 else "next": shares.tolist()})
+    spec["for_all"] |= {"loss": float(loss)} if loss else {}
+    spec["environment"]["delay"] = delays[0]
+    spec["rates"] = {"ratio": lengths[0]}
+    if len(lengths) == 1:
+        del spec["for_all"]["rates.ratio"]
+    if len(delays) > 1:
+        own = {"shares": rows.tolist() if len(rows) > 1 else rows[0].tolist()}
+        spec["for_all"]["environment.delay"] = {"values": delays, "varying": True, **own}
+    chances = (1 - loss) * rows / rows.sum(1, keepdims=True)
+    results = [*zip(delays, chances.T.tolist(), strict=True), (None, loss)]
+    if not load(spec).for_all or not load(spec).for_all.at_random:
+        return
+    found = found_of(spec, "environment.K_VE")
+    for each in found:
+        for K, stable in (
+            (each.low, 1),
+            (each.high, 1),
+            ((each.low + each.high) / 2, 1),
+            (each.fails_from, 0),
+            (each.fails_below, 0),
+        ):
+            assert np.isnan(K) or (radius(march(K), lengths, shares, results) < 1) == stable
+    inside = [K for K in np.geomspace(1, 1999, 12) if radius(march(K), lengths, shares, results) < 1 - 1e-3]
+    assert all(any(each.low <= K <= each.high for each in found) for K in inside)
+
+
 @pytest.mark.parametrize("k", [10.0, 40.0, 53.4, 53.5, 100.0])
 def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
     """`x' = -k (z + I)`: z is sampled with the frame, and I integrates over the time since it last ran, a tick later."""
@@ -186,7 +234,7 @@ def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
     spec["block"]["sum"] = {"type": "integrator", "method": "implicit", "every": "n", "phase": 1}
     spec["wire"] |= {"sum.u": "slow.y", "plant.u": "-k*(slow.y + sum.y)"}
 
-    def march(state, length, before):
+    def march(state, length, before, _):
         x, z, total = state
         for tick in range(length):
             z = x if tick == 0 else z
@@ -194,7 +242,7 @@ def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
             x -= 0.01 * k * (z + total)
         return x, z, total
 
-    stable = radius(lambda length, before: matrix_of(march, 3, length, before), lengths, shares) < 1
+    stable = radius(lambda *frame: matrix_of(march, 3, *frame), lengths, shares) < 1
     assert stable == (k < 53.45)
     loaded = load(spec)
     assert decays(Rules.of(loaded).on_average().family(dict(loaded.values), "")) == ("proved" if stable else "refuted")
@@ -284,16 +332,30 @@ def test_shares_that_cannot_be_used_are_refused(ratio, said):
     assert said in str(caught.value)
 
 
+DELAYS = {"values": [1, 2], "varying": True}
+
+
 @pytest.mark.parametrize(
-    "more", [{"lost": 1}, {"environment.delay": {"values": [1, 2], "varying": True}}, {"rates.ratio": {"start": 2, "stop": 9}}]
+    ("more", "said"),
+    [
+        ({"lost": 1}, "for_all.lost: expected loss = PROBABILITY where what varies is at random, found 1"),
+        ({"environment.delay": DELAYS}, "for_all.environment.delay: expected shares beside values of each number that varies"),
+        (
+            {"environment.delay": DELAYS | {"next": [[1, 1]] * 2}},
+            "expected shares of delays, or a list of them for each length",
+        ),
+        ({"environment.delay": DELAYS | {"shares": [[1, 1]]}}, "shares: expected 2 lists, one for each length of frames"),
+        ({"environment.delay": DELAYS | {"shares": [[1, 1], [1]]}}, "shares: expected a list of 2 weights"),
+        ({"rates.ratio": {"start": 2, "stop": 9, "varying": True, "shares": [1] * 8}}, "expected values and varying = true"),
+        ({"loss": 1.5}, "for_all.loss: expected a number <= 1"),
+    ],
 )
-def test_only_lengths_may_be_at_random(more):
+def test_what_is_at_random_in_part_or_has_no_shares_is_refused(more, said):
     spec = built_in("pmw", [16, 20], shares=[1, 1])
-    if "rates.ratio" in more:
-        more["rates.ratio"] |= {"varying": True, "shares": [1] * 8}
     spec["for_all"] |= more
-    with pytest.raises(SpecError, match=r"expected (lengths of frames as all that varies|values and varying)"):
+    with pytest.raises(SpecError) as caught:
         load(spec)
+    assert said in str(caught.value)
 
 
 def test_ranges_beside_shares_are_refused():

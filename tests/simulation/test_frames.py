@@ -205,11 +205,20 @@ def test_frames_that_are_written_can_be_read_again(frames):
     assert load(FIG4, ["simulate.frames=[16, 16]"]).simulate["frames"] == fig4([16, 16]).simulate["frames"]
 
 
+LIST = 'a list of frames, each a whole number of ticks, "random", or a CSV file'
+
+
 @pytest.mark.parametrize(
     ("frames", "mistakes"),
     [
-        (20, ["simulate.frames: expected a list of frames, each a whole number of ticks, found 20"]),
-        ([], ["simulate.frames: expected a list of frames, each a whole number of ticks, found an empty list"]),
+        (
+            20,
+            [f"simulate.frames: expected {LIST}, found 20"],
+        ),
+        (
+            [],
+            [f"simulate.frames: expected {LIST}, found an empty list"],
+        ),
         (
             [0, 2.5, {"ticks": 20, "lots": True}, {"delay": 1}, {"ticks": 3, "delay": 4}],
             [

@@ -15,7 +15,9 @@ def varying(spec: Spec) -> list[str]:
     Errors: UsageError for too many numbers if nothing does.
     """
     found = [axis.name for axis in spec.for_all.changing]
-    found += ["lost"] * bool(spec.for_all.lost) + ["messages"] * bool(spec.drawing and spec.drawing.channels)
+    found += ["lost"] * bool(spec.for_all.lost or spec.for_all.loss) + ["messages"] * bool(
+        spec.drawing and spec.drawing.channels
+    )
     if not found:
         refuse_unsuitable_ranges(spec, "")
     return found

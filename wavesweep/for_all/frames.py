@@ -115,7 +115,7 @@ def plan_of(drawing: Drawing, values: Mapping[str, object], frames: Frames, slow
     kinds = {phase: frozenset(name for name in phases if phases[name] == phase) for phase in sorted({0, *phases.values()})}
     steps = frames.lengths if frames.elapsed and len(kinds) > 1 else (None,)
     results = [(delay, 0) for delay in frames.delays] + [(LOST, i + 1) for i in range(frames.lost)]
-    through = sorted({delay == 0 for delay in frames.delays})
+    through = sorted({delay == 0 for delay, _ in results})
     symbols = [
         Symbol(ticks, *result, step, each)
         for ticks in frames.lengths

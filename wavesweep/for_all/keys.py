@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     from wavesweep.for_all.design_proof import DesignProof, DesignRanking
 
 LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
+LOSS = gain("for_all.loss", 0.0, "1", "probability that a slow result never comes; the last one that came is held", high=1.0)
 WEIGHT = gain("for_all.shares", None, "1", "how often a value occurs; of several their ratios count", high=1e12)
 CHANCES = "shares", "next"  # of values that vary: a weight of each, or a row of weights for what follows each
 GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
+DELAY = "environment.delay"
 MOST_VARYING = 64  # values of a number that varies
 
 
@@ -28,8 +30,10 @@ class ForAll(Asked):
     """The table [for_all].
 
     axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
-    unknown but constant. lost: how many slow results in a row may fail to come. shares: weights of the values of the number
-    that varies, a row if they are independent, or for each value a row of those of the next; empty if none are given.
+    unknown but constant. lost: how many slow results in a row may fail to come. At random instead: shares, weights of lengths
+    of frames, a row if they are independent, or for each length a row of those of the next; delays, weights of
+    environment.delay, a row, or one for each length of the frame; both empty if none are given; loss, the probability that a
+    result never comes.
     """
 
     members: ClassVar[str] = "[for_all]"
@@ -37,6 +41,24 @@ class ForAll(Asked):
     varying: frozenset[str] = frozenset()
     lost: int = 0
     shares: tuple[tuple[float, ...], ...] = ()
+    delays: tuple[tuple[float, ...], ...] = ()
+    loss: float = 0.0
+
+    @property
+    def at_random(self) -> bool:
+        """Whether what varies has probabilities."""
+        return bool(self.shares or self.delays or self.loss)
+
+    @property
+    def lengths(self) -> tuple[tuple[float, ...], ...]:
+        """The probabilities of lengths of frames, a row, or one after each length; of a single length without shares."""
+        return tuple(tuple(each / sum(row) for each in row) for row in self.shares or ((1.0,),))
+
+    @property
+    def results(self) -> tuple[tuple[float, ...], ...]:
+        """The probabilities of delays, and then that a result never comes: a row, or one in frames of each length."""
+        rows = self.delays or ((1.0,),)
+        return tuple((*((1 - self.loss) * each / sum(row) for each in row), self.loss) for row in rows)
 
     @property
     def changing(self) -> tuple[Axis, ...]:
@@ -99,10 +121,12 @@ class ForAll(Asked):
         for axis in self.axes:
             range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
             table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
-            if self.shares and axis in self.changing:
-                rows = [list(row) for row in self.shares]
-                table[axis.name] |= {"shares": rows[0]} if len(rows) == 1 else {"next": rows}
-        return table | ({"lost": self.lost} if self.lost else {})
+            of_delay = axis.path == DELAY
+            if rows := [list(row) for row in (self.delays if of_delay else self.shares) if axis in self.changing]:
+                table[axis.name] |= (
+                    {"next": rows} if len(rows) > 1 and not of_delay else {"shares": rows if rows[1:] else rows[0]}
+                )
+        return table | ({"lost": self.lost} if self.lost else {}) | ({"loss": self.loss} if self.loss else {})
 
 
 def values_of_range(axis: Axis) -> tuple:
@@ -123,6 +147,8 @@ def build(request: Request) -> ForAll | None:
             mistakes.refuse(varies, label, "start and stop, or values", "neither")
         elif "values" in parts and len(parts) > 1:
             mistakes.refuse(place, label, "either start and stop or values", "both")
+        elif "next" in weights and name == DELAY:
+            mistakes.refuse(place, label, "shares of delays, or a list of them for each length of frames", "next")
         elif weights and not ("values" in parts and varies and varies.value):
             mistakes.refuse(place, label, f"values and varying = true beside {' and '.join(weights)}", "others")
         elif len(weights) > 1:
@@ -135,29 +161,49 @@ def build(request: Request) -> ForAll | None:
             if (count := len(values_of_range(axis))) > MOST_VARYING:
                 mistakes.refuse(axis.place, label, f"at most {MOST_VARYING} values of a number that varies", f"{count}")
         if axis and weights:
-            chances[axis.path] = axis, _weights(mistakes, label, *weights.popitem(), len(axis.values))
+            chances[axis.path] = axis, label, *weights.popitem()
         axes += [axis] if axis else []
-    lost = request.belongs.keys.get("for_all.lost")
-    results = mistakes.check(LOST, lost) if lost else 0
+    given = request.belongs.keys
+    lost, loss = (mistakes.check(key, given[key.path]) or 0 if key.path in given else 0 for key in (LOST, LOSS))
     for axis in axes:
         if axis.path in {other.path for other in request.sweep}:
             mistakes.refuse(axis.place, f"for_all.{axis.name}", "a number that [sweep] does not have as well", axis.name)
     request.refuse_beyond_limits("for_all", axes)
-    channels = request.drawing and request.drawing.channels
-    found = ForAll(tuple(axes), frozenset(varying), results or 0)
-    for axis, rows in chances.values():
-        if found.lost or channels or axis.path == "environment.delay" or len(found.changing) > 1:
-            expected = "lengths of frames as all that varies, where they are at random"
-            mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, "more, or another number")
-        found = replace(found, shares=rows if found.changing else ())
-    return found if axes or results or channels else None
+    found = _with_chances(request, ForAll(tuple(axes), frozenset(varying), lost, loss=loss), chances)
+    return found if axes or lost or loss or (request.drawing and request.drawing.channels) else None
 
 
-def _weights(mistakes: Any, label: str, part: str, leaf: Any, count: int) -> tuple[tuple[float, ...], ...]:
-    """The rows of weights of values; their mistakes are added."""
-    rows = [leaf.value] if part == "shares" else leaf.value
-    if not isinstance(rows, list) or len(rows) not in (1, count) or (part == "next" and len(rows) != count):
-        mistakes.refuse(leaf, f"{label}.{part}", f"{count} lists, one for each value", show(leaf.value), of_key=False)
+def _with_chances(request: Request, found: ForAll, chances: Mapping[str, tuple]) -> ForAll:
+    """Return the table with the weights of values, and add their mistakes. chances: by path axis, label, part and leaf."""
+    given, mistakes = request.belongs.keys, request.mistakes
+    lengths = next((len(values_of_range(axis)) for axis in found.changing if axis.path != DELAY), 1)
+    rows = {
+        DELAY if axis.path == DELAY else "": _weights(mistakes, label, part, leaf, len(axis.values), lengths)
+        for axis, label, part, leaf in chances.values()
+        if axis in found.changing
+    }
+    found = replace(found, shares=rows.get("", ()), delays=rows.get(DELAY, ()))
+    if found.at_random and request.drawing and request.drawing.channels:
+        place = given["for_all.loss"] if found.loss else next(iter(chances.values()))[0].place
+        mistakes.refuse(place, "for_all", "a loop without channels, where frames are at random", "channels", of_key=False)
+    if found.at_random and found.lost:
+        expected = "loss = PROBABILITY where what varies is at random"
+        mistakes.refuse(given["for_all.lost"], "for_all.lost", expected, show(found.lost), of_key=False)
+    for axis in found.changing if found.at_random else ():
+        if axis.path not in chances:
+            expected = "shares beside values of each number that varies, where one is at random"
+            mistakes.refuse(axis.place, f"for_all.{axis.name}", expected, "none")
+    return found
+
+
+def _weights(mistakes: Any, label: str, part: str, leaf: Any, count: int, lengths: int) -> tuple[tuple[float, ...], ...]:
+    """The rows of weights of values; their mistakes are added. lengths: of frames."""
+    several = isinstance(leaf.value, list) and bool(leaf.value) and isinstance(leaf.value[0], list)
+    rows = leaf.value if several else [leaf.value]
+    may_be_several = part == "next" or (several and label.endswith(DELAY))
+    if several != may_be_several or (several and len(rows) != lengths):
+        lists = f"{lengths} lists, one for each {'value' if part == 'next' else 'length of frames'}"
+        mistakes.refuse(leaf, f"{label}.{part}", lists, show(leaf.value), of_key=False)
         return ()
     found = []
     for row in rows:
@@ -170,12 +216,12 @@ def _weights(mistakes: Any, label: str, part: str, leaf: Any, count: int) -> tup
 
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table: ranges of numbers, or of any names in a drawn loop."""
-    others, lost = False, shapes.value(LOST)
+    others, own = False, {"lost": shapes.value(LOST), "loss": shapes.value(LOSS)}
     if shapes.drawn:
         others = shapes.define("range", {"anyOf": [_range(shapes), shapes.table({}, shapes.reference("range"))]})
-        lost = {"anyOf": [lost, others]}
+        own = {name: {"anyOf": [each, others]} for name, each in own.items()}
     ranges = {name: shapes.define(f"range_of_{key.path}", _range(shapes, key)) for name, key in shapes.numbers.items()}
-    return shapes.table(ranges | shapes.nested(ranges) | {"lost": lost}, others)
+    return shapes.table(ranges | shapes.nested(ranges) | own, others)
 
 
 def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
@@ -183,7 +229,8 @@ def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
     value, varying = shapes.value(key) if key else {"type": "number"}, {"varying": {"type": "boolean"}}
     ends = shapes.table({"start": value, "stop": value, **varying}, required=["start", "stop"])
     weights: dict[str, Any] = {"type": "array", "items": shapes.value(WEIGHT), "minItems": 1}
-    chances = {"shares": weights, "next": {"type": "array", "items": weights, "minItems": 1}}
+    rows = {"type": "array", "items": weights, "minItems": 1}
+    chances = {"shares": {"anyOf": [weights, rows]} if key and key.path == DELAY else weights, "next": rows}
     listed = {"values": {"type": "array", "items": value, "minItems": 1}}
     values = shapes.table(listed | varying | chances, required=["values"])
     about = {"description": shapes.described(key)} if key else {}
@@ -193,14 +240,15 @@ def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
 TABLE = Table(
     path="for_all",
     build=build,
-    sections={"for_all": Section(("lost",), ("start", "stop", "values", "varying", *CHANCES))},
+    sections={"for_all": Section(("lost", "loss"), ("start", "stop", "values", "varying", *CHANCES))},
     always=True,
     described={
         "for_all": {
             "description": "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that "
             "is not known, with varying = true of one that may change from frame to frame (rates.ratio, environment.delay, or "
             "the number in every of blocks); shares = [...] of these values, or next = [[...], ...], the shares after each, "
-            "for what holds in mean square; lost = slow results in a row that may fail to come; the last one that came is held"
+            "for what holds in mean square; lost = slow results in a row that may fail to come, or loss = the probability that "
+            "one never comes; the last one that came is held"
         }
     },
     hint="What every answer has to hold for is in [for_all]: `wavesweep keys for_all`.",

@@ -26,6 +26,7 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.values import values_of
 from wavesweep.core.stability.spectrum import count_outside
 from wavesweep.for_all.checking import Norms, shrink_on_average
+from wavesweep.for_all.frames import LOST as LOST_RESULT
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import NEAR_START, Bracket, Stretch
 from wavesweep.for_all.loop_frames import LoopFrames
@@ -203,30 +204,52 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     return Chances(family, graph, factors, not reads)
 
 
-def frames_at_random(family: LoopFrames, shares: Sequence[Sequence[float]], number: str = "") -> Chances:
-    """Return the chain of a loop whose frames have lengths at random.
+def frames_at_random(
+    family: LoopFrames, shares: Sequence[Sequence[float]], results: Sequence[Sequence[float]], number: str = ""
+) -> Chances:
+    """Return the chain of a loop whose frames have lengths, and results, at random.
 
-    family: of the lengths in the order of shares, along a number, or at its own values without one. shares: weights of the
-    lengths, a row if frames are independent, or a row for each length, of those of the next frame.
+    family: along a number, or at its own values without one. shares: probabilities of the lengths in its order, a row if frames
+    are independent, or a row for each length, of those of the next frame. results: those of its delays, and then that a result
+    is lost, a row, or one for each length.
     Errors: UsageError for other lengths, or a loop with too many moments.
+
+    A node is the length of the last frame, where anything depends on it, and whether the next result is in place at once, which
+    the matrix of the last frame has to know.
     """
     lengths = list(dict.fromkeys(symbol.ticks for symbol in family.symbols))
     if len(lengths) != len(shares[0]):
         raise UsageError(f"frames at random: expected {len(shares[0])} different lengths, found {len(lengths)}")
-    chance = np.array([np.array(row) / sum(row) for row in shares])
+    delays = [*dict.fromkeys(symbol.delay for symbol in family.symbols if symbol.delay != LOST_RESULT), LOST_RESULT]
+    after = [lengths.index(symbol.ticks) for symbol in family.symbols]
+    result = [results[at % len(results)][delays.index(symbol.delay)] for at, symbol in zip(after, family.symbols, strict=True)]
     recalls = len(shares) > 1 or any(symbol.step is not None for symbol in family.symbols)
-    edges = [
-        (before if recalls else 0, kind, after if recalls else 0, chance[before % len(shares), after])
-        for before, length in enumerate(lengths if recalls else lengths[:1])
-        for kind, symbol in enumerate(family.symbols)
-        if not recalls or symbol.step in (None, length)
-        for after in [lengths.index(symbol.ticks)]
-        if chance[before % len(shares), after] > 0
-    ]
-    source, kind, target, weight = (np.array(each) for each in zip(*edges, strict=True))
+
+    def weight(before, kind):
+        return shares[before % len(shares)][after[kind]] * result[kind]
+
+    def fits(before, kind, at_once):
+        symbol = family.symbols[kind]
+        return (symbol.delay == 0) == at_once and (not recalls or symbol.step in (None, lengths[before]))
+
+    kinds, nodes = range(len(family.symbols)), {}
+    for node in product(range(len(lengths) if recalls else 1), (False, True)):
+        one_way = [kind for kind in kinds if fits(node[0], kind, node[1])]
+        through = family.symbols[one_way[0]].through if one_way else None
+        whole = sum(weight(node[0], kind) for kind in one_way if family.symbols[kind].through == through)
+        if whole > 0:
+            nodes[node] = len(nodes), whole
+    edges = []
+    for (before, at_once), (source, whole) in nodes.items():
+        for kind in kinds:
+            next_ = after[kind] if recalls else 0, family.symbols[kind].through
+            if fits(before, kind, at_once) and next_ in nodes and weight(before, kind) > 0:
+                target, share = nodes[next_]
+                edges.append((source, kind, target, weight(before, kind) * share / whole))
+    source, kind, target, weights = (np.array(each) for each in zip(*edges, strict=True))
     graph = Graph(source, kind, target)
     _refuse_large(family, graph, "frames at random", "take fewer lengths, or shares in place of next")
-    return Chances(family, graph, np.tile(weight[:, None, None], 2), bool(number))
+    return Chances(family, graph, np.tile(weights[:, None, None], 2), bool(number))
 
 
 def _refuse_large(family, graph, what, hint):

@@ -39,7 +39,7 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
         yield 1, in_words(found["at_random"])
     if found.get("every_hand"):
         yield 1.5, _every_hand(found["every_hand"])
-    yield 1, BELOW[found["for_all"]["kind"] == "for_all"]
+    yield 1, BELOW[found["for_all"]["kind"] not in ("messages", "mean_square")]
 
 
 def _every_hand(found: Mapping[str, Any]) -> str:

@@ -49,6 +49,7 @@ OF_KINDS = {  # what a verdict is about, and its words
     "messages": ("for every pattern of messages", "stable", "not stable with {}"),
     "mean_square": ("with messages lost at random", "stable in mean square", "not stable in mean square ({})"),
     "frames": ("with frames at random", "stable in mean square", "not stable in mean square ({})"),
+    "results": ("with results late or lost at random", "stable in mean square", "not stable in mean square ({})"),
 }
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
@@ -119,8 +120,12 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     timed = [*timed, along] if timed and along and name_of(along) in timing(drawing) else timed
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
-        (rules.at_random and ranges, "values of numbers beside messages lost at random", f"the range of {', '.join(ranges)}"),
-        (for_all.shares and ranges, "values of numbers beside frames at random", f"the range of {', '.join(ranges)}"),
+        (
+            rules.messages and rules.at_random and ranges,
+            "values of numbers beside messages lost at random",
+            f"the range of {', '.join(ranges)}",
+        ),
+        (for_all.at_random and ranges, "values of numbers beside frames at random", f"the range of {', '.join(ranges)}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
@@ -329,7 +334,7 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
-    at_random = "mean_square" if rules.messages else "frames"
+    at_random = "mean_square" if rules.messages else "frames" if rules.for_all.shares else "results"
     kind = at_random if rules.at_random else "messages" if rules.messages and not rules.for_all.axes else "for_all"
     return _verdict(spec, rules) | {"kind": kind}
 

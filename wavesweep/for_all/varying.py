@@ -53,8 +53,8 @@ class Rules:
 
     drawing: that of a spec that draws its loop, None for a built-in controller. with_frame: whether results are in place with
     the next frame. elapsed: whether the slow environment integrates over the time since its last frame. messages: whether the
-    loop has channels; at_random: whether these lose messages at random, or frames are taken to be at random. work: operations
-    of a proof over ranges beside what varies.
+    loop has channels; at_random: whether these lose messages at random, or frames and results are taken to be at random. work:
+    operations of a proof over ranges beside what varies.
     """
 
     for_all: ForAll
@@ -70,11 +70,12 @@ class Rules:
         """The rules of a spec with [for_all]."""
         drawing = spec.drawing
         messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
-        return Rules(spec.for_all, drawing, spec.delay_of_frame, spec.step == "elapsed", *messages)
+        found = Rules(spec.for_all, drawing, spec.delay_of_frame, spec.step == "elapsed", *messages)
+        return replace(found, at_random=True) if spec.for_all.loss else found
 
     def on_average(self) -> "Rules | None":
-        """The rules of frames at random; None if a spec does not say how often each length occurs."""
-        return replace(self, at_random=True) if self.for_all.shares else None
+        """The rules of frames at random, beside those in any order; None if a spec does not say how often what occurs."""
+        return replace(self, at_random=True) if self.for_all.at_random and not self.at_random else None
 
     @property
     def ranges(self) -> bool:
@@ -84,7 +85,7 @@ class Rules:
     @property
     def vary(self) -> bool:
         """Whether anything varies."""
-        return bool(self.for_all.changing or self.for_all.lost or self.messages)
+        return bool(self.for_all.changing or self.for_all.lost or self.for_all.loss or self.messages)
 
     def family(self, values: Mapping[str, object], along: str) -> LoopFrames | Chances:
         """The frames of a loop along a number, empty for the loop at its own values.
@@ -93,7 +94,8 @@ class Rules:
         """
         if not self.messages:
             frames = self.plan(values, (along,)).along(along)
-            return frames_at_random(frames, self.for_all.shares, along) if self.at_random else frames
+            asked = self.for_all
+            return frames_at_random(frames, asked.lengths, asked.results, along) if self.at_random else frames
         if self.for_all.changing:
             found = ", ".join(without_rule(self.drawing.channels))
             refuse(self._key(self.for_all.changing[0]), f"blocks {RULED} beside channels", found)
@@ -115,11 +117,16 @@ class Rules:
         if self.vary and not slow.names:
             refuse(KIND, "a controller with a slow environment, whose frames may vary", values[KIND])
         delays = values_of_range(axes[DELAY]) if DELAY in axes else delays
-        return plan_of(drawing, values, Frames(slow.lengths, tuple(delays), self.for_all.lost, self.elapsed), slow)
+        lost = self.for_all.lost or int(self.for_all.loss > 0)
+        return plan_of(drawing, values, Frames(slow.lengths, tuple(delays), lost, self.elapsed), slow)
 
     def _plan_of_drawing(self, values, axes):
-        if self.for_all.lost:
-            refuse("for_all.lost", "a built-in controller, whose results may be lost", "a drawn loop")
+        if self.for_all.lost or self.for_all.loss:
+            refuse(
+                "for_all.lost" if self.for_all.lost else "for_all.loss",
+                "a built-in controller, whose results may be lost",
+                "a drawn loop",
+            )
         running = {name for block in self.drawing.blocks for name, _ in names_in(block.every)}
         wrong = [axis for path, axis in axes.items() if name_of(path) not in running] or [*axes.values()][1:]
         if wrong:

@@ -58,6 +58,8 @@ def _ranges(spec: Spec) -> Iterator[str]:
         yield f"for every {axis.name} {span}{', another one in each frame' * (axis.path in spec.for_all.varying)}"
     if spec.for_all.lost:
         yield f"with up to {spec.for_all.lost} results in a row that are lost"
+    if spec.for_all.loss:
+        yield f"with results that are lost with probability {spec.for_all.loss:g}"
     if spec.drawing and spec.drawing.channels:
         yield "with messages that are late or lost"
 

@@ -28,8 +28,10 @@ from wavesweep.core.plots.style import (
 from wavesweep.core.plots.words import assumption, at_hand, printed, with_unit
 from wavesweep.core.tables.columns import signals_of
 from wavesweep.core.tables.planes import spec_of
+from wavesweep.simulation.keys import RANDOM
 
 _DETAIL_FRAMES = 40
+FRAME = "length of the frame"  # in ticks, beside the columns
 _LINEAR_POINTS = 800  # of the linear loop next to a simulation
 _DETAIL_TICKS = 800  # at least, of a drawn loop
 _ALIKE = 20.0  # times as large, at most, is a signal that shares a panel with another
@@ -63,7 +65,8 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     from matplotlib.transforms import blended_transform_factory
 
     spans = _spans(columns, facts)
-    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts), *_messages(columns, facts)]
+    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts), *_frames(facts), *_messages(columns, facts)]
+    columns = {**columns, FRAME: _lengths(columns)}
     with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
         for row, (title, signals) in zip(grid, rows, strict=True):
@@ -150,6 +153,19 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     ]
 
 
+def _frames(facts: Mapping[str, Any]) -> list[Panel]:
+    """The panel of the lengths of frames, if these were drawn or measured."""
+    return [("frame (ticks)", [(FRAME, "frame", distinct_colour(0), True)])] if "frames" in facts else []
+
+
+def _lengths(columns: Columns) -> np.ndarray:
+    """The length of the frame that each tick is in; of the last one, which may go on, NaN."""
+    number = columns["frame"]
+    lengths = np.bincount(number - number[:1].sum(), minlength=1).astype(float)
+    lengths[-1] = np.nan
+    return lengths[number - number[:1].sum()]
+
+
 def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     """The panel of how late messages or slow results come, if some do and it is known of which channel."""
     channels = [name for name, block in facts["spec"].get("block", {}).items() if block["type"] == "channel"]
@@ -161,14 +177,18 @@ def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
 
 
 def _in_turn(facts: Mapping[str, Any]) -> str:
-    """The patterns of late and lost messages that a run repeats."""
+    """Where frames are from, and the patterns of late and lost messages that a run repeats."""
     words = {0: "in time", 1: "1 tick late"}
     given = facts["spec"]["simulate"].get("messages", {}).items()
+    frames, begin = facts["spec"]["simulate"].get("frames"), ""
+    if isinstance(frames, str):
+        seed = facts["spec"]["simulate"]["seed"]
+        begin = f"Frames at random, seed {seed}. " if frames == RANDOM else f"Frames as they were measured, {frames}. "
     said = [
         f"{name} {', '.join(each if isinstance(each, str) else words.get(each, f'{each} ticks late') for each in late)}"
         for name, late in given
     ]
-    return f"Messages, repeated: {'; '.join(said)}." if said else ""
+    return begin + (f"Messages, repeated: {'; '.join(said)}." if said else "")
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:

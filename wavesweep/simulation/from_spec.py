@@ -1,16 +1,20 @@
 """The experiment of a spec's [simulate] table."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from wavesweep.capabilities import modules
+from wavesweep.core.drawing.drawing import name_of, scalars
+from wavesweep.core.drawing.expressions import names_in, value_of
 from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import Spec
+from wavesweep.core.spec import Axis, Spec
 from wavesweep.simulation import inputs
-from wavesweep.simulation.hardware import Effects
+from wavesweep.simulation.hardware import Effects, random_frames
 from wavesweep.simulation.inputs import Input
-from wavesweep.simulation.keys import entry_of
+from wavesweep.simulation.keys import FRAMES, RANDOM, Frame, entry_of
 from wavesweep.simulation.march import simulate
 from wavesweep.simulation.parts import Frames
 from wavesweep.simulation.record import Simulation
@@ -31,16 +35,55 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
         raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
     effects = replace(effects_of(spec), **changes)
     force = hand_force(spec.asking("simulate"), effects.seed).force if force is None else inputs.given(force).force
+    frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
     own = {"drawing": spec.drawing, "units": units, "entry": entry_of(spec)}
-    return simulate(spec.values, force, effects, **own, frames=frames_of(spec), messages=spec.simulate["messages"])
+    return simulate(spec.values, force, effects, **own, frames=frames, messages=spec.simulate["messages"])
 
 
-def frames_of(spec: Spec) -> Frames | None:
-    """Return the frames of the spec's [simulate] table, None if it has none.
+def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...]:
+    """Return the frames of the spec's [simulate] table, none if it has none; those at random for so many ticks.
+
+    Errors: UsageError for a file that cannot be read, or without the capability that reads it.
+    """
+    given = spec.simulate["frames"] or ()
+    if not isinstance(given, str):
+        return given
+    if given != RANDOM:
+        module = next(modules("frames"), None)
+        if module is None:
+            raise UsageError(f"{FRAMES}: expected the capability frame_times, which reads {given}, found that it is not there")
+        return tuple(map(Frame, module.read_run(beside(spec, given), spec.tick_hz, {}, {}).lengths.tolist()))
+    asked, found, length, ticks = spec.for_all, [], 0, 0
+    lengths, delays = [spec.values.get("rates.ratio")], [None]
+    for axis in asked.changing:
+        if axis.path == "environment.delay":
+            delays = axis.values
+        else:
+            lengths = lengths_at(spec, axis)
+    kinds = [Frame(0, delay) for delay in delays] + [Frame(0, lost=True)]
+    draw = random_frames(effects)
+    while ticks < count or not found:
+        length = draw(asked.lengths[length % len(asked.lengths)])
+        result = kinds[draw(asked.results[length % len(asked.results)])]
+        found.append(replace(result, ticks=lengths[length]))
+        ticks += lengths[length]
+    return tuple(found)
+
+
+def lengths_at(spec: Spec, axis: Axis) -> list[int]:
+    """The ticks in a frame at each value of a number that varies; none if it sets no frame."""
+    values = axis.values or range(int(axis.start), int(axis.stop) + 1)
+    if spec.drawing is None:
+        return list(values) if axis.path == "rates.ratio" else []
+    every = next(block.every for block in spec.drawing.blocks if name_of(axis.path) in {n for n, _ in names_in(block.every)})
+    return [int(value_of(every, scalars({**spec.values, axis.path: value}))) for value in values]
+
+
+def frames_of(spec: Spec, given: Sequence[Frame]) -> Frames | None:
+    """Return these frames of a spec as the simulation takes them, None for none.
 
     Results come after the delay of their frame, by default that of the spec; those of a drawn loop's blocks at once.
     """
-    given = spec.simulate["frames"]
     if not given:
         return None
     delay = spec.values.get("environment.delay", 0)
@@ -77,5 +120,10 @@ def hand_force(spec: Spec, seed: int | None = None) -> Input:
 
 
 def record_path(spec: Spec) -> Path:
-    """Return the path of the recorded force, relative to the spec's folder, or to the current one for a dict."""
-    return Path(spec.source or "").parent / spec.simulate["record"]
+    """Return the path of the recorded force."""
+    return beside(spec, spec.simulate["record"])
+
+
+def beside(spec: Spec, name: str) -> Path:
+    """Return the path of a file, relative to the spec's folder, or to the current one for a dict."""
+    return Path(spec.source or "").parent / name

@@ -4,8 +4,10 @@ Every effect is off by default. Time is a whole number of fast ticks.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import accumulate
 
 import numpy as np
 
@@ -31,7 +33,8 @@ class Effects:
     device moves for the real length, the controller uses the nominal one;
     `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
     `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one before;
-    `seed` of jitter, lateness and losses, also of the messages of channels, which have independent streams of numbers.
+    `seed` of jitter, lateness and losses, also of the messages of channels and of frames at random, which have independent
+    streams of numbers.
 
     Errors: `UsageError` for a number out of range.
     """
@@ -87,6 +90,16 @@ def losses(effects: Effects, keys: Mapping[str, float], messages: int, *others: 
         burst = change >= keys["burst_end"] if burst else change < keys["burst"]
         found.append(None if chance < (keys["burst_loss"] if burst else keys["loss"]) else 0)
     return found
+
+
+def random_frames(effects: Effects) -> Callable[[Sequence[float]], int]:
+    """Return what draws an index, with these probabilities of each."""
+    source = _source(effects, 4)
+
+    def drawn(chances: Sequence[float]) -> int:
+        return min(bisect_right(list(accumulate(chances)), source.uniform() * sum(chances)), len(chances) - 1)
+
+    return drawn
 
 
 def _source(effects: Effects, *stream: int) -> np.random.Generator:

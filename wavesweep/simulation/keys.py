@@ -1,7 +1,7 @@
 """The table [simulate]: what goes into the loop, how long, and how the rig differs from the ideal one.
 
-Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and lost; its `messages` are a
-table of lists, one for each channel of the loop.
+Its `frames` are a list, in which each frame is a number of ticks or a table of ticks, delay and lost, or the word "random", or
+the name of a file; its `messages` are a table of lists, one for each channel of the loop.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from wavesweep.core.spec.studies import Request
 
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
+RANDOM = "random"  # as frames
 SECONDS = 10.0  # of an input that has no length of its own
 FRAMES, SHOW, MESSAGES, FREQUENCIES, FROM = (
     f"simulate.{name}" for name in ("frames", "show", "messages", "frequency_hz", "from")
@@ -97,7 +98,8 @@ KEYS = by_path(
             None,
             "tick",
             "frames of slow blocks, repeated for ever: the ticks of each, or { ticks, delay, lost } if its result has another "
-            "delay, or never comes (lost = true); absent: all of the same length",
+            'delay, or never comes (lost = true); "random": drawn by the shares of [for_all]; or a CSV file of frames as they '
+            "were measured, with a column time or duration; absent: all of the same length",
         ),
         Key(
             MESSAGES,
@@ -159,10 +161,12 @@ class Frame:
         return {"ticks": self.ticks, **more} if more else self.ticks
 
 
-def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | None:
-    """Return the frames of a list, or None and add its mistakes."""
+def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | None:
+    """Return the frames of a list, RANDOM or the name of a file, or None and add its mistakes."""
+    if isinstance(leaf.value, str) and leaf.value:
+        return leaf.value
     if not isinstance(leaf.value, list) or not leaf.value:
-        expected = "a list of frames, each a whole number of ticks"
+        expected = 'a list of frames, each a whole number of ticks, "random", or a CSV file'
         return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
     frames, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):
@@ -212,8 +216,8 @@ def _written_messages(late: tuple[int | None, ...]) -> list[int | str]:
 class Experiment(Asked):
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
-    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, `show`
-    are names, `messages` those of `build_messages`. given: leaves by path.
+    `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, or
+    RANDOM or the name of a file, `show` are names, `messages` those of `build_messages`. given: leaves by path.
     """
 
     values: dict[str, float | int | str | tuple | None]
@@ -225,8 +229,14 @@ class Experiment(Asked):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The record of a force."""
-        return (self.values["record"],) if self.values["record"] else ()
+        """The record of a force, and that of frames."""
+        return tuple(filter(None, (self.values["record"], self.frames_file)))
+
+    @property
+    def frames_file(self) -> str:
+        """The file of frames; empty without."""
+        frames = self.values["frames"]
+        return frames if isinstance(frames, str) and frames != RANDOM else ""
 
     @property
     def hardware(self) -> Mapping[str, Any]:
@@ -237,7 +247,8 @@ class Experiment(Asked):
         """Return the table as a spec could give it."""
         present = {name: value for name, value in self.values.items() if value is not None}
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
-        frames = {"frames": [each.written() for each in present["frames"]]} if "frames" in present else {}
+        frames = present.get("frames", "")
+        frames = {} if isinstance(frames, str) else {"frames": [each.written() for each in frames]}
         shown = {"show": list(present["show"])} if "show" in present else {}
         messages = {name: _written_messages(late) for name, late in present.get("messages", {}).items()}
         return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
@@ -366,6 +377,9 @@ def demand(spec: Spec) -> None:
     """Raise SpecError if the experiment does not fit the fast rate, or if a drawn loop has nothing that it could come from."""
     mistakes = Mistakes()
     spec.simulate.refuse_beyond_limits(spec.tick_hz, RATE if spec.drawing else "rates.fast_hz", mistakes)
+    if spec.simulate["frames"] == RANDOM and not (spec.for_all and spec.for_all.at_random):
+        expected = "shares of the lengths of frames in [for_all], by which they are drawn"
+        mistakes.append(spec.mistake(FRAMES, expected, "none"))
     if spec.drawing and not spec.drawing.outside:
         expected = "inputs = { NAME = SIGNAL }, or hand = { force = ..., displacement = ... }, which something comes from"
         mistakes.append(spec.mistake("ports", expected, "neither"))
@@ -389,6 +403,7 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     keys["show"]["items"] = {"type": "string"}
     frame = shapes.table({name: shapes.value(key) for name, key in FRAME_KEYS.items()}, required=["ticks"])
     keys["frames"]["items"] = {"anyOf": [shapes.value(FRAME_KEYS["ticks"]), frame]}
+    keys["frames"] = {"anyOf": [keys["frames"], {"type": "string", "minLength": 1}]}
     late = {"type": "array", "items": {"type": ["integer", "string"]}, "minItems": 1}
     return shapes.table(keys | {"messages": shapes.table({}, late, description=keys["messages"]["description"])})
 

@@ -62,7 +62,7 @@ class Rhythm:
 
     def runs(self, k: int) -> bool:
         """Whether it runs in tick k."""
-        return k % self.every in self.phases
+        return self.last(k) == k
 
     def count(self, k: int) -> int:
         """The number of runs up to tick k, with that in it."""

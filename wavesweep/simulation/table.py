@@ -17,7 +17,7 @@ from wavesweep.core.reading.devices import DEVICES
 from wavesweep.core.tables.kind import Line, Numbers, Recompute, plain, whole_kind
 from wavesweep.core.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
-from wavesweep.simulation.keys import entry_of
+from wavesweep.simulation.keys import RANDOM, entry_of
 
 if TYPE_CHECKING:
     from wavesweep.core.spec import Spec
@@ -53,6 +53,11 @@ def simulate(spec: Spec) -> list[Table]:
         facts["tick_s"] = 1 / spec.tick_hz
     late = simulation.late
     facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
+    if isinstance(spec.simulate["frames"], str):
+        begun = int(columns["frame"][-1]) + 1 if rows else 0
+        lengths = np.diff([*simulation.starts, simulation.frame])[np.arange(begun) % len(simulation.starts)]
+        values, counts = np.unique(lengths, return_counts=True)
+        facts["frames"] = dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     at_random = spec.drawing is not None and spec.drawing.at_random
     alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
@@ -103,12 +108,14 @@ def _unlike_the_linear(spec, linear, tones, frame):
 
 
 def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
-    facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
-    if spec.simulate["input"] == "record":
-        from wavesweep.simulation.from_spec import record_path
+    from wavesweep.simulation.from_spec import beside, record_path
 
-        # The digest of the spec covers only the name of the record.
+    facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
+    # The digest of the spec covers only the names of files.
+    if spec.simulate["input"] == "record":
         facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()
+    if spec.simulate.frames_file:
+        facts["frames_sha256"] = hashlib.sha256(beside(spec, spec.simulate.frames_file).read_bytes()).hexdigest()
     return facts
 
 
@@ -140,6 +147,8 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     motors = np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
     ports, touching = spec.get("ports", {}), columns.get("touching", np.zeros(1, bool))
     entry = "" if "hand" in ports or not ports.get("inputs") else next(iter(ports["inputs"]))
+    frames, at_random = facts.get("frames"), options.get("frames") == RANDOM
+    seed, lost = options["seed"] if at_random else None, at_random and facts["slow_results"]["lost"]
     made = int(np.sum(touching[1:] & ~touching[:-1]) + touching[:1].sum())
     return {
         "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
@@ -154,7 +163,8 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "rest_s": _rest(columns) if options.get("friction") and rows else None,
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
-        "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped")) and rows else None,
+        "frames": {"frames": sum(frames.values()), "lengths": frames, "seed": seed} if rows and frames else None,
+        "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped") or lost) and rows else None,
         "energy": _energy(columns) if rows and "energy_hand" in columns else None,
         "outputs": {
             name: _stepped(columns, name, final, options["at_s"]) for name, final in facts.get("settles_at", {}).items() if rows
@@ -208,12 +218,22 @@ def _run_lines(found: Numbers) -> Iterator[Line]:
     if found["share_at_max_force"] is not None:
         share = 100 * found["share_at_max_force"]
         yield f"motors at their limit of {found['max_force']:g} N for {share:.3g} % of the time", False
+    if found["frames"]:
+        yield _frames_line(**found["frames"]), False
     if timing := found["slow_results"]:
         yield f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost", False
     for name, output in found["outputs"].items() if not found["stopped"] else ():
         yield _output_line(name, output), False
     if found["energy"] and not found["stopped"]:  # the energies of a run that explodes mean nothing
         yield _energy_line(found["energy"], "force against it" if found["controller"] == "drawn" else "motors"), False
+
+
+def _frames_line(frames: int, lengths: Mapping[str, int], seed: int | None) -> str:
+    """How many frames of which lengths a run had, that were drawn or read from a file."""
+    most = sorted(sorted(lengths, key=lengths.__getitem__)[-SHOWN:], key=int)
+    shares = ", ".join(f"{ticks} ticks {100 * lengths[ticks] / frames:.3g} %" for ticks in most)
+    more = f", {len(lengths) - len(most)} other lengths" if len(lengths) > len(most) else ""
+    return f"{frames} frames {'as they were measured' if seed is None else f'at random (seed {seed})'}: {shares}{more}"
 
 
 def _output_line(name: str, output: Numbers) -> str:
@@ -282,8 +302,8 @@ def _off(columns: Columns, name: str) -> float | None:
 def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute | None:
     from wavesweep.core.spec import load
 
-    if facts["spec"]["simulate"]["input"] == "record":
-        return None  # the package does not have the path of the recorded force
+    if facts["spec"]["simulate"]["input"] == "record" or "frames_sha256" in facts:
+        return None  # the package does not have the path of the file
     spec = replace(load(facts["spec"]).asking("simulate"), name=name())
     return Recompute(spec.sha256, simulate(spec)[number].blocks)
 

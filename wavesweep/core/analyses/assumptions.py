@@ -27,7 +27,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     all of that itself; its sentence says within which limits of its blocks it is linear.
     """
     varied = {axis.path: _values(axis) for axis in spec.changing}
-    order = "in any order, or at random (mean_square)" if varied and spec.for_all.shares else "in any order"
+    order = "in any order, or at random (mean_square)" if varied and spec.for_all.at_random else "in any order"
     if spec.drawing:
         found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} {order}" for path, each in varied.items()]
         frames += [*_unknown(spec, swept), *_messages(spec, swept)]

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import Drawing, scalars
-from wavesweep.core.drawing.expressions import names_in, value_of
+from wavesweep.core.drawing.drawing import Drawing
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.spec import Spec
-from wavesweep.simulation.from_spec import effects_of, frames_of
+from wavesweep.simulation.from_spec import effects_of, frames_in_turn, frames_of, hand_force, lengths_at
 from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.march import SLOW_ALONE, March, refuse
 from wavesweep.simulation.parts import SEEN, Frames, Loop, loop_of
@@ -45,14 +44,16 @@ def steps_of(spec: Spec) -> Steps | None:
 
     Errors: UsageError for frames in [simulate] whose lengths [for_all] does not have, and beside channels.
     """
-    given, asked = spec.simulate["frames"] or (), spec.for_all
-    if not given and (not asked or spec.uneven or not (asked.changing or (asked.lost and spec.drawing is None))):
+    given, asked = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec)), spec.for_all
+    if not given and (
+        not asked or spec.uneven or not (asked.changing or ((asked.lost or asked.loss) and spec.drawing is None))
+    ):
         return None
     if spec.drawing and spec.drawing.channels:
         raise UsageError(
             "export: expected frames of one length in a loop with channels, found frames that vary; leave either out"
         )
-    proved = {each for axis in (asked.changing if asked else ()) for each in _lengths(spec, axis)}
+    proved = {each for axis in (asked.changing if asked else ()) for each in lengths_at(spec, axis)}
     if strange := sorted({each.ticks for each in given} - proved) if proved else []:
         raise UsageError(
             f"simulate.frames: expected the lengths of [for_all] ({', '.join(map(str, sorted(proved)))}), found {strange[0]}; "
@@ -63,17 +64,7 @@ def steps_of(spec: Spec) -> Steps | None:
     delays = tuple(usual if each.delay is None else each.delay for each in given) or (usual,) * len(lengths)
     nominal = spec.values[RATIO] if spec.step == "nominal" and spec.drawing is None else None
     every = tuple(each if usual == NEXT else usual for each in lengths)
-    return Steps(lengths, frames_of(spec) or Frames(lengths, every, nominal), delays, usual)
-
-
-def _lengths(spec: Spec, axis) -> set[int]:
-    """The ticks in a frame at all values of a number that varies; none if it sets no frame."""
-    values = axis.values or range(int(axis.start), int(axis.stop) + 1)
-    if spec.drawing is None:
-        return set(values) if axis.path == RATIO else set()
-    every = [block.every for block in spec.drawing.blocks if any(names_in(block.every))]
-    known = (scalars({**spec.values, axis.path: value}) for value in values)
-    return {int(value_of(tree, numbers)) for numbers in known for tree in every}
+    return Steps(lengths, frames_of(spec, given) or Frames(lengths, every, nominal), delays, usual)
 
 
 def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False) -> Drawing:

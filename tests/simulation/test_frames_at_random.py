@@ -1,0 +1,131 @@
+"""Frames that [simulate] draws by the shares of [for_all], or plays back from a file."""
+
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.spec import load
+from wavesweep.simulation.figure import simulate as drawn
+from wavesweep.simulation.from_spec import effects_of, frames_in_turn, simulated
+from wavesweep.simulation.hardware import Effects
+from wavesweep.simulation.record import recorded
+from wavesweep.simulation.table import simulate
+
+pytestmark = pytest.mark.asks("for_all")
+LENGTHS, CHAIN = [16, 20, 33], [[8, 1, 1], [2, 5, 3], [4, 4, 2]]
+WALL = {
+    "controller": {"kind": "pmw", "b": 10.0},
+    "environment": {"integration": "explicit", "delay": 1, "K_VE": 200.0},
+    "device": {"velocity": "difference"},
+    "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+    "for_all": {
+        "rates.ratio": {"values": LENGTHS, "varying": True, "next": CHAIN},
+        "environment.delay": {"values": [1, 9, 16], "varying": True, "shares": [[1, 1, 0], [1, 1, 1], [0, 1, 3]]},
+        "loss": 0.2,
+    },
+    "simulate": {"input": "pulse", "duration_s": 2, "frames": "random", "seed": 7},
+}
+
+
+@pytest.mark.slow
+def test_frames_are_drawn_as_often_as_the_shares_say():
+    found = frames_in_turn(load(WALL), 400_000, Effects(seed=1))
+    assert 400_000 <= sum(each.ticks for each in found) < 400_033
+    pairs = Counter((a.ticks, b.ticks) for a, b in pairwise(found))
+    for row, before in zip(CHAIN, LENGTHS, strict=True):
+        seen = np.array([pairs[before, length] for length in LENGTHS])
+        assert seen / seen.sum() == pytest.approx(np.array(row) / sum(row), abs=0.02)
+    for length, shares in zip(LENGTHS, WALL["for_all"]["environment.delay"]["shares"], strict=True):
+        own = Counter(each.delay for each in found if each.ticks == length)
+        seen = np.array([own[delay] for delay in (1, 9, 16, None)]) / own.total()
+        assert seen == pytest.approx([*(0.8 * np.array(shares) / sum(shares)), 0.2], abs=0.02)
+    assert {each.delay for each in found if each.lost} == {None}
+
+
+def test_a_seed_gives_the_same_frames_again_and_another_one_others():
+    spec = load(WALL)
+    frames = [frames_in_turn(spec, 2000, Effects(seed=seed)) for seed in (1, 1, 2)]
+    assert frames[0] == frames[1] != frames[2]
+
+
+EFFECTS = {"wall": 0.002, "late": 9, "dropped": 0.1, "jitter": 0.2, "friction": 0.05, "max_force": 2.0, "resolution": 1e-5}
+
+
+@pytest.mark.parametrize("effects", [{}, EFFECTS])
+def test_a_run_is_that_of_the_same_frames_one_by_one_to_the_last_bit(effects):
+    spec = load({**WALL, "simulate": WALL["simulate"] | effects})
+    listed = [each.written() for each in frames_in_turn(spec, 2000, effects_of(spec))]
+    both = [
+        recorded(simulated(load({**WALL, "simulate": {**spec.simulate.written(), "frames": f}}))) for f in ("random", listed)
+    ]
+    for name, column in both[0].items():
+        np.testing.assert_array_equal(column, both[1][name], err_msg=name)
+    lengths = [each if isinstance(each, int) else each["ticks"] for each in listed]
+    assert np.bincount(both[0]["frame"])[:-1].tolist() == lengths[: both[0]["frame"][-1]]
+
+
+@pytest.mark.slow
+def test_a_drawn_loop_draws_the_number_of_its_blocks_and_its_mean_square_passes_1_where_rows_say():
+    """`x' = -k x`, sampled once in a frame of 2n ticks and held: the mean of `(x'/x)^2` over the frames of a run."""
+    spec = {
+        "rates": {"tick_hz": 100.0},
+        "numbers": {"k": 1.0, "n": 1},
+        "block": {"plant": {"type": "integrator"}, "slow": {"type": "hold", "every": "2*n"}},
+        "wire": {"plant.u": "push - k*slow.y", "slow.u": "plant.y"},
+        "ports": {"inputs": {"push": "push"}, "outputs": {"place": "plant.y"}},
+        "for_all": {"n": {"values": [1, 5], "varying": True, "shares": [2, 1]}},
+        "simulate": {"frames": "random"},
+        "sweep": {"along": "k", "k": {"start": 0, "stop": 100}},
+    }
+    from wavesweep.for_all.mean_square import brackets_on_average
+    from wavesweep.for_all.varying import Rules
+
+    rules, growth = Rules.of(load(spec)).on_average(), []
+    (row,) = brackets_on_average(rules.family(dict(load(spec).values), "numbers.k"), (0.0, 100.0))
+    for k in (0.8 * row.high, row.high, 1.2 * row.fails_from):
+        run = recorded(simulated(load(spec).with_values({"numbers.k": float(k)}), [100.0] + [0.0] * 2999))
+        x = run["place"][np.flatnonzero(run["phase"] == 0)[1:]]
+        x = x[np.abs(x) > 1e-290]
+        growth.append(np.mean((x[1:] / x[:-1]) ** 2))
+        assert len(x) > 300
+    assert growth[0] < 0.9
+    assert growth[2] > 1.2
+    assert growth[1] == pytest.approx(1, abs=0.08)  # of which a run of 500 frames is off by 0.03
+
+
+@pytest.mark.asks("frame_times")
+def test_a_file_of_frames_is_played_back(tmp_path):
+    lengths = [16, 20, 33, 20, 16, 41]
+    Path(tmp_path / "spec.toml").write_text('controller.kind = "dc-slow"\nsimulate.frames = "times.csv"\n')
+    Path(tmp_path / "times.csv").write_text("time\n" + "\n".join(f"{each / 1000}" for each in (0, *np.cumsum(lengths))))
+    spec = load(tmp_path / "spec.toml")
+    (table, *others) = simulate(spec.asking("simulate"))
+    assert not others
+    assert np.bincount(table.columns["frame"])[:12].tolist() == lengths * 2
+    assert table.facts["frames"].keys() == {"16", "20", "33", "41"}
+    assert [path.name for path in spec.files] == ["spec.toml", "times.csv"]
+    (tmp_path / "times.csv").unlink()
+    with pytest.raises(UsageError, match=r"times\.csv"):
+        simulated(spec)
+
+
+@pytest.mark.slow
+def test_the_summary_counts_frames_and_the_figure_shows_their_lengths():
+    (table,) = simulate(load({**WALL, "simulate": WALL["simulate"] | {"duration_s": 0.3}}).asking("simulate"))
+    assert sum(table.facts["frames"].values()) == table.columns["frame"][-1] + 1
+    axes = [each for each in drawn(table.columns, table.facts).axes if each.get_ylabel() == "frame (ticks)"]
+    line = axes[0].get_lines()[0].get_ydata()
+    lengths = np.bincount(table.columns["frame"])
+    assert np.nanmax(line) == lengths[:-1].max()
+    assert line[1] == lengths[0]
+
+
+@pytest.mark.parametrize("for_all", [{}, {"rates.ratio": {"values": LENGTHS, "varying": True}}])
+def test_frames_at_random_without_shares_are_refused(for_all):
+    spec = load({**WALL, "for_all": for_all})
+    with pytest.raises(SpecError, match="expected shares of the lengths of frames in"):
+        spec.asking("simulate")
