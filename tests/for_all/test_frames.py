@@ -130,17 +130,6 @@ def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
     assert growth(family.at(300.0), (0, 1)) == pytest.approx(marched(fig4(), 300.0, one_lost, 400), rel=0.03)
 
 
-def test_a_result_may_be_lost_where_the_others_are_there_at_once():
-    family = frames_of_controller(fig4(), Frames((20,), (0,), lost=1))
-    symbols = [(each.delay, each.through) for each in family.symbols]
-    assert symbols == [(0, False), (0, True), (LOST, False), (LOST, True)]
-    lost, at_once = [False, False, True, True], [True, True, False, False]
-    np.testing.assert_array_equal(family.follows, [lost, at_once, [False] * 4, at_once])
-    word = symbols.index((0, False)), symbols.index((LOST, True))
-    for K in (150.0, 400.0):
-        assert growth(family.at(K), word) == pytest.approx(marched(fig4(), K, [(20, 0), (20, LOST)], 400), rel=0.03)
-
-
 def test_a_result_that_is_there_at_once_and_one_that_is_not():
     family = frames_of_controller(fig4(), Frames((20,), (0, 5)))
     assert [(each.delay, each.through) for each in family.symbols] == [(0, False), (0, True), (5, False), (5, True)]

@@ -17,6 +17,7 @@ from wavesweep.core.spec import load
 from wavesweep.for_all.mean_square import brackets_on_average, decays
 from wavesweep.for_all.rows import verdict
 from wavesweep.for_all.varying import Rules
+from wavesweep.for_all.words import growth
 
 T = 1e-3
 LENGTHS, SHARES = [16, 20, 25, 33], [254, 588, 109, 49]
@@ -256,6 +257,20 @@ def test_frames_that_alternate_are_stable_as_their_product_is():
         return np.abs(np.linalg.eigvals(pmw(K)(33, 16) @ pmw(K)(16, 33))).max()
 
     assert product(found.high) < 1 < product(found.fails_from)
+
+
+def test_results_may_be_lost_in_any_pattern_where_all_others_are_in_place_at_once():
+    """The samples of frames may have results that are in place at once, and such that never are."""
+    spec = built_in("pmw", [16, 33])
+    spec["environment"]["delay"], spec["for_all"]["lost"] = 0, 1
+    family = Rules.of(load(spec)).family(dict(load(spec).values), "environment.K_VE")
+    kinds = [(each.ticks, each.delay, each.through) for each in family.symbols]
+    short, long = kinds.index((16, 0, False)), kinds.index((33, "lost", True))
+    assert family.follows[short, long]
+    assert family.follows[long, short]
+    for K in (200.0, 2000.0):
+        product = pmw(K)(33, 16, None) @ pmw(K)(16, 33, 0)
+        assert growth(family.at(K), (short, long)) == pytest.approx(np.abs(np.linalg.eigvals(product)).max(), rel=1e-9)
 
 
 def test_one_length_alone_is_stable_as_a_constant_rate_is():
