@@ -12,10 +12,11 @@ from scipy.linalg import expm
 from scipy.signal import butter
 
 import wavesweep
-from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.errors import SpecError
 from wavesweep.core.spec import load
+from wavesweep.core.sweep.grid import loops_of
 from wavesweep.for_all.mean_square import brackets_on_average, decays
-from wavesweep.for_all.rows import verdict
+from wavesweep.for_all.rows import intervals_for_all, verdict
 from wavesweep.for_all.varying import Rules
 from wavesweep.for_all.words import growth
 
@@ -78,9 +79,9 @@ def ticked(m=0.1, d=1.5):
     return whole[:2, 0], whole[:2, 2]
 
 
-def dc_slow(K, B=1.0):
+def dc_slow(K, B=1.0, **device):
     """Velocity, position, the one before, and the force that is held."""
-    free, forced = ticked()
+    free, forced = ticked(**device)
 
     def march(state, length, _, delay):
         (v, x, last, held), result = state, 0.0
@@ -94,9 +95,9 @@ def dc_slow(K, B=1.0):
     return lambda length, before, delay=1: matrix_of(march, 4, length, before, delay)
 
 
-def pmw(K, B=1.0, b=10.0, cutoff=8.57):
+def pmw(K, B=1.0, b=10.0, cutoff=8.57, **device):
     """Velocity, what the position moved by, the filter's last input and output, the avatar, and the wave that is held."""
-    (free, forced), ((b0, b1), (_, a1)) = ticked(), butter(1, cutoff, fs=1 / T)
+    (free, forced), ((b0, b1), (_, a1)) = ticked(**device), butter(1, cutoff, fs=1 / T)
 
     def wall(y, avatar):
         speed = (np.sqrt(2 * b) * y - K * avatar) / (b + B)
@@ -187,7 +188,7 @@ def test_random_walls_end_where_the_moments_of_a_march_begin_to_grow(seed):
     assert all(any(each.low <= K <= each.high for each in found) for K in inside)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(200))
 def test_results_late_and_lost_at_random_have_the_moments_of_a_march(seed):
     """Delays of 0, of a whole frame and between, independent or by the length of the frame, and results that never come."""
@@ -373,8 +374,45 @@ def test_what_is_at_random_in_part_or_has_no_shares_is_refused(more, said):
     assert said in str(caught.value)
 
 
-def test_ranges_beside_shares_are_refused():
-    spec = built_in("dc-slow", [16, 20], shares=[1, 1])
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(60))
+def test_ranges_beside_frames_at_random_are_proved_for_each_of_their_numbers(seed):
+    rng = np.random.default_rng(seed)
+    lengths = sorted(rng.choice(np.arange(4, 30), rng.integers(2, 4), replace=False).tolist())
+    shares = rng.integers(0, 9, len(lengths) if seed % 4 < 2 else (len(lengths),) * 2) + 1
+    kind, march = (("pmw", pmw), ("dc-slow", dc_slow))[seed % 2]
+    spec = built_in(kind, lengths, **{"shares" if shares.ndim == 1 else "next": shares.tolist()})
+    mass, damping = (0.1 * np.sort(rng.uniform(0.6, 1.6, 2)), 1.5 * np.sort(rng.uniform(0.5, 2, 2)))
+    spec["for_all"]["device.mass"] = dict(zip(("start", "stop"), mass.tolist(), strict=True))
+    if seed % 3:
+        spec["for_all"]["device.damping"] = dict(zip(("start", "stop"), damping.tolist(), strict=True))
+    loss, results = 0.1 * (seed % 5 == 0), ((1, 1.0),)
+    if loss:
+        spec["for_all"]["loss"], results = loss, ((1, 1 - loss), (None, loss))
+    loaded, along = load(spec), "environment.K_VE"
+    rules, loops = Rules.of(loaded), loops_of(loaded, dict(loaded.values), along)
+    rows = intervals_for_all(rules.on_average() or rules, loops, along, (0.0, 2000.0))
+    damping = damping if seed % 3 else np.array([1.5, 1.5])
+    for row in rows[rows["intervals"] > 0]:
+        corners = [*product(mass, damping), *rng.uniform((mass[0], damping[0]), (mass[1], damping[1]), (5, 2))]
+        for (m, d), K in product(corners, (row["low"], row["high"], rng.uniform(row["low"], row["high"]))):
+            assert radius(march(K, m=m, d=d), lengths, shares, results) < 1
+        if not np.isnan(row["fails_from"]):
+            text = row["counterexample"].rpartition("from: ")[2]
+            at = dict(each.split(" = ") for each in text.split(", ")[:-1])
+            device = {"m": float(at["device.mass"]), "d": float(at.get("device.damping", 1.5))}
+            assert radius(march(row["fails_from"], **device), lengths, shares, results) > 1 - 1e-5  # numbers of six digits
+            assert row["high"] < row["fails_from"]
+
+
+@pytest.mark.slow
+def test_check_says_whether_a_range_beside_frames_at_random_is_proved():
+    spec = built_in("dc-slow", [16, 33], shares=[3, 1])
     spec["for_all"]["device.mass"] = {"start": 0.08, "stop": 0.12}
-    with pytest.raises(UsageError, match="expected values of numbers beside frames at random, found the range of device"):
-        wavesweep.zwidth(spec)
+    found = []
+    for K in (195.0, 203.0, 206.0):
+        own = load(spec).with_values({"K_VE": K})
+        radii = [radius(dc_slow(K, m=m), [16, 33], [3, 1]) for m in (0.08, 0.1, 0.12)]
+        found.append(verdict(own, Rules.of(own).on_average())["verdict"])
+        assert (found[-1] == "proved") == (max(radii) < 1)
+    assert found == ["proved", "proved", "refuted"]

@@ -59,12 +59,9 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     at the points of a hull of either, by the same norms, it is so in all of the hull.
     """
     P, graph = norms.P, norms.graph
-    n, whole = P.shape[-1], np.bincount(graph.source, weight, graph.nodes)
-    if not (_symmetric(P) and definite(P, np.zeros_like(P))):
+    n, root = P.shape[-1], _root(weight)
+    if not (_symmetric(P) and definite(P, np.zeros_like(P)) and _are_chances(weight, graph)):
         return False
-    if not ((weight >= 0).all() and (np.abs(whole - 1) <= WEIGHED).all()):
-        return False
-    root = np.sqrt(weight * (1 + WEIGHED) + 16 * UNIT)[:, None, None]
     A, size, dA = np.eye(n) + E, np.abs(np.eye(n) + E), dE + UNIT * np.abs(np.eye(n) + E)
     A, size, dA = (root * each[graph.symbol] for each in (A, size, dA))
     last, of_P = P[graph.target], np.abs(P)[graph.target]
@@ -78,22 +75,28 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
 
 
 def shrink_over(
-    forms: Polynomials, graph: Graph, A: Polynomials, follows: np.ndarray
+    forms: Polynomials, graph: Graph, A: Polynomials, follows: np.ndarray | None, weight: np.ndarray | None = None
 ) -> tuple[bool, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return whether all matrices of a box are proved to shrink in forms of that box, in every order that is allowed; and what
     the slack consists of, see `_slack_over`.
 
     forms: `P_i(s)` at each node, symmetric, exact; A: the matrix of each symbol. Both for s from -1 to 1 in each number, which
-    are constant in time.
+    are constant in time. weight: the probability of each edge, if they have to shrink on average, see `shrink_on_average`;
+    follows then is of no account.
 
     It is so if the graph is complete, P_i(0) is positive definite, and `F(s) = P_i(s) - A(s)' P_j(s) A(s)` is so on each edge
     for every s: on the way from 0 to s no form can be the first to become singular, since it exceeds `A' P_j A`. F is definite
     if `G = W' F W` is, whatever W. The terms of G of degree two or less are a convex combination of Bernstein's control points,
-    each of which has to exceed the norms of all other terms and errors.
+    each of which has to exceed the norms of all other terms and errors. On average the same holds for the sums over the edges
+    from each node.
     """
     P = forms.terms
-    terms, errors, higher = slack = _slack_over(forms, graph, A)
-    if not (graph.is_complete(follows) and _symmetric(P) and definite(P[0], np.zeros_like(P[0]))):
+    terms, errors, higher = slack = _slack_over(forms, graph, A, weight)
+    if not (
+        (graph.is_complete(follows) if weight is None else _are_chances(weight, graph))
+        and _symmetric(P)
+        and definite(P[0], np.zeros_like(P[0]))
+    ):
         return False, slack
     off = errors + higher
     low = terms[: len(monomials(A.numbers, 2)[0])]
@@ -102,23 +105,42 @@ def shrink_over(
     return bool(np.isfinite(off).all()) and definite(control, np.broadcast_to(rounding, control.shape), off), slack
 
 
-def _slack_over(forms: Polynomials, graph: Graph, A: Polynomials) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _slack_over(
+    forms: Polynomials, graph: Graph, A: Polynomials, weight: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the terms of `G(s)` on each edge, `(monomials, edges, n, n)`, and bounds `(edges,)` on the norm of all errors and
-    of the terms of degree three or more. G(0) is about 1, if F(0) is positive definite; infinite bounds otherwise.
+    of the terms of degree three or more; with weights at each node in place of an edge. G(0) is about 1, if F(0) is positive
+    definite; infinite bounds otherwise.
     """
-    first, last, n = forms.of(graph.source), forms.of(graph.target), A.terms.shape[-1]
-    moved = A.of(graph.symbol)
-    F = first.terms[0] - _transposed(moved.terms[0]) @ last.terms[0] @ moved.terms[0]
+    last, n, moved = forms.of(graph.target), A.terms.shape[-1], A.of(graph.symbol)
+    if weight is None:
+        first, at, most = forms.of(graph.source), np.arange(graph.source.size), 0
+    else:
+        first, at, most = forms, graph.source, np.bincount(graph.source).max()
+        root = _root(weight)
+        moved = Polynomials(
+            root * moved.terms, root * moved.rest + 2 * UNIT * root * np.abs(moved.terms).sum(0), A.numbers, A.order
+        )
+
+    def summed(each):
+        if weight is None:
+            return each
+        found = np.zeros((*each.shape[:-3], graph.nodes, n, n))
+        np.add.at(found, (..., at, slice(None), slice(None)), each)
+        return found
+
+    F = first.terms[0] - summed(_transposed(moved.terms[0]) @ last.terms[0] @ moved.terms[0])
     try:
         W = _transposed(np.linalg.inv(np.linalg.cholesky(F)))
     except np.linalg.LinAlgError:
         return np.zeros_like(first.terms), np.full(len(F), np.inf), np.zeros(len(F))
     size = np.abs(W)
-    rest = moved.rest @ size + 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size)
-    B = Polynomials(moved.terms @ W, rest, A.numbers, A.order)
+    rest = moved.rest @ size[at] + 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size[at])
+    B = Polynomials(moved.terms @ W[at], rest, A.numbers, A.order)
     after = Polynomials(_transposed(B.terms), _transposed(B.rest), A.numbers, A.order) @ (last @ B)
-    terms = _transposed(W) @ first.terms @ W - after.terms
-    errors = after.rest + 4 * n * UNIT * (_transposed(size) @ np.abs(first.terms).sum(0) @ size + np.abs(after.terms).sum(0))
+    terms = _transposed(W) @ first.terms @ W - summed(after.terms)
+    whole = _transposed(size) @ np.abs(first.terms).sum(0) @ size + summed(np.abs(after.terms).sum(0))
+    errors = summed(after.rest) + (4 * n + most) * UNIT * whole
     more = len(monomials(A.numbers, 2)[0])
     terms = (terms + _transposed(terms)) / 2
     return terms, SURE * _norm(errors), SURE * _norm(terms[more:]).sum(0)
@@ -145,6 +167,17 @@ def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> boo
     except np.linalg.LinAlgError:
         return False
     return True
+
+
+def _root(weight):
+    """The roots of probabilities, or more, as factors of matrices."""
+    return np.sqrt(weight * (1 + WEIGHED) + 16 * UNIT)[:, None, None]
+
+
+def _are_chances(weight, graph):
+    """Whether the edges from each node have probabilities of the sum 1."""
+    whole = np.bincount(graph.source, weight, graph.nodes)
+    return bool((weight >= 0).all() and (np.abs(whole - 1) <= WEIGHED).all())
 
 
 def _symmetric(P):

@@ -29,12 +29,13 @@ from wavesweep.for_all.checking import Norms, shrink_on_average
 from wavesweep.for_all.frames import LOST as LOST_RESULT
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import NEAR_START, Bracket, Stretch
-from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.messages import LOST, channels_of, frames_with_messages
 from wavesweep.for_all.norms import acting, packed, unpacked
 
 LARGEST = 800  # second moments, whose operator is formed
 BISECTIONS = 60
+SCANNED = 24  # numbers at which the nearest one is looked for where moments grow
 # Of the search for zeros: degree and most panels; a panel's narrowest part of the whole, its largest last coefficient, and the
 # least size at all of its points but two, relative to the largest.
 DEGREE, PANELS, NARROWEST, RESOLVED, EVEN = 24, 200, 1e-9, 1e-9, 1e-5
@@ -115,7 +116,7 @@ class Chances:
     def operator(self, x: float) -> np.ndarray:
         """What becomes of second moments at x, as a matrix for vectors of their entries."""
         A, weight = self.at(x)
-        return self._summed(weight[:, None, None] * _acting(A)[self.graph.symbol])
+        return operator_of(A, self.graph, weight)
 
     def decays(self, x: float) -> bool:
         """Whether second moments decay at x, in plain doubles: only then are the forms definite."""
@@ -132,16 +133,10 @@ class Chances:
         A, size = np.eye(E.shape[-1]) + E, np.abs(np.eye(E.shape[-1]) + E)
         larger = _acting(size + dE)
         error = larger - _acting(size) + ROUNDING * larger
-        whole = self._summed(weight * _acting(A)[self.graph.symbol])
-        off = self._summed(weight * error[self.graph.symbol])
+        whole = _summed(weight * _acting(A)[self.graph.symbol], self.graph)
+        off = _summed(weight * error[self.graph.symbol], self.graph)
         count, clear = count_outside((whole - np.eye(len(whole)))[None], (off + ROUNDING * np.eye(len(whole)))[None])
         return bool(count[0] > 0 and clear[0])
-
-    def _summed(self, parts):
-        size, nodes = parts.shape[-1], self.graph.nodes
-        whole = np.zeros((nodes, size, nodes, size))
-        np.add.at(whole, (self.graph.target, slice(None), self.graph.source), parts)
-        return whole.reshape(nodes * size, nodes * size)
 
     def forms(self, x: float, size: np.ndarray) -> np.ndarray:
         """Forms that decay at x, on average by the squares of the states over their sizes, NaN where there are none."""
@@ -164,6 +159,21 @@ class Chances:
         with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
             found = unpacked(np.linalg.solve(np.eye(given.size) - operator, given).reshape(nodes, -1), n)
         return found
+
+
+def operator_of(A: np.ndarray, graph: Graph, weight: np.ndarray) -> np.ndarray:
+    """Return what becomes of second moments, as a matrix for vectors of their entries.
+
+    A: of each symbol; weight: of each edge.
+    """
+    return _summed(weight[:, None, None] * _acting(A)[graph.symbol], graph)
+
+
+def _summed(parts, graph):
+    size, nodes = parts.shape[-1], graph.nodes
+    whole = np.zeros((nodes, size, nodes, size))
+    np.add.at(whole, (graph.target, slice(None), graph.source), parts)
+    return whole.reshape(nodes * size, nodes * size)
 
 
 def _acting(A):
@@ -209,47 +219,57 @@ def frames_at_random(
 ) -> Chances:
     """Return the chain of a loop whose frames have lengths, and results, at random.
 
-    family: along a number, or at its own values without one. shares: probabilities of the lengths in its order, a row if frames
-    are independent, or a row for each length, of those of the next frame. results: those of its delays, and then that a result
-    is lost, a row, or one for each length.
+    family: along a number, or at its own values without one. shares, results: see `chain_of`.
     Errors: UsageError for other lengths, or a loop with too many moments.
+    """
+    graph, weights = chain_of(shares, results, family.symbols)
+    _refuse_large(family, graph, "frames at random", "take fewer lengths, or shares in place of next")
+    return Chances(family, graph, np.tile(weights[:, None, None], 2), bool(number))
+
+
+def chain_of(
+    shares: Sequence[Sequence[float]], results: Sequence[Sequence[float]], symbols: Sequence[Symbol]
+) -> tuple[Graph, np.ndarray]:
+    """Return the chain of frames, and the probability of each of its edges.
+
+    shares: probabilities of the lengths in the order of the symbols, a row if frames are independent, or a row for each length,
+    of those of the next frame. results: those of their delays, and then that a result is lost, a row, or one for each length.
+    Errors: UsageError for other lengths.
 
     A node is the length of the last frame, where anything depends on it, and whether the next result is in place at once, which
     the matrix of the last frame has to know.
     """
-    lengths = list(dict.fromkeys(symbol.ticks for symbol in family.symbols))
+    lengths = list(dict.fromkeys(symbol.ticks for symbol in symbols))
     if len(lengths) != len(shares[0]):
         raise UsageError(f"frames at random: expected {len(shares[0])} different lengths, found {len(lengths)}")
-    delays = [*dict.fromkeys(symbol.delay for symbol in family.symbols if symbol.delay != LOST_RESULT), LOST_RESULT]
-    after = [lengths.index(symbol.ticks) for symbol in family.symbols]
-    result = [results[at % len(results)][delays.index(symbol.delay)] for at, symbol in zip(after, family.symbols, strict=True)]
-    recalls = len(shares) > 1 or any(symbol.step is not None for symbol in family.symbols)
+    delays = [*dict.fromkeys(symbol.delay for symbol in symbols if symbol.delay != LOST_RESULT), LOST_RESULT]
+    after = [lengths.index(symbol.ticks) for symbol in symbols]
+    result = [results[at % len(results)][delays.index(symbol.delay)] for at, symbol in zip(after, symbols, strict=True)]
+    recalls = len(shares) > 1 or any(symbol.step is not None for symbol in symbols)
 
     def weight(before, kind):
         return shares[before % len(shares)][after[kind]] * result[kind]
 
     def fits(before, kind, at_once):
-        symbol = family.symbols[kind]
+        symbol = symbols[kind]
         return (symbol.delay == 0) == at_once and (not recalls or symbol.step in (None, lengths[before]))
 
-    kinds, nodes = range(len(family.symbols)), {}
+    kinds, nodes = range(len(symbols)), {}
     for node in product(range(len(lengths) if recalls else 1), (False, True)):
         one_way = [kind for kind in kinds if fits(node[0], kind, node[1])]
-        through = family.symbols[one_way[0]].through if one_way else None
-        whole = sum(weight(node[0], kind) for kind in one_way if family.symbols[kind].through == through)
+        through = symbols[one_way[0]].through if one_way else None
+        whole = sum(weight(node[0], kind) for kind in one_way if symbols[kind].through == through)
         if whole > 0:
             nodes[node] = len(nodes), whole
     edges = []
     for (before, at_once), (source, whole) in nodes.items():
         for kind in kinds:
-            next_ = after[kind] if recalls else 0, family.symbols[kind].through
+            next_ = after[kind] if recalls else 0, symbols[kind].through
             if fits(before, kind, at_once) and next_ in nodes and weight(before, kind) > 0:
                 target, share = nodes[next_]
                 edges.append((source, kind, target, weight(before, kind) * share / whole))
     source, kind, target, weights = (np.array(each) for each in zip(*edges, strict=True))
-    graph = Graph(source, kind, target)
-    _refuse_large(family, graph, "frames at random", "take fewer lengths, or shares in place of next")
-    return Chances(family, graph, np.tile(weights[:, None, None], 2), bool(number))
+    return Graph(source, kind, target), weights
 
 
 def _refuse_large(family, graph, what, hint):
@@ -338,6 +358,23 @@ def _parts(loop, low, high):
             parts.append((edges[i], edges[i + 1]))
     outside = [x for x, inside in zip(middles, stable, strict=True) if not inside]
     return [tuple(end if end in (low, high) else _polished(loop, part, end, outside) for end in part) for part in parts]
+
+
+def nearest_growing(loop: Chances, start: float, limit: float, scanned: int = SCANNED) -> tuple[float, tuple[int, ...]]:
+    """Return the refuted number closest to the start, towards a limit, that a scan finds, and (0,); NaN and () without one."""
+    inside = start
+    for outside in [start, *(start + (limit - start) * np.geomspace(1e-4, 1.0, scanned)[-scanned:])]:
+        if not loop.decays(outside):
+            break
+        inside = outside
+    else:
+        return np.nan, ()
+    for _ in range(BISECTIONS if inside != outside else 0):
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if loop.decays(middle) else (inside, middle)
+    beyond = (outside + step * np.sign(limit - start) * max(abs(outside), 1e-6 * abs(limit - start)) for step in BEYOND)
+    fails = next((float(x) for x in beyond if loop.refuted(x)), np.nan)
+    return fails, () if np.isnan(fails) else (0,)
 
 
 def _polished(loop, part, end, outside):

@@ -13,6 +13,7 @@ from itertools import count
 
 import numpy as np
 
+from wavesweep.for_all.average import OnAverage, forms_on_average
 from wavesweep.for_all.checking import shrink_over
 from wavesweep.for_all.loop_numbers import FramesOver
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
@@ -63,8 +64,8 @@ class _Part:
     barren: int = 0
 
 
-def cover(frames_at: FramesAt, box: Box, follows: np.ndarray, work: float, up: bool = True) -> Covering:
-    """Prove that all frames of a box shrink in every order, except in the parts that are left open.
+def cover(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage, work: float, up: bool = True) -> Covering:
+    """Prove that all frames of a box shrink in every order, or on average, except in the parts that are left open.
 
     The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
     word is met that grows. work: operations after which it ends.
@@ -99,19 +100,22 @@ def _tried(frames_at, part, follows, work, narrow):
         around, A = part.known
         half = (around[1] - around[0])[wide] / 2
         A = A.within((box.mean(0) - around.mean(0))[wide] / half, (box[1] - box[0])[wide] / 2 / half)
+    rule = follows.chain(part.frames.symbols) if isinstance(follows, OnAverage) else follows
     try:
-        found, spent = _forms(A, follows, part.start, work)
+        found, spent = _forms(A, rule, part.start, work)
     except np.linalg.LinAlgError:  # singular to rounding
         found, spent = None, CALLS
     used += spent
     if found is None:
+        if isinstance(follows, OnAverage):
+            return None, used, (0,)
         basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
         if part.barren < FEWEST and (words := growing(A.terms[0], follows, basis)):
             return None, used, words[0]
         moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
         part = replace(part, barren=part.barren + 1)
     else:
-        proved, moves, keep, spent = _judged(A, found, follows)
+        proved, moves, keep, spent = _judged(A, found, rule)
         used += spent
         if proved:
             return (), used, ()
@@ -123,7 +127,7 @@ def _tried(frames_at, part, follows, work, narrow):
     return [replace(part, box=half) for half in _halves(box, int(wide[np.argmax(moves)]))[::-1]], used, ()
 
 
-def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray) -> np.ndarray | None:
+def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage) -> np.ndarray | None:
     """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box: see `FramesOver.of`.
 
     They follow from norms at both ends of each side, as energies do: half the logarithm of what a form has on its diagonal.
@@ -137,9 +141,14 @@ def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray) -> np.ndarray |
         for end in box[:, side]:
             place = box.mean(0)
             place[side] = end
-            A = frames.part(np.stack([place, place])).polynomials().terms[0]
-            centre, factor = find_norms(A, follows, None, SEARCH)
-            logs.append(np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if factor == 1 else None)
+            A = frames.part(np.stack([place, place])).polynomials()
+            if isinstance(follows, OnAverage):
+                found = forms_on_average(A, *follows.chain(frames.symbols))[0]
+                centre = found and found[0]
+            else:
+                centre, factor = find_norms(A.terms[0], follows, None, SEARCH)
+                centre = centre if factor == 1 else None
+            logs.append(np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if centre else None)
         if logs[0] is not None and logs[1] is not None:
             change = (logs[1] - logs[0]) / (box[1, side] - box[0, side])
             units[side, frames.kept] = change - np.median(change)
@@ -147,7 +156,9 @@ def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray) -> np.ndarray |
 
 
 def _forms(A, follows, start, work):
-    """Norms for the middle of a box and their slopes, None if none are found; and the work."""
+    """Norms for the middle of a box and their slopes, None if none are found; and the work. follows: or a chain."""
+    if isinstance(follows, tuple):
+        return forms_on_average(A, *follows)
     at_middle, spent = A.terms[0], 0.0
     repeated = at_middle[np.diagonal(follows)]  # a message that may not be lost twice in a row keeps what it was meanwhile
     radius = np.abs(np.linalg.eigvals(repeated)).max(initial=0.5)
@@ -176,7 +187,8 @@ def _judged(A, found, follows):
     forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
     edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**2
-    proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, follows)
+    rule = (None, follows[1]) if isinstance(follows, tuple) else (follows,)
+    proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, *rule)
     if proved:
         return True, np.zeros(0), True, spent
     size = np.sqrt(np.abs(terms).sum(-1).max(-1) * np.abs(terms).sum(-2).max(-1))

@@ -125,7 +125,6 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
             "values of numbers beside messages lost at random",
             f"the range of {', '.join(ranges)}",
         ),
-        (for_all.at_random and ranges, "values of numbers beside frames at random", f"the range of {', '.join(ranges)}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
@@ -236,11 +235,16 @@ class _Loop:
         return found and self._row(case, family, found)
 
     def _on_average(self) -> list[Row]:
-        """The rows of loops that lose messages at random: what the intervals of all cases have in common."""
+        """The rows of what is at random: what the intervals of all cases have in common."""
         rows = [Row(*self.span, Part(*self.span), settled=True, text="")]
         for case in self.cases:
-            family = self.rules.family(case.values, self.along)
-            own = [self._row(case, family, found) for found in brackets_on_average(family, self.span)]
+            middles = {axis.path: (axis.start + axis.stop) / 2 for axis in case.ranges}
+            family = self.rules.family(case.values | middles, self.along)
+            found = brackets_on_average(family, self.span)
+            if case.ranges:
+                own = [row for each in found if (row := self._over_ranges(case, (each.low, each.high)))]
+            else:
+                own = [self._row(case, family, each) for each in found]
             both = [all_of(pair) for pair in product(rows, own)]
             rows = [row for row in both if row.low < row.high]
         return rows

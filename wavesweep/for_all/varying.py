@@ -15,6 +15,7 @@ from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.errors import SpecError
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.spec import Axis, Spec
+from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.frames import (
     DELAY,
     FRAME,
@@ -31,7 +32,7 @@ from wavesweep.for_all.frames import (
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.for_all.keys import ForAll, values_of_range
 from wavesweep.for_all.loop_frames import LoopFrames
-from wavesweep.for_all.mean_square import Chances, chances, decays, frames_at_random
+from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, frames_at_random
 from wavesweep.for_all.messages import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.plan import Plan
@@ -226,7 +227,8 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     def frames_at(part, units=None):
         return over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
 
-    return LoopsOver(family, frames_at, box, zeros)
+    chain = cache(partial(chain_of, rules.for_all.lengths, rules.for_all.results))
+    return LoopsOver(family, frames_at, box, zeros, OnAverage(chain) if rules.at_random else None)
 
 
 def decided_over(rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:

@@ -8,8 +8,10 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
+from wavesweep.for_all.mean_square import nearest_growing
 from wavesweep.for_all.norms import first_centre
 from wavesweep.for_all.ranges import Box, FramesAt, cover, units_of
 from wavesweep.for_all.words import Word, crossing, growing, growth, is_refuted, refuted_beyond
@@ -56,13 +58,25 @@ class Loops:
     """Loops over a box of numbers, `(2, numbers)`, along another number.
 
     family: gives the frames at a point of the box as a family along the number. frames_at: gives the frames over a box of sides
-    (see `as_sides`), the first of which is that number. zeros: from where each is counted, as sides have it.
+    (see `as_sides`), the first of which is that number. zeros: from where each is counted, as sides have it. on_average: if
+    frames are at random; families are then `Chances`, and the word of what grows is (0,).
     """
 
     family: Callable[[tuple[float, ...]], Family]
     frames_at: FramesAt
     box: Box
     zeros: np.ndarray
+    on_average: OnAverage | None = None
+
+    @property
+    def middle(self) -> tuple[float, ...]:
+        """The middle of the box."""
+        return tuple(self.box.mean(0).tolist())
+
+    @property
+    def follows(self) -> np.ndarray | OnAverage:
+        """Which frames may follow which, or what they do at random."""
+        return self.on_average or self.family(self.middle).follows
 
 
 def as_sides(numbers: np.ndarray, zeros: np.ndarray) -> np.ndarray:
@@ -84,8 +98,7 @@ def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least:
     """
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, start, limit) for limit in limits)
-    follows = loops.family(tuple(loops.box.mean(0).tolist())).follows
-    zero, rounds, spent, open_ = loops.zeros[0], ROUNDS, 0.0, None
+    follows, zero, rounds, spent, open_ = loops.follows, loops.zeros[0], ROUNDS, 0.0, None
     if above.word:
         start = max(start, zero + PART * (above.x - zero))
     high = low = start
@@ -166,7 +179,8 @@ def _worst(loops: Loops, start: float, limit: float) -> Refuted:
 def _refuted_at(loops, point, start, limit, best):
     """What is refuted at a point if it is closer to the start than the best."""
     limit = best.x if best.word else limit
-    x, word = nearest_refuted(loops.family(point), start, limit, TOLERANCE)
+    family = loops.family(point)
+    x, word = nearest_growing(family, start, limit) if loops.on_average else nearest_refuted(family, start, limit, TOLERANCE)
     if word and not (best.word and abs(x - start) >= abs(best.x - start)):
         return Refuted(x, tuple(point), word)
     return best
@@ -179,24 +193,29 @@ def _moved(loops, start, limit, best, step):
         point = tuple(np.clip(np.array(best.point) + move, *loops.box))
         if point == best.point:
             continue
-        family = loops.family(point)
         end = found.x if found.word else best.x
-        if growth(family.at(end), best.word) < 1:
-            continue
-        x = refuted_beyond(family, best.word, crossing(family, best.word, start, end), limit)
+        x = _beyond(loops, point, best.word, start, end, limit)
         if x is not None and abs(x - start) < abs(end - start):
             found = Refuted(x, point, best.word)
     return found
+
+
+def _beyond(loops, point, word, start, end, limit):
+    """The refuted number closest to the start of a word that grows at `end` at a point; None if it does not."""
+    family = loops.family(tuple(point))
+    if loops.on_average:
+        x, _ = nearest_growing(family, start, end, 1)
+        return None if np.isnan(x) else x
+    if growth(family.at(end), word) < 1:
+        return None
+    return refuted_beyond(family, word, crossing(family, word, start, end), limit)
 
 
 def _met(loops, found, start, above):
     """What is refuted at a place that a proof has met."""
     x, *point = as_numbers(found.point, loops.zeros)
     point = tuple(np.clip(point, *loops.box))
-    family = loops.family(point)
-    if growth(family.at(x), found.word) < 1:
-        return above
-    at = refuted_beyond(family, found.word, crossing(family, found.word, start, x), x + abs(x))
+    at = _beyond(loops, point, found.word, start, x, x + abs(x))
     if at is None or (above.word and at >= above.x):
         return above
     best = Refuted(at, point, found.word)
@@ -208,15 +227,21 @@ def decide_over(loops: Loops, work: float = WORK) -> tuple[tuple[float, ...], Wo
 
     loops: along no number. work: operations of the proof.
     """
-    for point in [*sorted(set(product(*loops.box.T))), tuple(loops.box.mean(0))]:
-        family = loops.family(point)
-        A = family.at(0.0)
-        for word in growing(A, family.follows, first_centre(A, family.follows)[0].basis):
-            if is_refuted(family, word, 0.0):
+
+    def refuted(family, word):
+        return family.refuted(0.0) if loops.on_average else is_refuted(family, word, 0.0)
+
+    for point in [*sorted(set(product(*loops.box.T))), loops.middle]:
+        family, words = loops.family(point), [(0,)]
+        if not loops.on_average:
+            A = family.at(0.0)
+            words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
+        for word in words:
+            if refuted(family, word):
                 return tuple(map(float, point)), word, False
-    found = cover(loops.frames_at, as_sides(loops.box, loops.zeros), family.follows, work)
+    found = cover(loops.frames_at, as_sides(loops.box, loops.zeros), loops.follows, work)
     if found.word:
         point = tuple(np.clip(as_numbers(found.point, loops.zeros), *loops.box).tolist())
-        if is_refuted(loops.family(point), found.word, 0.0):
+        if refuted(loops.family(point), found.word):
             return point, found.word, False
     return (), (), not found.open
