@@ -176,6 +176,35 @@ def turning_rotor(fe, f, a, c, hz, R, L):
     return np.array([kept * i + pushed * np.exp(1j * (a - 1) * w * h) * voltage, integral, asked])
 
 
+def in_stator(flux, voltage, angle, w, h, R, Ld, Lq, steps=60):
+    """The flux linkage `(2, ...)` of a salient rotor that turns, a pass h later, in the frame of the stator; by Runge-Kutta."""
+
+    def rate(flux, t):
+        turned = np.array([[np.cos(angle + w * t), -np.sin(angle + w * t)], [np.sin(angle + w * t), np.cos(angle + w * t)]])
+        return voltage - R * (turned @ (np.diag([1 / Ld, 1 / Lq]) @ (turned.T @ flux)))
+
+    s = h / steps
+    for t in s * np.arange(steps):
+        first = rate(flux, t)
+        second = rate(flux + s / 2 * first, t + s / 2)
+        third = rate(flux + s / 2 * second, t + s / 2)
+        flux = flux + s / 6 * (first + 2 * second + 2 * third + rate(flux + s * third, t + s))
+    return flux
+
+
+def salient_rotor(fe, f, t, c, hz, R, Ld, Lq):
+    """Currents, integrals and voltages as the rotor sees them; what is between two passes is marched as the stator sees it."""
+    w, h, n = 2 * np.pi * fe, 1 / hz, np.eye(6)
+    L = np.diag([Ld, Lq])
+    own, cross = t * L + (1 - t) * (Ld + Lq) / 2 * np.eye(2), np.array([[0, -1], [1, 0]])
+    current, integral, late = n[:2], n[2:4], n[4:]
+    integral = integral - h * current
+    asked = 2 * np.pi * f * (R * integral - own @ current) + c * w * cross @ own @ current
+    ahead, back = (np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in (w * h / 2, -w * h))
+    flux = in_stator(L @ current, ahead @ late, 0.0, w, h, R, Ld, Lq)
+    return np.concatenate([np.linalg.inv(L) @ back @ flux, integral, asked])
+
+
 def decimation(kp, kd, d, I, h, n):
     x, v = np.eye(2)
     torque = -kp * x - kd * v
@@ -317,6 +346,7 @@ FRAMES = {
     "co-simulation": co_simulation,
     "current-loop": current_loop,
     "turning-rotor": turning_rotor,
+    "salient-rotor": salient_rotor,
     "decimation": decimation,
     "batch-reactor": batch_reactor,
     "admittance": admittance,

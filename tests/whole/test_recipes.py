@@ -9,7 +9,7 @@ import tomllib
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from support.recipes import radius
+from support.recipes import in_stator, radius
 
 import wavesweep
 from wavesweep.core.cli import main
@@ -127,6 +127,10 @@ ANSWERS = {
     "turning-rotor": (
         "f, a, c: 250 0 0 = 750.07, 250 0 1 = 565.94, 250 1.5 1 = 1789.37, 250 1.5 0 = 3000, 500 0 0 = 869.39, "
         "500 0 1 = 582.64, 500 1.5 1 = 1717.30, 500 1.5 0 = 2231.30"
+    ),
+    "salient-rotor": (
+        "f, t, c: 250 0 0 = 1463.95, 250 0 1 = 564.09, 250 1 0 = 1614.10, 250 1 1 = 1551.60, 500 0 0 = 977.19, "
+        "500 0 1 = 996.71, 500 1 0 = 1240.07, 500 1 1 = 1428.85"
     ),
     "decimation": "kd, n: 0 1 = 4544.000, 0 4 = 81.336, 2 1 = 3744.000, 2 4 = 280.719",
     "batch-reactor": "n: 2 = 0.0657931, 1 = 0.131597",
@@ -326,6 +330,29 @@ def test_a_rotor_that_turns_while_its_voltage_stands_still():
     assert np.abs(found).max() > 1
     passes = [given["hz"] / end for (_, end) in (ends("turning-rotor", f=250.0, a=0.0, c=share)[0] for share in (0.0, 1.0))]
     assert {f"{passes[0]:.0f}", f"{passes[1]:.1f}"} <= numbers_of("turning-rotor")
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_a_salient_rotor_whose_voltage_stands_still():
+    """A step of the wanted current, marched in the frame of the stator by Runge-Kutta."""
+    tables = tomllib.loads(TEXTS["salient-rotor"])
+    n = defaults("salient-rotor") | {"t": 0.3, "c": 0.6}
+    w, h, R, L, mean = 2 * np.pi * n["fe"], 1 / n["hz"], n["R"], np.diag([n["Ld"], n["Lq"]]), (n["Ld"] + n["Lq"]) / 2
+    own, cross = 0.3 * L + 0.7 * mean * np.eye(2), np.array([[0, -1], [1, 0]])
+    (table,) = wavesweep.simulate({**tables, "numbers": tables["numbers"] | {"t": 0.3, "c": 0.6}})
+    flux, late, integral, found = *np.zeros((3, 2)), []
+    for k, wanted in enumerate(table["ref"]):
+        angle = w * h * k
+        turned, ahead = (np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in (angle, angle + 1.5 * w * h))
+        current = np.linalg.inv(L) @ turned.T @ flux
+        found.append(current)
+        error = np.array([0, wanted]) - current
+        integral = integral + h * error
+        asked = 2 * np.pi * n["f"] * (own @ error + R * integral) + 0.6 * w * cross @ own @ current
+        flux, late = in_stator(flux, late, angle, w, h, R, n["Ld"], n["Lq"]), ahead @ asked
+    np.testing.assert_allclose(np.stack([table["flux"], table["torque"]], 1), found, rtol=0, atol=1e-11)
+    assert np.abs(found).max() > 1
 
 
 def test_a_torque_that_is_held_for_the_decimation():
