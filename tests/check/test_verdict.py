@@ -25,7 +25,7 @@ def limit_of(found, name):
     return next(each for each in found["limits"] if each["name"] == name)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_it_can_be_written_as_json():
     for kind in ("dc", "pmw-lm"):  # without a channel, and with all that there is
         json.dumps(verdict(values_of(kind)), allow_nan=False)
@@ -78,7 +78,7 @@ def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("slow_hz", "wall", "Kp"), [(90.0, (200.0, 0.0), 0.0), (75.0, (1500.0, 3.0), 0.0), (60.0, (200.0, 1.0), 20.0)]
 )
@@ -126,7 +126,7 @@ def test_a_late_wall_is_felt_with_less_damping():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("Kp", "ratio", "damping"), [(0.5, 2, -1151.175), (1.0, 2, -570.985), (0.5, 20, -1794.691)])
 def test_a_mode_slower_than_the_first_frequencies_is_waited_for(Kp, ratio, damping):
     tables = {"controller": {"kind": "pmw", "Kp": Kp}, "rates": {"ratio": ratio}}
@@ -182,7 +182,7 @@ def test_a_range_ends_where_the_spec_takes_no_more():
 
 @pytest.mark.slow
 @pytest.mark.asks("simulation")
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
@@ -244,6 +244,7 @@ def late_radius(k, tau, tick=0.1):
     return np.abs(np.linalg.eigvals(A)).max()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("k", "ticks"), [(0.9, 8), (0.4, 36)])
 def test_a_dead_time_may_grow_up_to_where_its_eigenvalues_leave_the_circle(k, ticks, monkeypatch):

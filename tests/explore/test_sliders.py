@@ -15,6 +15,7 @@ SPECS = [path for path in shipped() if "[block." not in path.read_text(encoding=
 EDGES = {"passband_hz": 5.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}
 
 
+@pytest.mark.sample(24)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", shipped(), ids=lambda path: path.stem)
 def test_every_number_that_a_loop_reads_has_a_slider_whose_ends_make_a_loop(path):

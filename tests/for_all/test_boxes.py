@@ -24,7 +24,7 @@ def touching(numbers, depth):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("numbers", [1, 2, 3])
 @pytest.mark.parametrize("depth", [1e-2, 1e-4, 1e-6])
 def test_a_pocket_between_the_nodes_is_not_proved(numbers, depth):

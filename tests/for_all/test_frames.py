@@ -96,6 +96,7 @@ def marched(values, K, pattern, repeats, nominal=None):
     return np.exp(np.mean(logs[repeats // 2 :]))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("elapsed", [True, False])
 def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
@@ -222,6 +223,7 @@ TABLE = [
 ]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "frames", "proved", "refuted"), TABLE)
 def test_brackets_to_a_hundredth(kind, frames, proved, refuted):

@@ -129,6 +129,7 @@ def found_of(spec, along, high=2000.0):
     return brackets_on_average((rules.on_average() or rules).family(dict(loaded.values), along), (0.0, high))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("lengths", [[1, 2], [3, 5, 11], [2, 40]])
 def test_independent_frames_of_an_integrator_have_the_first_two_moments_of_the_length(lengths):
     """`E (1 - k n T)^2 < 1` if and only if `k < 2 E n / (T E n^2)`."""
@@ -141,6 +142,7 @@ def test_independent_frames_of_an_integrator_have_the_first_two_moments_of_the_l
     assert found.high == pytest.approx(end, rel=2e-5)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("stay", [0.1, 0.9])
 def test_a_chain_of_an_integrator_has_the_radius_of_two_moments(stay):
     """Short and long frames that alternate or stay: moments `[p_ij a_j^2]` of two numbers."""

@@ -171,7 +171,7 @@ def moments(loop, g, chance):
     return whole
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_proved_and_refuted_values_are_on_both_sides_of_the_operator_tick_by_tick(seed):

@@ -82,6 +82,7 @@ def test_messages_that_are_always_as_late_have_the_limit_of_that_delay(ticks):
     assert growth(found.at(limit * 0.999), (alone,)) < 1 < growth(found.at(limit * 1.001), (alone,))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("channel", [{"lost": 1, "missing": "zero"}, {"late": 2}])
 def test_messages_that_carry_what_drifts_are_refused(channel):
@@ -157,7 +158,7 @@ def test_simulate_runs_a_pattern(seed):
         assert run.pos[ticks] == pytest.approx(state[0][0], rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_patterns_beside_other_blocks_grow_in_a_simulation_as_in_a_proof(seed):
@@ -190,7 +191,7 @@ def test_patterns_beside_other_blocks_grow_in_a_simulation_as_in_a_proof(seed):
     )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(9))
 def test_what_is_proved_survives_random_patterns_and_what_is_refuted_grows(seed):

@@ -161,6 +161,7 @@ def large(matrix):
     return np.sort_complex(np.round(found[np.abs(found) > 1e-5], 12))
 
 
+@pytest.mark.sample(16)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "keys", "size", "run"), CASES, ids=[f"{kind}-{[*keys.values()][-1:]}" for kind, keys, *_ in CASES]

@@ -125,6 +125,7 @@ def test_two_masses_are_found_from_a_frequency_response(tmp_path):
         assert found[name]["low"] < truth < found[name]["high"], name
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.asks("simulation")
 @pytest.mark.parametrize("friction", [False, True])
@@ -290,6 +291,7 @@ def test_lines_may_end_in_a_carriage_return_alone(tmp_path):
     assert len(read_log(lines, {}, {}).reading) == len(GOOD) - 1
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("origin", [0.0, 1e9])
 def test_a_log_without_rounding_is_explained(origin, tmp_path):

@@ -95,6 +95,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.sample(8)
 @pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("command", ["inspect", "plot"])

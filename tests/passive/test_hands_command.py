@@ -102,7 +102,7 @@ def test_free_and_guaranteed_results_lie_side_by_side_and_those_for_other_hands_
     assert wavesweep("plot", "results/held/zwidth-hands.csv") == (0, "", "Wrote results/held/zwidth-hands.png\n")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_checkpoint_for_other_hands_stays_and_disturbs_nothing(wavesweep, held, tmp_path):
     digest = digest_of([load("held.toml")])[:12]
     place = tmp_path / f"results/held/.zwidth-hands-{digest}.sqlite"

@@ -93,7 +93,7 @@ def filtered(order, cutoff_hz, ratio, damping, kind="pmw-lm"):
 DRAGGED = [(4, 3.13, 20), (4, 3.13, 5), (2, 8.0, 3), (6, 4.0, 8), (5, 3.5, 4), (3, 2.0, 10)]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", DRAGGED)
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])

@@ -29,6 +29,7 @@ def bounded(source, signal, level, **more):
     return {"gain": {"from": source, "to": signal, "at_most": level}, **more}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "signal", "level", "end"),

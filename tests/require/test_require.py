@@ -33,7 +33,7 @@ def with_require(**numbers):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("along", ["K_VE", "B_VE", "device.mass", "b"])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
@@ -85,7 +85,7 @@ JOINTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("along", "span"), [("kp", (0.0, 400.0)), ("slow", (0.5, 40.0)), ("m", (0.02, 1.0))])
 @pytest.mark.parametrize("radius", [0.93, 0.95])
 def test_parts_have_shorter_frames_and_what_rests_has_to_be_as_fast(along, span, radius):
@@ -112,7 +112,7 @@ def turned(tables, name, value):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("draw", [random_tables, random_feedback])
 @pytest.mark.parametrize("seed", range(16))
 def test_eigenvalues_have_the_damping_ratio_inside_and_not_outside(seed, draw):
@@ -170,6 +170,7 @@ def steps(**numbers):
     return {"rates": {"tick_hz": "1/h"}, "numbers": numbers, "block": block, "wire": wire}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("N", "first"), [(2, True), (4, True), (8, True), (31, True), (33, False), (40, False)])
 def test_the_slow_spring_of_multiple_time_steps_has_its_closed_form(N, first):
@@ -184,7 +185,7 @@ def test_the_slow_spring_of_multiple_time_steps_has_its_closed_form(N, first):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("along", ["k1", "k2", "h"])
 @pytest.mark.parametrize("seed", range(8))
 def test_a_loop_that_conserves_is_bounded_where_its_trace_is_below_2(seed, along):

@@ -137,7 +137,7 @@ def test_docstrings_of_the_library_have_every_parameter_and_examples_that_run(re
     assert {*WITH_EXAMPLES, *BY_NAME} <= {*calls}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
     """As an editor does: the README's example has no fault, and its names have types, so that each misspelling is found."""
     mypy = pytest.importorskip("mypy.api")

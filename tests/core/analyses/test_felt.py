@@ -56,7 +56,7 @@ def test_a_wave_line_is_ranked_otherwise_than_its_walls():
     assert (columns["felt_high"][first] < columns["high"][first]).all()
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "along", "stop"), [("pmw", "Kp", 50), ("pmw-lm", "Kp", 50), ("pmw-lm", "K_LM", 5000)])
 @pytest.mark.parametrize("rates", [{}, {"slow_hz": 60.0}], ids=["even", "uneven"])

@@ -96,7 +96,7 @@ def strongest(tables, along, end, kind):
 
 
 @pytest.mark.whole
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "number"), [("drive", n) for n in range(len(DRIVES))] + [("wall", n) for n in range(len(WALLS))]

@@ -43,7 +43,7 @@ def test_it_is_stable_where_its_direct_terms_have_a_solution(spec):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.whole
 @pytest.mark.parametrize("blocks", [{}, {"d": DELAY}, {"h": HELD}])
 @pytest.mark.parametrize("stop", [3.0, 1.0, 1 - 1e-16, 1 + 1e-10])

@@ -62,7 +62,7 @@ def test_to_overwrite_results_and_to_throw_a_checkpoint_away_are_two_options(opt
     assert [given["force"] for _, given in sweep.seen] == ([asked > 1] if asked & 1 else [])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SWEEPS)
 def test_results_go_to_a_folder_of_the_specs_name(name, wavesweep, sweep, spec, tmp_path):
@@ -118,6 +118,7 @@ def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize("words", [("-q", "check", "SPEC"), ("check", "-q", "SPEC"), ("check", "SPEC", "--quiet")])

@@ -133,6 +133,7 @@ def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
@@ -244,6 +245,7 @@ def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wa
     assert (code, err.startswith(f"Error: here: another run is at work on {kind} here")) == (1, True)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
 def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec, monkeypatch):

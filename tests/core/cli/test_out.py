@@ -15,6 +15,7 @@ def left(folder="."):
     return sorted(path.name for path in Path(folder).iterdir())
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.png", "t.SVG", "there/t.pdf"])
 def test_a_single_file_is_written_and_nothing_else(wavesweep, spec, name):
     code, out, err = wavesweep("zwidth", spec, "--out", name)
@@ -68,7 +69,10 @@ def test_a_table_that_fails_in_its_middle_leaves_nothing(wavesweep, spec, monkey
 
 
 @pytest.mark.skipif(not Path("/dev/fd").exists(), reason="no files of open files here")
-@pytest.mark.parametrize("words", ["- < wall.toml", "<(sleep 0.2; cat wall.toml)", "/dev/stdin < wall.toml"])
+@pytest.mark.parametrize(
+    "words",
+    ["- < wall.toml", "<(sleep 0.2; cat wall.toml)", pytest.param("/dev/stdin < wall.toml", marks=pytest.mark.thorough)],
+)
 def test_a_spec_is_read_from_stdin_or_what_a_shell_passes(wavesweep, spec, words):
     run = ["bash", "-c", f"{sys.executable} -m wavesweep zwidth {words} --out - --quiet"]
     found = subprocess.run(run, capture_output=True, text=True, check=True).stdout

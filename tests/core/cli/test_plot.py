@@ -182,7 +182,7 @@ def test_a_page_does_not_replace_its_spec(wavesweep, spec):
 
 
 @pytest.mark.whole
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("command", ["zwidth", "bode", "compare", "why", "check --plot"])
 def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, monkeypatch, command):
     """A dollar sign begins a formula in the program that draws."""

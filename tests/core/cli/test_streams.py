@@ -63,6 +63,7 @@ def test_output_that_cannot_be_written_is_an_error_in_a_line(shell, tmp_path, li
     assert [file.name for file in tmp_path.iterdir()] == ["wall.toml"]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ignored", [False, True], ids=["SIGHUP", "nohup"])
 def test_a_terminal_that_goes_away(tmp_path, ignored):
     (tmp_path / "wall.toml").write_text(SPEC.replace("num = 20 }\nB", "num = 400 }\nB"))

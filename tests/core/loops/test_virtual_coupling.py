@@ -17,6 +17,7 @@ def radius(kind, **changes):
     return float(wavesweep.compile(nested(values_of(kind, **changes))).spectral_radius())
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("seed", range(24))
 def test_radii_and_ends_are_those_of_the_equations_at_50_digits(seed):
     values = random_values(seed, VC[seed % 2])
@@ -33,6 +34,7 @@ def test_radii_and_ends_are_those_of_the_equations_at_50_digits(seed):
                     assert beside[0] < 1 < beside[1]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("velocity", ["exact", "difference"])
 @pytest.mark.parametrize(("B_VC", "damping"), [(0.3, 1.5), (5.0, 0.2), (20.0, 3.0)])
 def test_a_rigid_slow_wall_leaves_the_coupling_as_a_wall_at_the_fast_rate(velocity, B_VC, damping):
@@ -71,6 +73,7 @@ def test_at_one_rate_it_is_the_impedance_of_adams_and_hannaford():
             assert np.abs(poles - z).min() < 1e-9
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("B_VC", "damping"), [(0.4, 1.5), (0.1, 0.8)])
 def test_every_passive_hand_is_stable_as_far_as_colgate_and_schenkel_say(B_VC, damping):
     """With a rigid wall and velocity from differences: d > K_VC T/2 + B_VC."""

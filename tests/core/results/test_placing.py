@@ -57,6 +57,7 @@ def vouched(folder):
     return len(read(folder / "zwidth.parquet")["low"])
 
 
+@pytest.mark.sample(11)
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(RENAMES))
 @pytest.mark.parametrize(("before", "after"), [("", None), ("one", None), ("one", 4), (4, None), (4, 4)], ids=str)

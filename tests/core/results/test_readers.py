@@ -73,6 +73,7 @@ def assert_same(found, expected):
         assert np.array_equal(given, column.astype(float), equal_nan=True), name
 
 
+@pytest.mark.sample(25)
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("kind", [name for name, kind in kinds().items() if kind.fields])

@@ -273,7 +273,7 @@ def test_whatever_arrow_says_of_a_damaged_file_is_one_sentence(folder, monkeypat
     assert "zwidth.parquet: its rows cannot be held against new ones: " in said[-1]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")], ids=["pipe", "device"])
 @pytest.mark.parametrize("name", ["zwidth.datapackage.json", "zwidth.csv", "zwidth.parquet"])

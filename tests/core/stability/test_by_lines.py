@@ -47,7 +47,7 @@ def counts(parts):
     return found
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(400))
 def test_a_count_is_that_of_the_eigenvalues_at_all_values(seed):

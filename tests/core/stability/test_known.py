@@ -417,6 +417,7 @@ def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is
     assert below > 1 > above
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), [(8e-11, 8e-11), (4e-11, 8e-11), (8e-12, 2e-11)])
 def test_an_island_between_a_pair_that_leaves_and_one_that_enters_is_not_certified_away(first, second):

@@ -60,6 +60,7 @@ def test_the_largest_impedance_beside_a_mass_is_certified(every):
     np.testing.assert_allclose(table["high"], 1.5 * (1 + a) / (1 - a), rtol=1e-9)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize("span", [(-0.1, 14.0), (-0.11078307313546859, 13.616621741204757), (-0.11, 13.6)])

@@ -32,7 +32,7 @@ def test_a_window_in_which_the_tick_explodes_is_found():
     assert loop.spectral_radius(**{"device.mass": 0.105}) > 1e4
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_overflows_is_not_known_and_the_rest_is():
     """From 200 N*s/m on the tick is unstable by itself; a frame of 200 ticks overflows beyond some 665 N*s/m."""
     loop = wavesweep.compile({"controller": {"kind": "pmw"}, "rates": {"ratio": 200}})

@@ -137,6 +137,7 @@ def test_ends_of_hard_loops_hold_at_50_digits(kind, changes, span):
         assert abs(end - wanted) <= 1e-9 * wanted
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("kind", "changes", "span"), [HARD[0], HARD[5]])
 def test_the_spectral_radius_at_50_digits_agrees_about_every_interval(kind, changes, span):
     """In the middle of each interval inside, and a hundredth beyond its upper end outside."""

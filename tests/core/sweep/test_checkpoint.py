@@ -94,7 +94,7 @@ DAMAGES = {
 }
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_chunk_costs_that_chunk_alone(stopped, long, long_table, same, damage):
@@ -217,6 +217,7 @@ def is_gone_through(place, records, force):
     assert not place.exists()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("force", [True, False])
 def test_no_flipped_bit_stops_a_run_or_changes_a_chunk(four, tmp_path, force):

@@ -29,7 +29,7 @@ def whole(mixed):
     return table_of(job_of(mixed))
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("deep", "wide"), SIZES)
 def test_borders_of_chunks_leave_no_trace(mixed, whole, same, deep, wide):

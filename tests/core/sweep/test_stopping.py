@@ -89,7 +89,7 @@ def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, un
         assert sorted(file.name for file in out.iterdir()) == sorted([*FILES, "zwidth.datapackage.json"])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted."), (signal.SIGTERM, 143, "Terminated.")]
 )

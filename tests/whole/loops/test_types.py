@@ -128,7 +128,7 @@ def test_no_bit_differs_between_the_simulation_and_c(kind, keys, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(7)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(("kind", "keys"), [case for case in CASES if "trapezoidal" not in case[1].values()])
 def test_frames_that_vary_are_judged_or_refused_by_name(kind, keys):
     """A type that runs between frames needs a rule for steps that vary; without one nothing is said of it."""

@@ -72,7 +72,7 @@ def row_of(judged, part):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("part", "expected"), EXPECTED.items(), ids=list(EXPECTED))
 def test_the_verdict_of_a_statement(part, expected, paper):
     (verdict, reason), (statement,) = expected, (each for each in STATEMENTS if part in each.says)

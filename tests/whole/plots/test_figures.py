@@ -409,7 +409,7 @@ def test_a_comparison_follows_the_ends_between_the_values_of_a_table():
     assert (counts.max(), counts.iloc[-1]) == (2, 1)
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("width", [85 / 25.4, 180 / 25.4])
 @pytest.mark.parametrize("name", ["plane", "family", "panels", "bars", "responses", "passivity"])
 def test_texts_have_the_same_size_in_both_widths_of_a_journal_and_none_is_cut_off(name, width, request):

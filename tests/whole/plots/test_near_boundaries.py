@@ -143,7 +143,7 @@ PICTURES = {
 }
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(150))
 @pytest.mark.parametrize("picture", PICTURES)
 def test_what_a_picture_fills_is_stable(picture, seed):

@@ -14,7 +14,7 @@ MOTOR = wavesweep.load(Path(__file__).parents[3] / "sweeps" / "templates" / "dri
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("route", routes_of(MOTOR), ids="-".join)
 def test_samples_and_what_follows_are_those_of_a_march(route):
     step = step_between(MOTOR, route)

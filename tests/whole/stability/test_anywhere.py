@@ -188,7 +188,7 @@ def test_the_critical_function_of_many_slow_modes_is_as_small_as_their_product()
         assert phase.real == pytest.approx(np.sign(np.prod([each / abs(each) for each in pairs]).real))
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("order", range(1, 13))
 @pytest.mark.parametrize("imaginary", [0.0, 0.3])
