@@ -226,6 +226,8 @@ def _states(values, sections, delay):
         names += ["x_s", "x_dot"]
     if kind == "dc-vc-lm":
         names += ["x_l", "x_dot_l"]
+    if kind == "pmw-mean":
+        names += ["sum"]
     if kind == "pmw-lm":
         names += ["x_l", "x_dot_l"] + (["v_2"] if values["local_model.delay"] else [])
     return names + _amplifier(values)
@@ -298,13 +300,17 @@ def _coupled(forms, values, _sections, clock):
 
 
 def _waves(forms, values, sections, clock):
-    """`pmw`, `pmw-lm`: (f_m, v_m, what the wall reads)."""
+    """`pmw`, `pmw-mean`, `pmw-lm`: (f_m, v_m, what the wall reads)."""
     phase, ratio, delay, T = clock
     b = arb(values["controller.b"])
     root = (2 * b).sqrt()
     v_hat, v_m = _velocity(forms, values, T), forms.wave
     u_m = v_hat * root - v_m
-    u_s = forms.run("lp1", sections["lp1"], u_m)
+    if values["controller.kind"] == "pmw-mean":
+        whole = forms.now["sum"] + u_m
+        u_s, forms.after["sum"] = whole * (1 / arb(ratio)), whole if phase else forms.unit()
+    else:
+        u_s = forms.run("lp1", sections["lp1"], u_m)
     x_dot = (u_s * root - forms.force) * (1 / b)
     x_tilde, x_s = _integrate(forms, "x_s", "x_dot", x_dot, ratio * T, values["environment.integration"], phase == 0)
     v_s = u_s - forms.force * (2 / b).sqrt()

@@ -238,7 +238,7 @@ def _with_waves(values, kind, ratio, v, block, wire):
     }
     block |= {
         "end": {"type": "wave", "b": "b"},
-        "lp1": {"type": "butterworth", **filters["lp1"]},
+        "lp1": {"type": "mean", "n": ratio} if kind == "pmw-mean" else {"type": "butterworth", **filters["lp1"]},
         "avatar": {"type": "avatar", "b": "b", "integration": values["environment.integration"], "every": ratio},
     }
     wire |= {"end.v": v, "lp1.u": "end.out", "avatar.in": "lp1.y", "avatar.f": "K_VE*avatar.x_spring + B_VE*avatar.v"}

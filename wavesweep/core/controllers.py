@@ -57,6 +57,11 @@ CONTROLLERS = {
         _page("pmw", "pmw"),
         filters=("lp1",),
     ),
+    "pmw-mean": Controller(
+        "pmw with the mean of a frame for a low-pass: its channel is passive, and no passive one is stiffer at rest",
+        _page("pmw", "pmw_mean"),
+        filters=(),
+    ),
     "pmw-lm": Controller(
         "pmw with a filter bank, a local model of the wall and a position correction (the paper's Figure 3)",
         _page("pmw", "pmw_lm"),

@@ -53,6 +53,12 @@ def test_waves_are_felt_as_a_spring_in_series():
     assert static(values)[1] == pytest.approx(1 / (1 / 321.0 + tau / 14.0), rel=1e-7)
 
 
+@pytest.mark.parametrize(("ratio", "delay"), [(1, 1), (2, 0), (7, 3), (20, 20)])
+def test_the_mean_of_a_frame_is_felt_as_a_frame_less_a_tick_and_the_delay(ratio, delay):
+    values = values_of("pmw-mean", b=7.0, K_VE=321.0, ratio=ratio, delay=delay)
+    assert static(values)[1] == pytest.approx(1 / (1 / 321.0 + (ratio - 1 + delay) * 1e-3 / 14.0), rel=1e-12)
+
+
 def test_a_device_that_nothing_holds_has_no_admittance_and_feels_nothing():
     for values in (values_of("dc-slow", K_VE=0.0), values_of("pmw-lm", hp_order=0)):
         admittance, impedance = static(values)

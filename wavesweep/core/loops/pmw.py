@@ -1,14 +1,23 @@
 """Passive multirate wave control, Figures 1 and 3 of the paper."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
-from wavesweep.core.loops.page import F_S, Page, Slow, device
+from wavesweep.core.loops.page import F_S, RATIO, Page, Slow, device
 
 
 def pmw(values: Mapping[str, Any]) -> Page:
     """Figure 1: hand -> device -> encoder u_m -> LP1 -> sampler -> avatar and wall -> v_s -> hold -> v_m -> device."""
-    return _waves(values, {}, {}, "")
+    return _waves(values, _filter("lp1"))
+
+
+def pmw_mean(values: Mapping[str, Any]) -> Page:
+    """Figure 1 with the mean of a frame's waves in LP1's place: of all passive channels, the one that is felt stiffest at rest.
+
+    Where rates do not divide, the nearest whole number of ticks.
+    """
+    return _waves(values, {"type": "mean", "n": round(values[RATIO])})
 
 
 def pmw_lm(values: Mapping[str, Any]) -> Page:
@@ -27,14 +36,14 @@ def pmw_lm(values: Mapping[str, Any]) -> Page:
     wires, v_2 = {"hp.u": "encoder.out", "local.in": "hp.y", "lp2.u": "local.out"}, "lp2.y"
     if values["local_model.delay"]:
         blocks, wires, v_2 = blocks | {"v_2": {"type": "delay"}}, wires | {"v_2.u": v_2}, "v_2.y"
-    return _waves(values, blocks, wires, v_2)
+    return _waves(values, _filter("lp1"), blocks, wires, v_2)
 
 
-def _waves(values, branch, of_branch, v_2):
-    """The loop of Figure 1 with a further branch, whose wave is `v_2`."""
+def _waves(values, lp1, branch=MappingProxyType({}), of_branch=MappingProxyType({}), v_2=""):
+    """The loop of Figure 1 with the block `lp1` before the sampler, and a further branch, whose wave is `v_2`."""
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     blocks["encoder"] = {"type": "wave", "b": "controller.b"}
-    blocks["lp1"] = _filter("lp1")
+    blocks["lp1"] = lp1
     blocks["avatar"] = slow.block(type="avatar", b="controller.b", integration=values["environment.integration"])
     held, through, v_1 = slow.in_place("v_1", "avatar.out")
     v_m = f"{v_1} + {v_2}" if v_2 else v_1
@@ -50,7 +59,7 @@ def _waves(values, branch, of_branch, v_2):
         "device.f": "f_h - encoder.force",
     }
     assumes = f"{values['environment.integration']} integration of the wall"
-    return Page(blocks | branch | held, wires | of_branch | through, "encoder.force", assumes)
+    return Page({**blocks, **branch, **held}, {**wires, **of_branch, **through}, "encoder.force", assumes)
 
 
 def _filter(name, passes="low"):
