@@ -75,7 +75,7 @@ def test_keys_for_set_are_completed(complete):
     ("words", "found"),
     [
         (("--set", "controller.kind", "="), list(CONTROLLERS)),
-        (("--set", "controller.kind", "=", "pmw-"), ["pmw-lm"]),
+        (("--set", "controller.kind", "=", "pmw-"), ["pmw-mean", "pmw-lm"]),
         (("--set", "device.preset", "=", "o"), ["omni", "omega"]),
         (("--set", "sweep.along", "=", "K_"), ["K_VE", "K_LM", "K_VC"]),
         (("--set", "=", "environment.integration", "=", "e"), ["explicit"]),

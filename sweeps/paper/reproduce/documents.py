@@ -80,7 +80,7 @@ lets the local model's high frequencies pass, and with a delay of a tick the loo
 LP2 kept before it ("after LP2"), it is stable. At low frequencies such a bank is about as far from the ideal as PMW, which
 has none, or farther: what the paper's bank gains there is lost. Waves over the root of 2 lose less of it on average, but
 half of the wall's stiffness at rest. The way out, which LP1 lets alias, is not passive either (statements 11, 12 and 14);
-nothing of this touches it.
+the mean of a frame in LP1's place makes it so, as [pmw-mean](../../../docs/controllers.md#pmw-mean) has it.
 
 ![Admittance with passive ways in, F1 and F2 of first order at 10 Hz](passive-bank.png)
 """
