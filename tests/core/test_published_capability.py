@@ -103,23 +103,29 @@ def test_a_capability_of_another_package_is_there_once_it_is_installed(tmp_path)
         (tmp_path / "site" / name).write_text(text, encoding="utf-8")
     (tmp_path / "wall.toml").write_text('[controller]\nkind = "dc"\n[environment]\nK_VE = 100.0\n', encoding="utf-8")
 
-    def run(*words):
+    def run(*arguments):
         path = os.pathsep.join([str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")])
-        arguments = [sys.executable, "-m", "wavesweep", *words]
         return subprocess.run(
-            arguments, cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False
+            [sys.executable, *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
         )
 
-    assert "Compute how slowly a loop decays." in " ".join(run("--help").stdout.split())
-    done = run("decay", "wall.toml", "--out", "out")
+    done = run("-m", "wavesweep", "decay", "wall.toml", "--out", "out")
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
     assert "decays in" in done.stderr
     header, row = (tmp_path / "out" / "decay.csv").read_text(encoding="utf-8").split()
     assert header == "decay_time"
     assert 0 < float(row) < 10
-    twice = run("decay", "wall.toml", "--set", f"decay.to={exp(-2)}", "--no-plot", "--quiet", "--out", "-").stdout.split()[1]
-    assert float(twice) == pytest.approx(2 * float(row), rel=1e-9)
-    assert "share of its size to which a mode decays" in run("keys", "decay.to").stdout
-    assert "decay.to: expected a number <= 1, found 2" in run("zwidth", "wall.toml", "--set", "decay.to=2").stderr
+    lines = ["--help", "keys decay.to", "zwidth wall.toml --set decay.to=2"]
+    lines += [f"decay wall.toml --set decay.to={exp(-2)} --no-plot --quiet --out -"]
+    said = run("-c", f"from wavesweep.core.cli import main\nfor line in {lines!r}:\n    main(line.split())")
+    assert "Compute how slowly a loop decays." in " ".join(said.stdout.split())
+    assert "share of its size to which a mode decays" in said.stdout
+    assert "decay.to: expected a number <= 1, found 2" in said.stderr
+    assert float(said.stdout.split()[-1]) == pytest.approx(2 * float(row), rel=1e-9)
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".csv", ".parquet", ".png", ".json"}
     assert "time in which the slowest mode falls to the share" in (tmp_path / "out" / "decay.datapackage.json").read_text()

@@ -57,7 +57,7 @@ def run(tmp_path, monkeypatch, capfd):
 
 @pytest.mark.slow
 def test_the_front_is_that_of_the_other_commands(run):
-    code, text, results = run("--no-plot")
+    code, text, results = run("--no-plot", "--set", "design.population=8", "--set", "design.generations=1")
     assert code == 0
     assert "designs on the front" in text
     assert "the spec's own design: z_width" in text

@@ -178,7 +178,7 @@ def test_a_design_is_proved_for_all_numbers_of_its_spec():
         "device": {"velocity": "difference"},
         "for_all": {"device.mass": {"start": 0.08, "stop": 0.125}},
         "sweep": {"K_VE": {"start": 0, "stop": 2000}},
-        "design": {"population": 8, "generations": 2, "vary": {"device.damping": {"start": 1, "stop": 3}}},
+        "design": {"population": 8, "generations": 1, "vary": {"device.damping": {"start": 1, "stop": 3}}},
     }
     spec["design"]["wish"] = {"z_width": {"B_VE": [1]}}
     table = design(load(spec), jobs=1)

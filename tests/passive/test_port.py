@@ -112,7 +112,7 @@ def test_no_damping_is_enough_where_a_motion_drags_the_avatar_along(frame, kind)
 
 @pytest.mark.slow
 def test_a_port_is_passive_exactly_where_it_is_stable_and_its_margin_is_not_negative(random_values):
-    for seed in range(20):
+    for seed in range(5):
         for damping in (1.0, 300.0, 5000.0):
             found = port_margin(random_values(seed) | {"device.damping": damping, "controller.Kp": 0.0})
             if not np.isnan(found.margin):

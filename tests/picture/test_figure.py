@@ -103,7 +103,7 @@ def on(line, x, y):
     return min(a, c) - TINY <= x <= max(a, c) + TINY and min(b, d) - TINY <= y <= max(b, d) + TINY
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "W", "J", "joint", "pmw-lm", "pmw-lm-blocks", "dc", "twenty-1", "chain-2"])
 def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):

@@ -24,7 +24,7 @@ LOOPS = {
 }
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", LOOPS)
 def test_the_march_and_the_lifting_agree_at_10_frequencies(values, kind):
     K_VE, K_LM = LOOPS[kind]

@@ -47,7 +47,7 @@ def tick(body, x, v, f, length=T):
     return slide(body, x, v, f, length, tuple(zero_order_hold(*body[:3], length).tolist()))
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("body", BODIES)
 def test_a_tick_in_pieces_is_the_tick(body):

@@ -167,7 +167,7 @@ def test_rates_that_do_not_divide_are_exported_too(kind, tmp_path):
     check(tmp_path)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", CHANGES)
 def test_gains_at_run_time_are_those_of_a_fresh_export_to_the_last_bit(kind, changes, tmp_path):

@@ -153,6 +153,7 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     assert example.read_text().startswith("# ")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.asks("check")
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc", "pmw"])

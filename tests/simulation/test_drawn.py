@@ -65,7 +65,7 @@ def settling(drawn):
 SETTLING = sorted({*range(1, 58)} - {9, 13, 30, 32, 33, 36, 39, 43, 51})
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SETTLING)
 def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):

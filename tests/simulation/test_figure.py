@@ -84,7 +84,7 @@ def test_the_linear_loop_is_drawn_between_the_tones_as_well():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("size", [4.18408, 0.921, 238.226])
 def test_values_that_agree_to_rounding_lie_on_one_another(size):
     """On axes that show some per cent or degrees, with ticks that differ."""

@@ -79,6 +79,7 @@ def test_a_march_in_plain_numpy_has_the_same_motion(step, frames, pattern):
 EFFECTS = {"wall": 0.002, "late": 9, "dropped": 0.3, "jitter": 0.2, "friction": 0.05, "max_force": 2.0}
 
 
+@pytest.mark.sample(14)
 @pytest.mark.slow
 @pytest.mark.parametrize("effects", [{}, EFFECTS])
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
@@ -101,7 +102,7 @@ def growth(spec, ticks):
 
 
 @pytest.mark.asks("for_all")
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_counterexample_of_figure_4_grows_and_dies_out_at_the_walls_that_are_proved():
     found = intervals(
         load(FIG4 | {"sweep": {"K_VE": {"start": 0, "stop": 2000}}, "for_all": LENGTHS}), jobs=1, along="K_VE"

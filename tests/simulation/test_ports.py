@@ -79,6 +79,7 @@ def test_effects_of_a_device_need_a_hand():
         wavesweep.simulate(tables(friction=0.1))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("source", ["ref", "load"])
 def test_a_settled_sine_has_the_components_of_the_response(source):

@@ -12,7 +12,7 @@ import wavesweep
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["lp1", "hp", "lp2"])
 @pytest.mark.parametrize("order", [1, 2, 5])
 def test_cutoffs_may_be_searched_up_to_just_below_half_the_rate(name, order):

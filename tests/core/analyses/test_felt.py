@@ -114,8 +114,8 @@ ALONG = {"Kp": (0, 50), "b": (2, 150), "device.mass": (0.02, 2), "K_VE": (0, 500
 def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
     """Responses of rates that divide share nothing with it; ends where a frame has an eigenvalue 1 are left out."""
     compared = 0
-    for seed in range(6):
-        kind, slow_hz = ("pmw", "pmw-lm")[seed % 2 or name == "K_LM"], (None, 60.0, None, None, 150.0, 48.0)[seed]
+    for seed in range(3):
+        kind, slow_hz = ("pmw", "pmw-lm")[seed % 2 or name == "K_LM"], (None, 60.0, 48.0)[seed]
         tables = nested(random_values(seed, kind))
         if slow_hz:
             tables["rates"] = {"fast_hz": 1000.0, "slow_hz": slow_hz}

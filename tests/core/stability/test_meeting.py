@@ -38,14 +38,14 @@ def least_mass(b, d, tick=1e-3):
 @pytest.mark.parametrize("every", [2, 10, 24])
 @pytest.mark.parametrize("K", [13.0, 150.0, 1300.0])
 def test_the_least_mass_behind_a_sampled_damper_is_certified(every, K):
-    impedances = np.array([21.0, 30.4, 100.2, 413.6, 493.2])
+    impedances = np.array([21.0, 100.2, 493.2])
     table = wavesweep.compile(line(every, K=K)).stable_intervals("m", (0.003, 10.0), b=impedances)
     assert table["certified"].all()
     np.testing.assert_allclose(table["low"], least_mass(impedances, 1.5), rtol=1e-9)
     assert (table["low_omega"] == 0).all()
     assert (table["residual"] < 1e-9).all()
     alone = wavesweep.compile(line(every, K=K, b=100.2)).stable_intervals("m", (0.003, 10.0))
-    assert alone["low"].tolist() == table["low"][2:3].tolist()
+    assert alone["low"].tolist() == table["low"][1:2].tolist()
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_the_least_mass_behind_a_sampled_damper_is_certified(every, K):
 @pytest.mark.whole
 @pytest.mark.parametrize("every", [2, 10])
 def test_the_largest_impedance_beside_a_mass_is_certified(every):
-    masses = np.geomspace(0.02, 0.4, 7)
+    masses = np.geomspace(0.02, 0.4, 3)
     table = wavesweep.compile(line(every)).stable_intervals("b", (5.0, 2000.0), m=masses)
     assert table["certified"].all()
     a = np.exp(-1.5e-3 / masses)

@@ -50,7 +50,6 @@ def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
     before = joblib.Parallel(n_jobs=2)(calls)
     intervals(long, jobs=2, backend="loky")
     assert joblib.Parallel(n_jobs=2)(calls) == before == [0, 1, 2]
-    intervals(long, jobs=2, backend="loky")
     assert joblib.Parallel(n_jobs=2, return_as="list")(calls) == before
 
 

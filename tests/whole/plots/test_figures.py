@@ -304,7 +304,8 @@ def test_a_number_that_varies_smoothly_is_along_the_figure_however_few_values_it
 def test_space_that_is_not_swept_does_not_pass_for_unstable():
     """No interval reaches 5 N*s/m: the axis begins there, and a design of 50 N*s/m beyond its end has no cross."""
     source = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps" / "examples" / "impedance.toml"
-    table = intervals(wavesweep.load(source, ["sweep.b={start=5, stop=18}"]))
+    sweep = ["sweep.b={start=5, stop=18}", "sweep.device.mass={start=0.05, stop=0.3, num=13}"]
+    table = intervals(wavesweep.load(source, sweep))
     axes = plots.stability_region(table.columns, table.facts).axes[0]
     assert axes.get_ylim()[0] == 5
     assert not [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]
