@@ -18,6 +18,7 @@ from wavesweep.capabilities import CAPABILITIES
 ROOT = Path(__file__).parents[1]
 NAMES = tuple(each.name for each in CAPABILITIES)
 WHOLE = ("tests/whole/", "tests/stress/test_")  # tests that are about everything together
+SPECS = {"sweeps/templates/five-bar.toml": "axes"}  # that draw blocks of a capability
 ASKED = (("zwidth", "fig4"), ("zwidth", "fig5"), ("stability-region", "fig4-b25"), ("bode", "fig6"))
 
 
@@ -27,6 +28,7 @@ def copy_without(names, folder):
         [shutil.which("git"), "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.splitlines()
     gone = tuple(f"{top}/{name}/" for name in names for top in ("wavesweep", "tests"))
+    gone += tuple(spec for spec, needed in SPECS.items() if needed in names)
     for name in listed:
         if not name.startswith((*gone, *WHOLE)) and (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)

@@ -27,6 +27,7 @@ prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of
 frames: frames as they were measured, for --frames: `identified`, a table of them, and its `spec_text`, with `number_of` a spec;
     whether a run is `within` what a spec's answers are for, and its `lines`; `read_run`, the frames of a file.
 walls: `walls_of` several specs, the table and figure of `zwidth` for them.
+classes: classes of blocks that specs may use without drawing them, `CLASSES`: the file of each by its name.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
 
@@ -169,6 +170,7 @@ CAPABILITIES = (
         {"explore": "Show the boundary of stability in a browser, and vary every number by a slider."},
     ),
     Capability("require", tables=("sweep.require",), offers=("bound", "keys")),
+    Capability("axes", offers=("classes",)),
     Capability("prove", offers=("prover", "ticks")),
     Capability("picture", library=("Loop.plot_diagram",), offers=("diagram",)),
     Capability(

@@ -16,6 +16,7 @@ from support.drawn import ARM, DRIVE, PD, WALL
 
 from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.errors import SpecError
 from wavesweep.core.reading.checking import show
 from wavesweep.core.spec import KEYS, load
@@ -27,7 +28,7 @@ BASES |= {kind: f'[controller]\nkind = "{kind}"\n' for kind in ("pmw", "pmw-lm")
 BASES |= {"ARM": ARM, "DRIVE": DRIVE, "PD": PD, "WALL": WALL}
 LISTS = {  # so that a new controller, type or wish changes no table
     ", ".join(map(show, CONTROLLERS)): "(controllers)",
-    ", ".join(map(show, TYPES)): "(types of blocks)",
+    ", ".join(map(show, (*TYPES, *shipped_classes()))): "(types of blocks)",
     ", ".join(WISHES): "(wishes)",
     ", ".join(name for name, kind in WISHES.items() if kind.ports is not None): "(wishes of drawn loops)",
 }

@@ -100,7 +100,8 @@ def _rows(job, value, span):
         records, span = search.about(value, WORK)
         return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
     cost, way = cost_of(job.grid.spec, job.asked.axis)
-    if cost > (SECONDS if way is Way.CUT else LONG):
+    posing = job.grid.spec.drawing and job.asked.axis.path in job.grid.spec.drawing.posing  # up to a singular pose
+    if posing or cost > (SECONDS if way is Way.CUT else LONG):
         return None, (value, value)
     return in_memory(job), span
 

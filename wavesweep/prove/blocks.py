@@ -21,7 +21,7 @@ def matrices(kind: str, T: Any, keys: dict[str, Any]) -> Matrices:
     """A, B, C and D of a block of a type; T: its period (s), an arb or an acb, as are the numbers among its keys."""
     if kind == "butterworth":
         return _butterworth(keys["order"], keys["cutoff_hz"], keys["pass"] != "low", T)  # noqa: S105 - the side that passes
-    if kind in ("mass", "inertia", "spring", "ss", "tf"):
+    if kind in ("mass", "inertia", "mass_matrix", "spring", "ss", "tf"):
         A, B, C, D = continuous(kind, keys)
         if keys.get("discrete"):
             return (_in_z(A) if keys["discrete"] == DELTA else A), B, C, D

@@ -50,6 +50,30 @@ def inertia(period: float, inertia: float, damping: float, stiffness: float) -> 
     return mass(period, inertia, damping, stiffness)
 
 
+def mass_matrix(period: float, axes: Sequence[str], **keys) -> Law:
+    """`M a + D v + K x = f` under forces that are held over the period: exact."""
+    forces, velocities = ([f"{port}{name}" for name in axes] for port in "fv")
+    parts = (part.tolist() for part in _of_axes(axes, **keys))
+    return ss(period, *parts, forces, [*axes, *velocities], discrete=False)
+
+
+def _of_axes(axes, mass, damping, stiffness, through):
+    n, seen = len(axes), np.array(through) if through else np.eye(len(axes))
+
+    def at_axes(rows):
+        whole = np.array(rows) if rows else np.zeros((len(seen), len(seen)))
+        return seen.T @ (np.diag(whole[0]) if len(whole) < len(seen) else whole) @ seen
+
+    slowed = np.linalg.solve(at_axes(mass), np.hstack([-at_axes(stiffness), -at_axes(damping), np.eye(n)]))
+    still = np.zeros((n, n))
+    return (
+        np.vstack([np.hstack([still, np.eye(n)]), slowed[:, : 2 * n]]),
+        np.vstack([still, slowed[:, 2 * n :]]),
+        np.eye(2 * n),
+        np.zeros((2 * n, n)),
+    )
+
+
 def spring(period: float, k: float, d: float) -> Law:
     """A spring and a damper between two ends, which they pull towards each other."""
     del period
@@ -123,6 +147,8 @@ def _matrices(kind, keys, inputs, outputs):
     if TYPES[kind].body:
         m, d, k = keys.values()
         rows = [[0.0, 1.0], [-k / m, -d / m]], [[0.0], [1 / m]], [[1.0, 0.0], [0.0, 1.0]], [[0.0], [0.0]]
+    elif kind == "mass_matrix":
+        rows = _of_axes(**keys)
     elif kind == "spring":
         pull = [-keys["k"], -keys["d"], keys["k"], keys["d"]]
         rows = [], [], [], [pull, [-each for each in pull]]
@@ -387,7 +413,22 @@ LAWS: Mapping[str, Callable[..., Law]] = MappingProxyType(
     {
         each.__name__: each
         for each in (
-            *(mass, inertia, spring, ss, tf, gain, hold, channel, impulse, saturation, delay, difference, integrator),
+            *(
+                mass,
+                inertia,
+                mass_matrix,
+                spring,
+                ss,
+                tf,
+                gain,
+                hold,
+                channel,
+                impulse,
+                saturation,
+                delay,
+                difference,
+                integrator,
+            ),
             *(butterworth, wave, avatar, local_model, lowpass, pi, pid, lead, notch, biquad, fir, mean),
         )
     }

@@ -19,7 +19,8 @@ MOST_LATE, MOST_LOST = 1000, 100  # of the messages of a channel: ticks, and los
 class BlockType:
     """A type of block: its keys by name, its ports, and its meaning.
 
-    ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them. plant: whether it is
+    ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them, and those of the default if
+    the key `axes` does. plant: whether it is
     continuous, and so runs in every tick in any case; "continuous" if only without `discrete = true`. steps: what it does
     where the steps between its runs vary, run j being h[j] seconds after the one before; empty if it has no such rule, and
     then neither a proof nor a simulation takes it there. below_half: keys of frequencies below half the block's own rate,
@@ -51,6 +52,9 @@ class BlockType:
         """Return input and output ports of a block with these keys."""
         if self.by:
             return self.ports[keys[self.by]]
+        if "axes" in self.keys:
+            names = keys["axes"]
+            return tuple(f"f{name}" for name in names), (*names, *(f"v{name}" for name in names))
         return (keys["inputs"], keys["outputs"]) if self.ports is None else self.ports
 
     def is_plant(self, keys: Mapping[str, object]) -> bool:
@@ -128,6 +132,17 @@ TYPES = MappingProxyType(
             _number("stiffness", "N*m/rad", "stiffness k of a spring to the ground", 0.0),
             plant=True,
             body="inertia",
+        ),
+        "mass_matrix": _type(
+            "M a + D v + K x = f of several axes, matrices, continuous: exact. With `through`, a row for each of further "
+            "coordinates such as joints and links, mass, damping and stiffness are those of these: M = through' mass through",
+            (("fx", "fy"), ("x", "y", "vx", "vy")),
+            _other("axes", "ports", "names of the axes, at most 3", ("x", "y")),
+            _other("mass", "rows", "mass matrix, symmetric, a list of rows; a single row is a diagonal"),
+            _other("damping", "rows", "damping matrix; zeros if absent", ()),
+            _other("stiffness", "rows", "stiffness matrix of springs to the ground; zeros if absent", ()),
+            _other("through", "rows", "motion of each further coordinate for one of each axis, a row each", ()),
+            plant=True,
         ),
         "spring": _type(
             "spring and damper between two ends, continuous where these are plants: f1 = k (x2 - x1) + d (v2 - v1), f2 = -f1; "

@@ -11,6 +11,7 @@ from wavesweep.core.drawing.block_types import LONGEST_DELAY, TICK_HZ, TYPES
 from wavesweep.core.drawing.drawing import Drawing, scalars
 from wavesweep.core.drawing.drawn_block import DrawnBlock, keys_of_block
 from wavesweep.core.drawing.expressions import ONE, Tree, names_in, value_of
+from wavesweep.core.drawing.mass_matrix import MASS, is_mass
 from wavesweep.core.reading.checking import SIZES, computable, expectation
 from wavesweep.core.reading.keys import LONGEST_FRAME, Key
 
@@ -62,6 +63,10 @@ def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Conditi
     for name in ("late", "lost") if block.loses_at_random else ():
         expected = "0 beside loss or burst, since messages are lost either at random or by any pattern"
         yield Condition(lambda number: number == 0, expected, own[name])
+    if block.type == "mass_matrix":
+        known = dict(block.keys)
+        reads = [(f"{start}{name}", tree) for name in MASS for row in known[name] for tree in row]
+        yield Condition(partial(is_mass, known), "a mass matrix that is symmetric and positive definite", *reads)
     if block.type == "tf":
         yield Condition(lambda first: first != 0, "a first coefficient other than 0", own["den"])
     if block.dead_time:
@@ -125,7 +130,8 @@ def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
     """Yield path, expected and found text for each part of a port's displacement that is known to be no such position."""
     every, numbers = {block.name: block.every for block in drawing.blocks if not block.plant}, scalars(values)
-    velocities = [f"{block.name}.v" for block in drawing.blocks if TYPES[block.type].body]
+    bodies = [block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"]
+    velocities = [f"{block.name}.{port}" for block in bodies for port in block.ports[1][len(block.ports[1]) // 2 :]]
     ends = [(where, end) for where, end in (("hand", drawing.hand), ("environment", drawing.environment)) if end]
     for where, force, signal, gain in ((where, end[0], *term) for where, end in ends for term in end[1]):
         name = signal.rpartition(".")[0] or signal

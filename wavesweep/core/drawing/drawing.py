@@ -206,6 +206,12 @@ class Drawing:
         others = (tree for path, tree in self.trees() if path not in shares)
         return self.reads - {path_of(name) for tree in others for name, _ in names_in(tree)}
 
+    @_remembered
+    def posing(self) -> frozenset[str]:
+        """Paths of the keys that say where a linkage is: those that the key `through` of a block reads."""
+        trees = (tree for path, tree in self.trees() if path.startswith("block.") and path.endswith(".through"))
+        return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree))
+
     @property
     def rating(self) -> frozenset[str]:
         """Names of the numbers that the rate of the tick follows from."""

@@ -6,9 +6,11 @@ from dataclasses import replace
 from typing import TypeVar
 
 from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.drawing.drawing import RATE
 from wavesweep.core.drawing.drawn_block import DrawnBlock, keys_of_block
 from wavesweep.core.drawing.expressions import ONE, Fault, Tree, check_extent, extent, linear, names_in, remembered, with_trees
+from wavesweep.core.drawing.mass_matrix import shape_fault
 from wavesweep.core.drawing.parsing import parse
 from wavesweep.core.errors import Mistake
 from wavesweep.core.reading.checking import Mistakes, Rejected, check, expectation, nearest, show
@@ -174,7 +176,9 @@ class KeyReader:
             return self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
         if not is_dotted(name):
             return self.refuse(next(iter(given.values())).place.parent(), path, NAME, show(name))
-        key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES), required=True)
+        known = "type" in given and given["type"].value in [*TYPES]  # otherwise its message lists all
+        choices = tuple(TYPES) if known else (*TYPES, *shipped_classes())
+        key = Key(f"{path}.type", "string", None, "", "", choices=choices, required=True)
         kind = self.read_key(key.path, key, given.get("type"))
         if kind is None:  # which of its numbers are read is not known
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
@@ -187,8 +191,7 @@ class KeyReader:
             del keys["steps"]  # whose default is for a delay of steps
         read = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
         self.period = None
-        by, named = TYPES[kind].by, TYPES[kind].ports is None
-        if not (named and None in (read["inputs"], read["outputs"])) and not (by and read[by] is None):
+        if None not in [read.get(key, "") for key in (TYPES[kind].by, "inputs", "outputs", "axes")]:
             self.ports[name] = TYPES[kind].ports_of(read)
         if len(self.mistakes) > before:
             return None
@@ -282,6 +285,8 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     if TYPES[block.type].either and len(keys) != 1:
         one, other = TYPES[block.type].either
         return other, f"either {one} or {other}", "both" if keys else "neither"
+    if block.type == "mass_matrix":
+        return shape_fault(keys)
     if block.type != "ss":
         return None
     n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])

@@ -1,7 +1,7 @@
 """Values of expressions in ball arithmetic, where doubles lose digits: terms may be thirty powers of ten apart."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 
 from wavesweep.core.drawing.expressions import Tree, evaluate, is_constant
@@ -49,10 +49,8 @@ def named(tree: Tree) -> Tree:
     return (tree[0], parts[0], *tree[2:]) if tree[0] == "**" and is_constant(tree[2]) else (tree[0], *parts, tree[-1])
 
 
-def constants_of(tree: Tree) -> Iterator[float]:
-    """Yield the constants of a tree."""
-    if tree[0] == "number":
-        yield tree[1]
-    for part in tree[1:-1]:
-        if isinstance(part, tuple):
-            yield from constants_of(part)
+@lru_cache(maxsize=1024)
+def constants_of(tree: Tree) -> frozenset[float]:
+    """Return the constants of a tree."""
+    own = [tree[1]] if tree[0] == "number" else []
+    return frozenset(own).union(*(constants_of(part) for part in tree[1:-1] if isinstance(part, tuple)))

@@ -149,21 +149,30 @@ def evaluate(
     them. watch: is called with every operation on two terms and every function, their values and its own.
     Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
     """
+    return _evaluate(tree, numbers, library, watch, {})
+
+
+def _evaluate(tree, numbers, library, watch, found):
+    """The value; found: those of parts by `id`, since what a name stands for is one part wherever it is read."""
     operation = tree[0]
     if operation == "number":
         return tree[1]
     if operation == "name":
         return numbers[tree[1]]
-    first, *others = (evaluate(part, numbers, library, watch) for part in tree[1:-1])
-    if operation == "negative":
-        return -first
+    own = id(tree)
+    if own in found:
+        return found[own]
+    first, *others = (_evaluate(part, numbers, library, watch, found) for part in tree[1:-1])
     second = others[0] if others else None
-    if operation in FUNCTIONS:
+    if operation == "negative":
+        value = -first
+    elif operation in FUNCTIONS:
         value = getattr(library, operation)(first)
     else:
         value = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
-    if watch:
+    if watch and operation != "negative":
         watch(tree, first, second, value)
+    found[own] = value
     return value
 
 
@@ -231,7 +240,12 @@ def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
     """Return the tree with other trees in place of names, each at the offset of its name."""
     if tree[0] == "name" and tree[1] in meanings:
         return (*meanings[tree[1]][:-1], tree[2])
-    return tuple(with_trees(part, meanings) if isinstance(part, tuple) else part for part in tree)
+    return _same_or(tree, tuple(with_trees(part, meanings) if isinstance(part, tuple) else part for part in tree))
+
+
+def _same_or(tree: Tree, made: Tree) -> Tree:
+    """The tree itself if none of its parts is another one: see `_evaluate`."""
+    return tree if all(one is other for one, other in zip(tree, made, strict=True)) else made
 
 
 def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
@@ -241,7 +255,7 @@ def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
     """
     parts = [remembered(part, signals) if isinstance(part, tuple) else (part, {}) for part in tree[1:-1]]
     registers = {register: signal for _, read in parts for register, signal in read.items()}
-    tree = (tree[0], *(part for part, _ in parts), tree[-1])
+    tree = _same_or(tree, (tree[0], *(part for part, _ in parts), tree[-1]))
     if tree[0] != PREVIOUS:
         return tree, registers
     read = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in registers}

@@ -10,6 +10,7 @@ import numpy as np
 
 from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.core.drawing.drawn_block import DELTA
+from wavesweep.core.drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
 from wavesweep.core.loops import definitions
 from wavesweep.core.loops.block import Block, matrix, numbers
 from wavesweep.core.loops.definitions import Equations, controllable, tf_at_rest, with_delays
@@ -41,6 +42,42 @@ def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
 def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
     """A `mass` that turns: `f` (N*m) -> `x` (rad), `v` (rad/s)."""
     return mass(name, period, inertia, damping, stiffness)
+
+
+def mass_matrix(name, period, **keys) -> Block:
+    """`M a + D v + K x = f` with the forces held over the period: exact."""
+    states, (A, B, C, D) = continuous("mass_matrix", keys)
+    E, G, *sizes = held(A, B, period, sizes_of("mass_matrix", keys, A, B))
+    inputs, outputs = TYPES["mass_matrix"].ports_of(keys)
+    n, rest = len(inputs), definitions.at_rest("mass_matrix", keys, np.sqrt)
+    block = Block(
+        name, inputs, outputs, states, E, G, C, D, terms=(*sizes, np.abs(C), np.abs(D)), pivot=pivot_of("mass_matrix", keys)
+    )
+    labels = tuple(f"{name} {kind} {axis}" for kind in ("velocity", "position") for axis in keys["axes"])
+    return replace(block, at_rest=_arrays(rest, 2 * n, n, 2 * n), labels=labels)
+
+
+def pivot_of(kind, keys):
+    """What the entries of a continuous block are divided by, which makes poles of them where it is zero."""
+    return numbers(determinant(at_axes(keys, "mass"))) if kind == "mass_matrix" else 1.0
+
+
+def sizes_of(kind, keys, A, B):
+    """The sizes of the terms of the sums that the entries of A and B of a continuous block are."""
+    if kind != "mass_matrix":
+        return np.abs(A), np.abs(B)
+    M, D, K = (matrix(at_axes(keys, each)) for each in MATRICES)
+    sizes = {name: [[np.abs(numbers(each)) for each in row] for row in keys[name]] for name in (*MATRICES, "through")}
+    of_M, of_D, of_K = (at_axes({**keys, **sizes}, each) for each in MATRICES)
+    n, inverse = M.shape[-1], B[..., : M.shape[-1], :]
+    terms = matrix([[determinant(of_M, 1)]])
+    of_inverse = (matrix(adjugate(of_M, 1)) + np.abs(inverse) * terms) / np.abs(np.linalg.det(M))[..., None, None]
+    pulled = [of_inverse @ np.abs(each) + np.abs(inverse) @ matrix(of) for each, of in ((D, of_D), (K, of_K))]
+    of_A, of_B = np.abs(A), np.abs(B)
+    batch = np.broadcast_shapes(of_A.shape[:-2], *(each.shape[:-2] for each in (*pulled, of_inverse)))
+    of_A, of_B = (np.array(np.broadcast_to(each, (*batch, *each.shape[-2:]))) for each in (of_A, of_B))
+    of_A[..., :n, :n], of_A[..., :n, n:], of_B[..., :n, :] = *pulled, of_inverse
+    return of_A, of_B
 
 
 def spring(name, period, k, d=0.0) -> Block:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from wavesweep.core.drawing.block_types import TYPES
+from wavesweep.core.drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
 
 Rows = list[list[Any]]
 Root = Callable[[Any], Any]  # the square root of numbers of a kind
@@ -71,6 +72,19 @@ def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
     if TYPES[kind].body:
         m, d, k = keys[TYPES[kind].body], keys["damping"], keys["stiffness"]
         return Equations(("v", "x"), [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]])
+    if kind == "mass_matrix":
+        names, n = keys["axes"], len(keys["axes"])
+        M, D, K = (at_axes(keys, each) for each in MATRICES)
+        whole, inverse = determinant(M), adjugate(M)
+        inverse = [[each / whole for each in row] for row in inverse]
+        pulled = [
+            [-sum(a * b[j] for a, b in zip(row, part, strict=True)) for part in (D, K) for j in range(n)] for row in inverse
+        ]
+        moved, shown = (
+            [[int(i == j) for j in range(2 * n)] for i in some] for some in (range(n), [*range(n, 2 * n), *range(n)])
+        )
+        none = [[0] * n for _ in names]
+        return Equations((*(f"v{name}" for name in names), *names), pulled + moved, inverse + none, shown, none + none)
     if kind == "spring":
         k, d = keys["k"], keys["d"]
         return _static([[-k, -d, k, d], [k, d, -k, -d]])
@@ -90,6 +104,11 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     if TYPES[kind].body:
         return [[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]]
     match kind:
+        case "mass_matrix":
+            _, E, *_, C, D = continuous(kind, keys)
+            n, (damping, stiffness) = len(D[0]), (at_axes(keys, each) for each in MATRICES[1:])
+            pulled = [[-each for each in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)]
+            return pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D
         case "spring":
             return (continuous(kind, keys).D,)
         case "gain" | "hold" | "channel":

@@ -168,8 +168,9 @@ def _rows_of(known, some):
 @lru_cache(maxsize=256)
 def _guards_of(drawing, number):
     """The guards that read a number, as path of a key, tree, names of all numbers that it or its root reads, and that root."""
+    guards = {(guard, root): key for key, guard, root in _guards(drawing)}
     named = [
-        (key, guard, frozenset(name for name, _ in names_in(root or guard)), root) for key, guard, root in _guards(drawing)
+        (key, guard, frozenset(name for name, _ in names_in(root or guard)), root) for (guard, root), key in guards.items()
     ]
     return tuple(each for each in named if any(name == number for name, _ in names_in(each[1])))
 

@@ -1,6 +1,7 @@
 """Blocks that act on each other continuously, as one block: the rates of change of their states, exact over a held tick."""
 
 from collections.abc import Mapping
+from math import prod
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from wavesweep.core.drawing.drawn_block import Plant
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.algebraic import loop_inverse
 from wavesweep.core.loops.block import Block, block_diagonal, numbers
-from wavesweep.core.loops.blocks import continuous, held
+from wavesweep.core.loops.blocks import continuous, held, pivot_of, sizes_of
 from wavesweep.core.loops.dead_time import with_ports
 
 
@@ -27,14 +28,17 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     parts = [continuous(block.type, keys[block.name]) for block in plant.members]
     ports = plant.drawn_ports
     A, B, C, D = (block_diagonal([matrices[i] for _, matrices in parts]) for i in range(4))
+    sizes = [sizes_of(b.type, keys[b.name], *own[:2]) for b, (_, own) in zip(plant.members, parts, strict=True)]
+    of_A, of_B = (block_diagonal(each) for each in zip(*sizes, strict=True))
     K = _gains(gains, *ports)
     L = D @ K
     M, sizes, facts = np.eye(len(ports[1])), np.eye(len(ports[1])), {}
     if L.any():
         M, sizes, facts = _closed(L, np.abs(D) @ np.abs(K), ports[1], plant.name)
+    facts["pivot"] = prod((pivot_of(b.type, keys[b.name]) for b in plant.members), start=facts.get("pivot", 1.0))
     shown, through, back = M @ C, M @ D, B @ K
-    of_C, of_D, of_back = sizes @ np.abs(C), sizes @ np.abs(D), np.abs(B) @ np.abs(K)
-    A, B, of_A, of_B = A + back @ shown, B + back @ through, np.abs(A) + of_back @ of_C, np.abs(B) + of_back @ of_D
+    of_C, of_D, of_back = sizes @ np.abs(C), sizes @ np.abs(D), of_B @ np.abs(K)
+    A, B, of_A, of_B = A + back @ shown, B + back @ through, of_A + of_back @ of_C, of_B + of_back @ of_D
     E, G, *of_held = held(A, B, period, (of_A, of_B))
     states = [(block.name, state) for block, (own, _) in zip(plant.members, parts, strict=True) for state in own]
     block = Block(

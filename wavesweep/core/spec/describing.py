@@ -1,9 +1,12 @@
 """One description of each key, table and type of block, from which `wavesweep keys`, `init` and the documents are made."""
 
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from wavesweep.core.drawing.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES
+from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.reading.checking import expectation, nearest, show
 from wavesweep.core.reading.devices import DEVICES, HapticDevice
 from wavesweep.core.reading.keys import AXIS_KEYS, HARDWARE_KEYS, KEYS, SYMBOLS, Key, find_key
@@ -115,6 +118,8 @@ def named(name: str) -> dict[str, Description]:
         return {f"block.{kind}": _type(kind) for kind in TYPES}
     if path.startswith("block.") and path[6:] in TYPES:
         return {path: _type(path[6:])}
+    if path.startswith("block.") and path[6:] in (classes := shipped_classes()):
+        return {path: _class(classes[path[6:]])}
     if path in EVERY_KEY:
         return {path: described(EVERY_KEY[path], path)}
     study, _, axis = path.partition(".")
@@ -128,10 +133,25 @@ def named(name: str) -> dict[str, Description]:
 def meant(name: str) -> str:
     """Return the known name that is nearest to an unknown one; empty if no name is near."""
     if name.startswith("block."):
-        near = nearest(name.removeprefix("block."), TYPES)
+        near = nearest(name.removeprefix("block."), (*TYPES, *shipped_classes()))
         return near and f"block.{near}"
     tables = (other.rpartition(".")[0] for other in EVERY_KEY)
     return nearest(name, SYMBOLS) or nearest(name, (*EVERY_KEY, *tables, *TABLES))
+
+
+def _class(file: Path) -> Description:
+    """The description of a class of blocks that a capability has: the first paragraph of its file, ports and numbers."""
+    text = file.read_text(encoding="utf-8")
+    tables = tomllib.loads(text)
+    given = {name: each for name, each in tables["numbers"].items() if isinstance(each, dict)}
+    keys = {name: Key(name, "number", each["value"], each["unit"], each["description"]) for name, each in given.items()}
+    ports = tables["ports"]
+    return {
+        "description": text.partition("\n#\n")[0].partition("\n\n")[0].removeprefix("# ").replace("\n# ", " ").rstrip("."),
+        "ports": f"{', '.join(ports['inputs'])} -> {', '.join(ports['outputs'])}",
+        "steps": "as those of its blocks",
+        "keys": {name: described(key) for name, key in keys.items()},
+    }
 
 
 def _type(name: str) -> Description:

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from functools import lru_cache
 from itertools import islice
 
-from wavesweep.core.drawing.classes import expanded, numbers_of_blocks
+from wavesweep.core.drawing.classes import expanded, numbers_of_blocks, with_classes
 from wavesweep.core.drawing.drawing import MARKS, RATE, path_of
 from wavesweep.core.errors import Mistake, SpecError, UsageError
 from wavesweep.core.reading.checking import Mistakes
@@ -98,6 +98,7 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.refuse(leaf, ".".join(path), "each key once", "the same key again")
         leaves[path] = leaf
+    leaves = with_classes(leaves)
     symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
     symbols |= numbers_of_blocks(leaves)
     source = dict(leaves)

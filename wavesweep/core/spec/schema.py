@@ -12,6 +12,7 @@ from typing import Any
 
 from wavesweep.core.drawing.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.core.drawing.classes import PARTS as OF_CLASS
+from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.drawing.drawing_ports import NAMED, OPTIONAL
 from wavesweep.core.drawing.drawing_ports import PORTS as OF_PORTS
 from wavesweep.core.drawing.drawing_tables import NUMBER_PARTS
@@ -89,7 +90,9 @@ def _drawn(definitions: Schema) -> Schema:
         "ports": _tables(ports),
     }
     own |= _studies(Shapes(True, definitions))
-    of_program = {"properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES]}}}}}}
+    of_program = {
+        "properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES, *shipped_classes()]}}}}}
+    }
     classes = {"if": {"required": ["type"]}, "else": of_program}  # whose names are types of blocks too
     return _tables(own, title="drawn loop", required=["rates", "block"]) | classes
 

@@ -1,0 +1,159 @@
+"""Devices of several axes before flat walls, against marches in Cartesian coordinates, closed forms and turned frames."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import wavesweep
+from wavesweep.core.errors import SpecError
+
+T = 1e-3
+
+
+def device(M, D, K, normal, B, n, late=0, along="x"):
+    """A spec of a device with these matrices before a wall."""
+    axes = "xyz"[: len(M)]
+    kind = {2: "wall", 3: "wall-3d"}[len(M)]
+    numbers = {"K": 100.0, "B": B}
+    wall = {"type": kind, "K": "K", "B": "B", "every": n, "late": late} | {
+        f"n{a}": float(each) for a, each in zip(axes, normal, strict=True)
+    }
+    body = {"type": "mass_matrix", "axes": list(axes), "mass": M, "damping": D, "stiffness": K}
+    wires = {f"wall.{a}": f"device.{a}" for a in axes}
+    wires |= {f"device.f{a}": f"-wall.f{a}{' + hand' * (a == along)}" for a in axes}
+    return {
+        "rates": {"tick_hz": 1 / T},
+        "numbers": numbers,
+        "block": {"device": body, "wall": wall},
+        "wire": wires,
+        "ports": {"hand": {"force": "hand", "displacement": f"device.{along}"}, "wall": {"stiffness": "K", "damping": "B"}},
+        "sweep": {"K": {"start": 0, "stop": 50_000}},
+    }
+
+
+def radius(M, D, S, normal, B, n, late, K):
+    """The spectral radius of a march over a frame in Cartesian coordinates."""
+    M, D, S = map(np.array, (M, D, S))
+    m, inverse = len(M), np.linalg.inv(M)
+    rates = np.block(
+        [[np.zeros((m, m)), np.eye(m), np.zeros((m, m))], [-inverse @ S, -inverse @ D, inverse], [np.zeros((m, 3 * m))]]
+    )
+    step = expm(rates * T)[: 2 * m]
+    states = np.eye(2 * m + 1 + late)
+    x, before, waiting, held = states[: 2 * m], states[2 * m], list(states[2 * m + 1 :]), 0.0
+    for tick in range(n):
+        depth = np.concatenate([normal, np.zeros(m)]) @ x
+        if tick == 0:
+            held, before = K * depth + B * (depth - before) / (n * T), depth
+        waiting.append(held)
+        x = step[:, : 2 * m] @ x - np.outer(step[:, 2 * m :] @ normal, waiting.pop(0))
+    return np.abs(np.linalg.eigvals(np.vstack([x, before, *waiting]))).max()
+
+
+def drawn(seed):
+    rng = np.random.default_rng(seed)
+    m = int(rng.integers(2, 4))
+    roots = rng.normal(size=(3, m, m))
+    M, D, S = (
+        scale * root @ root.T + least * np.eye(m)
+        for root, scale, least in zip(roots, (0.1, 0.5, 50), (0.02, 0, 20), strict=True)
+    )
+    normal = rng.normal(size=m)
+    n = int(rng.integers(1, 7))
+    return (
+        M.tolist(),
+        D.tolist(),
+        S.tolist(),
+        normal / np.linalg.norm(normal),
+        float(rng.uniform(0, 2)),
+        n,
+        int(rng.integers(0, 4)),
+    )
+
+
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("seed", range(60))
+def test_walls_of_any_direction_against_a_march(seed):
+    case = drawn(seed)
+    rows = wavesweep.zwidth(device(*case))
+    assert rows.certified.all()
+    for low, high, number in rows[["low", "high", "intervals"]].itertuples(index=False):
+        inside = np.linspace(low, high, 7)[1:-1] if number else ()
+        assert all(radius(*case, K) < 1 for K in inside)
+        for end, side in ((low, 1), (high, -1)):
+            if number and 0 < end < 50_000:
+                assert radius(*case, end * (1 + side * 1e-7)) < 1 < radius(*case, end * (1 - side * 1e-7))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_axes_that_do_not_act_on_each_other_are_masses(seed):
+    rng = np.random.default_rng(seed)
+    masses, dampings, B, n = rng.uniform(0.05, 0.5, 2), rng.uniform(0.1, 2, 2), float(rng.uniform(0, 2)), 3
+    spec = device(np.diag(masses).tolist(), np.diag(dampings).tolist(), [], [1.0, 0.0], B, n, 1)
+    spec["block"]["device"] |= {"mass": [masses.tolist()], "damping": [dampings.tolist()]}
+    one = device(np.diag(masses).tolist(), [], [], [1.0, 0.0], B, n, 1)
+    one["block"]["device"] = {"type": "mass", "mass": float(masses[0]), "damping": float(dampings[0])}
+    one["wire"] = {"wall.x": "device.x", "wall.y": "0", "device.f": "hand - wall.fx"}
+    found, expected = (wavesweep.zwidth(each) for each in (spec, one))
+    assert np.allclose(found[["low", "high"]], expected[["low", "high"]], rtol=1e-12)
+    assert found.certified.all()
+    assert expected.certified.all()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_turned_frame_has_the_same_walls(seed):
+    M, D, S, normal, *rest = drawn(seed)
+    Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(len(M), len(M))))[0]
+    turned = [(Q @ np.array(each) @ Q.T).tolist() for each in (M, D, S)]
+    turned[0] = ((np.array(turned[0]) + np.array(turned[0]).T) / 2).tolist()
+    found, expected = (wavesweep.zwidth(each) for each in (device(*turned, Q @ normal, *rest), device(M, D, S, normal, *rest)))
+    assert np.allclose(found[["low", "high"]], expected[["low", "high"]], rtol=1e-9)
+
+
+def test_coordinates_that_move_with_the_axes():
+    M, D, S, normal, *rest = drawn(3)
+    rng = np.random.default_rng(3)
+    J, m, d = rng.normal(size=(4, len(M))), rng.uniform(0.02, 0.2, 4), rng.uniform(0, 1, 4)
+    given = device(M, D, S, normal, *rest)
+    given["block"]["device"] |= {"through": J.tolist(), "mass": [m.tolist()], "damping": [d.tolist()]}
+    given["block"]["device"] |= {"stiffness": [[20.0] * 4]}
+    whole = [J.T @ np.diag(each) @ J for each in (m, d, [20.0] * 4)]
+    expected = wavesweep.zwidth(device(*(((each + each.T) / 2).tolist() for each in whole), normal, *rest))
+    assert np.allclose(wavesweep.zwidth(given)[["low", "high"]], expected[["low", "high"]], rtol=1e-9)
+
+
+@pytest.mark.asks("simulation")
+def test_the_simulation_marches_the_same_matrices():
+    case = drawn(5)
+    spec = device(*case)
+    force = np.random.default_rng(0).normal(size=60)
+    run = wavesweep.compile(spec).simulate(force)
+    M, D, S, normal, B, n, late = case
+    m, inverse = len(M), np.linalg.inv(M)
+    rates = np.block(
+        [[np.zeros((m, m)), np.eye(m), np.zeros((m, m))], [-inverse @ S, -inverse @ D, inverse], [np.zeros((m, 3 * m))]]
+    )
+    step, x, before, waiting = expm(rates * T)[: 2 * m], np.zeros(2 * m), 0.0, [0.0] * late
+    held, found = 0.0, []
+    for tick, push in enumerate(force):
+        depth = normal @ x[:m]
+        if tick % n == 0:
+            held, before = 100.0 * depth + B * (depth - before) / (n * T), depth
+        waiting.append(held)
+        found.append(x[0])
+        x = step[:, : 2 * m] @ x + step[:, 2 * m :] @ (np.eye(m)[0] * push - normal * waiting.pop(0))
+    assert np.allclose(run.x, found, rtol=1e-9, atol=1e-12 * np.abs(found).max())
+
+
+def test_matrices_that_do_not_fit_are_refused():
+    good = device([[1.0, 0.2], [0.2, 1.0]], [], [], [1.0, 0.0], 1.0, 1)
+    for key, value, text in (
+        ("mass", [[1.0, 2.0], [2.0, 1.0]], "symmetric and positive definite"),
+        ("mass", [[1.0, 0.2], [0.1, 1.0]], "symmetric and positive definite"),
+        ("damping", [[1.0, 2.0, 3.0]], "2 rows of 2 numbers or 1 row of 2 numbers, found 1 of 3"),
+        ("axes", ["a", "b", "c", "d"], "1 to 3 names"),
+        ("through", [[1.0]], "1 row of 2 numbers"),
+    ):
+        wrong = {**good["block"]["device"], key: value}
+        with pytest.raises(SpecError, match=text):
+            wavesweep.load(good | {"block": good["block"] | {"device": wrong}})

@@ -1,0 +1,73 @@
+"""The block type `mass_matrix`: its matrices as they are at its axes, for numbers of every kind.
+
+With `J = through` a mass m of further coordinates, such as joints and links, is `J' m J` at the axes.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from functools import reduce
+from typing import Any
+
+MATRICES = ("mass", "damping", "stiffness")
+MASS = ("mass", "through")  # the keys that the mass at the axes depends on
+MOST_AXES = 3
+SAME = 1e-12  # relative: entries of a symmetric matrix
+
+Rows = list[list[Any]]
+
+
+def at_axes(keys: Mapping[str, Any], name: str) -> Rows:
+    """Return one of the matrices at the axes, `J' m J`; a single row of m is its diagonal."""
+    J, m, n = keys["through"], keys[name], len(keys["axes"])
+    if not m:
+        return [[0] * n for _ in range(n)]
+    if len(m) == 1 < len(m[0]):
+        m = [[each if i == j else 0 for j in range(len(m[0]))] for i, each in enumerate(m[0])]
+    if not J:
+        return m
+    half = [[sum(a * row[j] for a, row in zip(each, J, strict=True)) for j in range(n)] for each in m]
+    return [[sum(row[i] * other[j] for row, other in zip(J, half, strict=True)) for j in range(n)] for i in range(n)]
+
+
+def determinant(rows: Rows, sign: int = -1) -> Any:
+    """Return the determinant; with sign 1 the permanent, which is the size of its terms if the entries are sizes."""
+    if not rows:
+        return 1
+    parts = (sign**i * row[0] * determinant(_without(rows, i, 0), sign) for i, row in enumerate(rows))
+    return sum(parts)
+
+
+def adjugate(rows: Rows, sign: int = -1) -> Rows:
+    """Return the inverse times the determinant; with sign 1 the sizes of its terms."""
+    n = range(len(rows))
+    return [[sign ** (p + q) * determinant(_without(rows, q, p), sign) for q in n] for p in n]
+
+
+def _without(rows, i, j):
+    return [[each for q, each in enumerate(row) if q != j] for p, row in enumerate(rows) if p != i]
+
+
+def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
+    """Return whether the mass matrix is symmetric, and positive definite at the axes; entries: of MASS, in order."""
+    left = iter(entries)
+    given = {name: [[next(left) for _ in row] for row in keys[name]] for name in MASS}
+    m, M = given["mass"], at_axes({**keys, **given}, "mass")
+    pairs = [(m[i][j], m[j][i]) for i in range(len(m)) for j in range(i) if len(m) > 1]
+    good = [abs(a - b) <= SAME * (abs(a) + abs(b)) for a, b in pairs]
+    return reduce(operator.and_, good + [determinant([row[:n] for row in M[:n]]) > 0 for n in range(1, len(M) + 1)])
+
+
+def shape_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
+    """Return key, expected and found text if the matrices do not fit together."""
+    n = len(keys["axes"])
+    if not 1 <= n <= MOST_AXES:
+        return "axes", f"1 to {MOST_AXES} names; a plant with more is one of type ss", f"{n}"
+    many = len(keys["through"]) or n
+    for name in ("through", *MATRICES):
+        rows, shapes = keys[name], [(many, n)] if name == "through" else [(many, many), (1, many)]
+        if (rows or name == "mass") and not any(len(rows) == h and all(len(row) == w for row in rows) for h, w in shapes):
+            expected = " or ".join(f"{h} row{'s' * (h > 1)} of {w} numbers" for h, w in shapes)
+            return name, expected, f"{len(rows)} of {', '.join(dict.fromkeys(str(len(row)) for row in rows)) or '0'}"
+    return None
