@@ -210,8 +210,135 @@ def test_the_gain_of_one_rate_is_the_norm_of_python_control():
         assert np.sign(np.abs(control.frequency_response(system, omega).frdata).max() - 2.0) == side
 
 
+def card(c, commands):
+    """The car of the example over a frame, from a run of its ticks; its input and output are speeds. c: its headway."""
+    A = np.zeros((5, 5))
+    A[[0, 0, 1, 2, 2], [0, 3, 0, 1, 4]] = -1 / 0.3, 1 / 0.3, 1, -1, 1
+    step = expm(0.05 * A)
+
+    def run(state, inputs):
+        a, v, d, u, *late = state
+        shown = []
+        for tick, ahead in enumerate(inputs):
+            u = (ahead - v + 0.5 * (d - c * v)) / c if tick % commands == 0 else u
+            shown.append(v)
+            a, v, d = (step @ [a, v, d, late[-1], ahead])[:3]
+            late = [u, *late[:-1]]
+        return [a, v, d, u, *late, *shown]
+
+    whole = np.array([run(part[:8], part[8:]) for part in np.eye(8 + commands)]).T
+    return whole[:8, :8], whole[:8, 8:], whole[8:, :8], whole[8:, 8:]
+
+
+def beyond_rest(parts, theta, *, itself):
+    """By how much the square of the gain is above 1 at angles per tick, over that of the angle."""
+    A, B, C, D = parts
+    z = np.exp(1j * theta * len(D))[:, None, None]
+    H = C @ np.linalg.solve(z * np.eye(len(A)) - A, B + 0 * z) + D
+    sine = np.exp(1j * np.outer(theta, np.arange(len(D))))
+    gain = np.abs(np.einsum("ti,tij,tj->t", sine.conj(), H, sine)) / len(D) if itself else np.linalg.norm(H, 2, (-2, -1))
+    return (gain**2 - 1) / (2 - 2 * np.cos(theta))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("measure", ["lifted", pytest.param("base-band", marks=pytest.mark.thorough)])
+def test_a_gain_that_is_the_level_at_rest_is_decided_beside_it_at_several_rates(measure):
+    tables = wavesweep.load(STRING).tables()
+    tables["block"]["radio"]["every"] = 2
+    tables["sweep"]["require"]["gain"]["measure"] = measure
+    (row,) = wavesweep.stability_region(wavesweep.load(tables)).itertuples()
+    assert (row.certified, row.low_set_by, row.high) == (True, "gain", 3.0)
+    assert f"h > {row.low:.5f} s" in STRING.read_text(encoding="utf-8")
+    angles = np.concatenate([np.geomspace(1e-4, 0.02, 50), row.low_omega * 0.05 + np.linspace(-0.02, 0.02, 2001)])
+    for h, swells in ((row.low * (1 - 1e-6), True), (row.low * (1 + 1e-6), False)):
+        assert (beyond_rest(card(h, 2), angles, itself=measure == "base-band").max() > 0) == swells
+
+
+@pytest.mark.slow
+def test_a_band_has_its_gain_alone_and_ends_where_it_ends():
+    """`|z - 1| <= level |z - 1 + K T|` at the highest frequency, since it grows with it."""
+    gain = bounded("dist", "error", 0.5)["gain"] | {"band_hz": [0.0, 2.0]}
+    (row,) = wavesweep.compile(INTEGRATOR).stable_intervals(require={"gain": gain}).itertuples()
+    w = np.exp(2j * np.pi * 2.0 * T) - 1
+    end = brentq(lambda K: abs(w) - 0.5 * abs(w + K * T), 1, 100, xtol=1e-12)
+    assert (row.certified, row.low_set_by, row.low) == (True, "gain", pytest.approx(end, rel=1e-8))
+    assert (row.low_omega, row.high, row.high_set_by) == (pytest.approx(2 * np.pi * 2.0), pytest.approx(2 / T), "mode")
+
+
+WALL = {"K": 100.0, "B": 1.0, "m": 0.1, "d": 1.5}
+
+
+def slow_wall(c, ticks, late, shown):
+    """Direct coupling to a slow wall over a frame, from a run of its ticks at 1 kHz."""
+    step = expm(1e-3 * np.array([[0, 1, 0], [0, -c["d"] / c["m"], 1 / c["m"]], [0, 0, 0]]))
+
+    def run(state, inputs):
+        (x, v, F, held), out = state, []
+        for tick, hand in enumerate(inputs):
+            held = F if tick == 0 and late == ticks else held
+            F = c["K"] * x + c["B"] * v if tick == 0 else F
+            held = F if tick == late else held
+            out.append({"x": x, "f_m": held, "F_s": F}[shown])
+            x, v, _ = step @ [x, v, hand - held]
+        return [x, v, F, held, *out]
+
+    whole = np.array([run(part[:4], part[4:]) for part in np.eye(4 + ticks)]).T
+    return whole[:4, :4], whole[:4, 4:], whole[4:, :4], whole[4:, 4:]
+
+
+def largest(parts, angles, *, itself, finer=True):
+    """The spectral radius, and the largest gain at angles per tick, and between those beside it."""
+    A, B, C, D = parts
+    z = np.exp(1j * angles * len(D))[:, None, None]
+    H = C @ np.linalg.solve(z * np.eye(4) - A, B + 0 * z) + D
+    sine = np.exp(1j * np.outer(angles, np.arange(len(D))))
+    gain = np.abs(np.einsum("ti,tij,tj->t", sine.conj(), H, sine)) / len(D) if itself else np.linalg.norm(H, 2, (-2, -1))
+    at = gain.argmax()
+    if finer:
+        return largest(
+            parts, np.linspace(*angles[[max(at - 1, 0), min(at + 1, angles.size - 1)]], 400), itself=itself, finer=False
+        )
+    return np.abs(np.linalg.eigvals(A)).max(), gain.max()
+
+
+@pytest.mark.slow
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(40))
+def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(seed):
+    r = np.random.default_rng(seed)
+    ticks, along = int(r.choice([2, 3])), str(r.choice(["K", "B"]))
+    late, shown, itself = int(r.integers(0, ticks + 1)), str(r.choice(["x", "f_m", "F_s"])), bool(r.integers(0, 2))
+    band = np.sort(r.uniform(0, 500 if itself else 500 / ticks, 2)) * r.choice([0.1, 1.0])
+    span, name = {"K": ((5.0, 1500.0), "K_VE"), "B": ((0.1, 20.0), "B_VE")}[along]
+    angles = 2e-3 * np.pi * np.linspace(*band, 1000)
+
+    def seen(value):
+        return largest(slow_wall(WALL | {along: float(value)}, ticks, late, shown), angles, itself=itself)
+
+    values = r.uniform(*span, 6)
+    level = float(np.median([gain for radius, gain in map(seen, values) if radius < 1] or [1.0]) * r.uniform(0.9, 1.1))
+    gain = {"from": "f_h", "to": shown, "at_most": level, "band_hz": band.tolist()} | (
+        {"measure": "base-band"} if itself else {}
+    )
+    tables = {
+        "controller": {"kind": "dc-slow"},
+        "rates": {"fast_hz": 1000, "ratio": ticks},
+        "environment": {"K_VE": WALL["K"], "B_VE": WALL["B"], "delay": late},
+        "device": {"mass": WALL["m"], "damping": WALL["d"], "velocity": "exact"},
+        "sweep": {"along": name, name: dict(zip(("start", "stop"), span, strict=True)), "require": {"gain": gain}},
+    }
+    table = wavesweep.stability_region(wavesweep.load(tables))
+    rows = list(table.itertuples())
+    assert table.certified.all()
+    ends = [end for row in rows for end in (row.low, row.high) if span[0] < end < span[1]]
+    for value in [*values, *(end * (1 + side * 1e-6) for end in ends for side in (-1, 1))]:
+        radius, gain = seen(value)
+        if abs(gain / level - 1) > 1e-7:  # of the grid of angles
+            assert any(row.low < value < row.high for row in rows) == (radius < 1 and gain < level)
+
+
 GAIN = "sweep.require.gain"
-NAMES = "radius, settling, damping_ratio, bounded, gain.from, gain.to, gain.at_most"
+NAMES = "radius, settling, damping_ratio, bounded, gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
 
 
 @pytest.mark.parametrize(
@@ -224,9 +351,15 @@ NAMES = "radius, settling, damping_ratio, bounded, gain.from, gain.to, gain.at_m
         ({"from": "ref", "to": "own"}, f"{GAIN}: expected all of gain.from, gain.to, gain.at_most, found none of gain.at_most"),
         (bounded("ref", "own", 0.0)["gain"], f"{GAIN}.at_most: expected a number > 0, found 0"),
         (
-            bounded("ref", "own", 1.0)["gain"] | {"band_hz": [1, 2]},
-            f"{GAIN}.band_hz: expected one of {NAMES}, found an unknown key",
+            bounded("ref", "own", 1.0)["gain"] | {"band": [1, 2]},
+            f"{GAIN}.band: expected one of {NAMES}, found an unknown key",
         ),
+        (
+            bounded("ref", "own", 1.0)["gain"] | {"band_hz": [2, 1]},
+            f"{GAIN}.band_hz: expected the lower frequency first, found [2, 1]",
+        ),
+        (bounded("ref", "own", 1.0)["gain"] | {"band_hz": 2}, f"{GAIN}.band_hz: expected [lowest, highest frequency], found 2"),
+        (bounded("ref", "own", 1.0)["gain"] | {"measure": "both"}, f'{GAIN}.measure: expected one of "lifted", "base-band"'),
     ],
 )
 def test_what_cannot_be_required_is_one_clear_line(gain, expected):
@@ -236,8 +369,20 @@ def test_what_cannot_be_required_is_one_clear_line(gain, expected):
 
 def test_names_that_a_loop_does_not_have_and_outputs_that_drift_are_refused():
     loop = wavesweep.compile(INTEGRATOR)
-    with pytest.raises(UsageError, match=r"gain\.to: expected a name in \[ports\] \(error, own\), found 'p\.y'"):
-        loop.stable_intervals(require=bounded("ref", "p.y", 1.0))
+    with pytest.raises(
+        UsageError, match=r'gain\.to: expected an output of the loop \(error, own\) or a signal .*, found "p\.x"'
+    ):
+        loop.stable_intervals(require=bounded("ref", "p.x", 1.0))
+    of_hand = wavesweep.load({"controller": {"kind": "dc"}, "sweep": {"require": bounded("hand", "x", 1.0)}})
+    with pytest.raises(UsageError, match=r'gain\.from: expected an input of the loop \(f_h\), found "hand"'):
+        wavesweep.stability_region(of_hand)
+    for measure, half in (("lifted", 500 / 20), ("base-band", 500)):
+        spec = {"controller": {"kind": "dc-slow"}, "sweep": {"along": "K_VE", "K_VE": {"start": 5, "stop": 50}}}
+        spec["sweep"]["require"] = {"gain": bounded("f_h", "x", 1.0)["gain"] | {"measure": measure, "band_hz": [1, 501]}}
+        with pytest.raises(
+            UsageError, match=rf"band_hz: expected frequencies up to {half:g} Hz, half the rate of the .*, found 501"
+        ):
+            wavesweep.stability_region(wavesweep.load(spec))
     free = {**INTEGRATOR, "block": INTEGRATOR["block"] | {"q": {"type": "tf", "num": [1], "den": [1, 0]}}}
     free |= {"wire": INTEGRATOR["wire"] | {"q.u": "p.y"}, "ports": {"inputs": {"ref": "ref"}, "outputs": {"place": "q.y"}}}
     free["wire"]["p.u"] = "K*(ref - p.y)"

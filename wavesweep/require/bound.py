@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.from_drawing import OUTPUT
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.spectrum import GONE
-from wavesweep.require.keys import SETTLED
+from wavesweep.require.keys import SETTLED, GainBound
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
 BY_DISCS, BY_GAIN = 0.1, 1.0  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain
@@ -21,8 +20,8 @@ BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true }
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Bounds on the eigenvalues of a drawing's frame: their size `radius`, the time `settling` (s) in which a mode is down to
-    SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`. gain: names of an input
-    and an output, and what the gain between them stays below; None if none is required.
+    SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`. gain: what a gain stays
+    below; None if none is required.
 
     The protocol is that of `core.analyses.bound`.
     """
@@ -31,7 +30,7 @@ class Bound:
     settling: float = np.inf
     damping_ratio: float = 0.0
     bounded: bool = False
-    gain: tuple[str, str, float] | None = None
+    gain: GainBound | None = None
 
     @property
     def of_modes(self) -> "Bound | None":
@@ -85,13 +84,10 @@ class Bound:
     def within_gain(self, loops, along: str, span, period, bounds, stable: Intervals) -> Intervals:
         """The intervals in which the gain is small enough, looked for where the loops may be stable."""
         from wavesweep.require.gains import along_gain
+        from wavesweep.require.signals import routed
 
-        sides = (("from", loops.drawing.inputs), ("to", loops.drawing.outputs))
-        for name, (key, known) in zip(self.gain, sides, strict=False):
-            if name not in (names := [each for each, *_ in known]):
-                raise UsageError(f"sweep.require.gain.{key}: expected a name in [ports] ({', '.join(names)}), found {name!r}")
-        source = next(signal for name, signal, _ in loops.drawing.inputs if name == self.gain[0])
-        return along_gain(loops, along, span, period, bounds, (source, OUTPUT + self.gain[1]), self.gain[2], stable)
+        drawing, route = routed(loops.drawing, *self.gain[:2])
+        return along_gain(loops._replace(drawing=drawing), along, span, period, bounds, route, self.gain, stable)
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
@@ -120,6 +116,12 @@ def words_of(written: Mapping[str, object]) -> str:
     gain = written.get("gain")
     said = [
         f"every mode {modes}" if modes else "stability",
-        gain and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}",
+        gain and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
     ]
     return " and ".join(filter(None, said))
+
+
+def _band(gain):
+    """The band of a gain in words, and what it is if it is not the lifted one."""
+    band = " from {:g} to {:g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
+    return band + (" at the frequency itself" if "measure" in gain else "")

@@ -11,15 +11,15 @@ and it is singular on the circle only where the pencil `N - z L` is (see `hinf`)
     N = [A 0 G; P -1 S; S' 0 R],   L = [1 0 0; 0 -A' 0; 0 -G' 0].
 
 So in a connected set of numbers in which no eigenvalue of the pencil is on the circle, the form is positive everywhere if it is
-at one angle of one number. The map `(z - a)/(1 - conj(a) z)` takes the circle to itself, and what is infinite to a finite
-place: less its value c at z = 1, over c, the eigenvalues d of the circle have |1 + d| = 1, and solve
+at one angle of one number. The same holds on an arc of the circle, a band of frequencies. See `pencil` for how it is shown, and
+`maps` for the map that shows the gain at the frequency itself.
 
-    rate (N - L) v = d (L - conj(a) N) v,   rate = (1 - |a|^2)/(1 - a).
+Where the gain at rest is the level itself, as in a string of vehicles, the form is 0 at z = 1 for a constant input, whose unit
+vector is w: H(1) w = h, h' H(1) = level^2 w'. With u + f w w'u/(z - 1) in place of u, which is as much to the determinant as
+|z - 1 + f|^2/|z - 1|^2, it is such a form too that shows how the gain leaves the level: with r = (1 - A)^-1 G w and
+c = h' O (1 - A)^-1
 
-Where the gain at rest of a loop of one tick is the level itself, as in a string of vehicles, `level^2 - |H|^2` is 0 at z = 1.
-Times |z - b|^2/|z - 1|^2 it is such a form too: with f = 1 - b, r = (1 - A)^-1 G and c = H(1) O (1 - A)^-1
-
-    x = (z - A)^-1 (G - f r) u,   P = -O'O,   S' = -T O - f c A,   R = level^2 - T^2 + f^2 c r - 2 f c G.
+    x = (z - A)^-1 (G - f r w') u,   P = -O'O,   S' = -T'O - f w c A,   R = level^2 - T'T + f^2 c r w w' - f (w c G + G'c'w').
 """
 
 from dataclasses import dataclass, replace
@@ -37,36 +37,35 @@ from wavesweep.core.monodromy.circle import inverse, on_circle, solve
 from wavesweep.core.monodromy.drift import TickDrift
 from wavesweep.core.monodromy.open_ticks import facts_of
 from wavesweep.core.monodromy.periodic import ticks_of
-from wavesweep.core.monodromy.rounding import ENTRIES, ROUNDING, balance
+from wavesweep.core.monodromy.rounding import ROUNDING
+from wavesweep.core.reading.checking import show
 from wavesweep.core.response.port import port_between
-from wavesweep.core.response.ticks import joined, plus, times
+from wavesweep.core.response.ticks import plus, times
 from wavesweep.core.stability.frames import level as level_of
 from wavesweep.core.stability.frames import pole_inside
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.regions import NEAR_ZERO
 from wavesweep.core.sweep.grid import Loops
-from wavesweep.require.discs import SMALL
+from wavesweep.require.keys import BASE_BAND, GainBound
+from wavesweep.require.maps import on_average, over_frame
 from wavesweep.require.panels import BAD, GOOD, OPEN, RIM, SAFE, Accuracy, along_panels
+from wavesweep.require.pencil import angles_of, clear, off_circle
 
-TURN = 0.35 + 0.4j  # a
-RATE = (1 - abs(TURN) ** 2) / (1 - TURN)
-ONE = (1 - TURN) / (1 - np.conj(TURN))  # where the map takes z = 1
-SURELY = 1e-9  # relative, by which dominance has to hold beyond its own rounding
 POSITIVE = 1e-9  # of the terms of the form, from which on it is positive at an angle whatever rounding does
-SWEEPS = 12  # of balancing
 ANGLES = 8  # eigenvalues next to the circle, at whose angles and between which the form is looked at
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where the gain at rest is looked at
 EXACT = 1e-8  # of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by its root
 AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
+LARGEST = 100  # states of a map: a pencil of these takes half a second for each panel, of which there are hundreds
 
 
-def along_gain(loops: Loops, along: str, span, period, bounds, route, level: float, stable: Intervals) -> Intervals:
+def along_gain(loops: Loops, along: str, span, period, bounds, route, wanted: GainBound, stable: Intervals) -> Intervals:
     """All intervals of a number in which the gain of loops stays below a level, within those in which they may be stable.
 
     route: the input and the signal. period: of the frame, s, `(columns,)`. bounds: see `along_panels`. The omegas of ends are
     those at which the gain is largest, with a minus: no mode is on the circle there. A gain at rest that is the level at all
-    values, in loops of one tick, is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT.
-    Errors: UsageError if the signal moves without end.
+    values is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT.
+    Errors: UsageError if the signal moves without end, and for a band or a loop that the gain cannot be had of.
     """
     drift = drift_of(loops.changed({along: np.array(span)}), watched=route[1:])
     values, size = span[0] + (span[1] - span[0]) * np.array(TYPICAL), period.size
@@ -75,20 +74,53 @@ def along_gain(loops: Loops, along: str, span, period, bounds, route, level: flo
     if port.outputs > 1:
         what = route[1].removeprefix(OUTPUT)
         raise UsageError(f"sweep.require.gain.to: expected an output that comes to rest, found {what}, which drifts")
-    kept = np.flatnonzero(read(port.maps) & reached(port.maps))
+    on = wanted.measure == BASE_BAND
+    step = period / port.kind.size if on else period
     gain = Gain(
-        loops, along, route, level, drift, kept if kept.size else np.arange(1), port.kind.size, np.arange(size), stable, False
+        *(loops, along, route, wanted.at_most, drift, _needed(port.maps), None, on, 1 if on else port.kind.size),
+        *(np.arange(size), stable, _arc(wanted, port.kind.size, step), False),
     )
-    E, G, O, T = (part for part, _ in gain.maps(number, p)[0])
-    at_rest = np.zeros(size, bool)
-    if port.kind.size == 1:
-        at_rest = (np.abs(np.abs(T - O @ solve(E, G)) - level) <= AT_REST * level).reshape(size, -1).all(-1)
+    maps = gain.maps(number, p)[0]
+    if on and port.kind.size > 1:
+        gain = replace(gain, slots=_needed([[part for part, _ in maps]]))
+        maps = gain.maps(number, p)[0]
+        if gain.slots.size > LARGEST:
+            raise UsageError(
+                f'sweep.require.gain.measure: expected "lifted" for a loop with {gain.slots.size} states in all ticks of a '
+                f"frame, of which this takes {LARGEST} at most, found {show(BASE_BAND)}"
+            )
+    E, G, O, T = (part for part, _ in maps)
+    H, w = T - O @ solve(E, G), np.full((gain.inputs, 1), gain.inputs**-0.5)
+    signed = np.copysign(gain.level, _t(w) @ H @ w) * w
+    off = np.max([np.abs(each @ w - signed).max((-1, -2)) for each in (H, _t(H))], 0)
+    at_rest = (off <= AT_REST * gain.level).reshape(size, -1).all(-1) & (gain.arc[:, 0] == 0)
     columns = [np.flatnonzero(at_rest == touching) for touching in (False, True)]
     judges = [replace(gain, columns=some, at_rest=bool(at_rest[some[0]])) for some in columns if some.size]
-    found = along_panels(judges, np.ones(size, bool), span, period, bounds, Accuracy(EXACT, 64.0, EXACT, EXACT))
+    found = along_panels(judges, np.ones(size, bool), span, step, bounds, Accuracy(EXACT, 64.0, EXACT, EXACT))
     return _attached(
         replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega), stable, NEAR_ZERO * (span[1] - span[0])
     )
+
+
+def _needed(maps):
+    """The states that the input reaches and the signal depends on."""
+    kept = np.flatnonzero(read(maps) & reached(maps))
+    return kept if kept.size else np.arange(1)
+
+
+def _arc(wanted, ticks, step):
+    """The angles of the ends of the band, `(columns, 2)`; ticks: of a frame; step: of the map, s."""
+    if wanted.band_hz is None:
+        return np.tile([0.0, np.pi], (step.size, 1))
+    arc = 2 * np.pi * np.outer(step, wanted.band_hz)
+    if (beyond := arc[:, 1] > np.pi * (1 + 1e-9)).any():
+        of = "frames" if ticks > 1 and wanted.measure != BASE_BAND else "ticks"
+        more = f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)' if of == "frames" else ""
+        raise UsageError(
+            f"sweep.require.gain.band_hz: expected frequencies up to {0.5 / step[beyond].max():g} Hz, half the rate of the {of}"
+            f"{more}, found {wanted.band_hz[1]:g}"
+        )
+    return np.minimum(arc, np.pi)
 
 
 def _attached(found, stable, nothing):
@@ -117,8 +149,10 @@ def _port(loops, along, drift, route, number, p):
 class Gain:
     """The gain of loops between an input and a signal (route) along a number; level: which it has to stay below.
 
-    A judge of `panels`, of these columns. kept: states that the input reaches and the signal depends on. inputs: ticks of the
-    frame. stable: where loops may be stable, and nothing is looked for elsewhere. at_rest: see `along_gain`.
+    A judge of `panels`, of these columns. kept: states that the input reaches and the signal depends on. inputs: of the
+    map. slots: of the states side by side, those of the map at the frequency itself; None of the lifted map. stable: where
+    loops may be stable, and nothing is looked for elsewhere. arc: its ends (rad), on which it has to be so, `(columns, 2)`.
+    at_rest: see `along_gain`.
     """
 
     loops: Loops
@@ -127,9 +161,12 @@ class Gain:
     level: float
     drift: TickDrift
     kept: np.ndarray
+    slots: np.ndarray | None
+    average: bool
     inputs: int
     columns: np.ndarray
     stable: Intervals
+    arc: np.ndarray
     at_rest: bool
     many: ClassVar[int] = 1000
     smooth: ClassVar[bool] = False
@@ -137,7 +174,12 @@ class Gain:
     @property
     def order(self) -> int:
         """Of the pencil."""
-        return 2 * self.kept.size + self.inputs
+        return 2 * self.states + self.inputs
+
+    @property
+    def states(self) -> int:
+        """Of the map."""
+        return self.kept.size if self.slots is None else self.slots.size
 
     def maps(self, column, p):
         """E less identity, G, O and T of a frame, each with a bound on its error, and pivots; NaN without a solution."""
@@ -145,7 +187,7 @@ class Gain:
             port, pivots = _port(self.loops, self.along, self.drift, self.route, self.columns[column], p)
         except IllPosedLoopError:
             if p.size == 1:
-                n, m = self.kept.size, self.inputs
+                n, m = self.states, self.inputs
                 shapes = ((1, n, n), (1, n, m), (1, m, n), (1, m, m))
                 return [(np.full(shape, np.nan),) * 2 for shape in shapes], np.zeros((1, 1))
             halves = [self.maps(column[part], p[part]) for part in np.array_split(np.arange(p.size), 2)]
@@ -153,7 +195,12 @@ class Gain:
                 tuple(map(np.concatenate, zip(*pair, strict=True))) for pair in zip(*(each for each, _ in halves), strict=True)
             ]
             return maps, np.zeros((p.size, 1))  # which may be poles
-        return _lifted(port, self.kept, p.shape), pivots
+        if not self.average:
+            return over_frame(port, self.kept, p.shape), pivots
+        E, G, O, T = on_average(port, self.kept, p.shape)
+        if (own := self.slots) is not None:
+            E, G, O = (tuple(x[:, own[:, None], own] for x in E), tuple(x[:, own] for x in G), tuple(x[:, :, own] for x in O))
+        return (E, G, O, T), pivots
 
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
@@ -180,9 +227,10 @@ class Gain:
         if not some.size:
             return label
         middles = K[some, 0].real, dK[some, 0], L[some, 0].real, dL[some, 0]
-        inside, d = clear(*middles, (K[some, 1:], L[some, 1:]), self.inputs)
+        arc = self.arc[self.columns[column[some]]]
+        inside, d = clear(*middles, (K[some, 1:], L[some, 1:]), self.inputs, arc)
         parts = [tuple(part.reshape(*shape, *part.shape[1:])[some] for part in pair) for pair in (maps[0], *form)]
-        theta = _angles(d)
+        theta = _angles(d, arc)
         value, size, v = _least([part[:, 0].real for part, _ in parts], theta)
         good = inside & (value > POSITIVE * size).any(-1)
         label[some[good]] = GOOD
@@ -199,8 +247,9 @@ class Gain:
         maps, _ = self.maps(np.full(p.size, np.searchsorted(self.columns, column)), p)
         form = self.form(1, *maps)
         (K, dK), (L, dL) = self.pencil(maps[0], *form)
-        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs)
-        theta = _angles(d)
+        arc = self.arc[np.full(p.size, column)]
+        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs, arc)
+        theta = _angles(d, arc)
         value, size, _ = _least([part for part, _ in (maps[0], *form)], theta)
         most = (value / size).argmin(-1)[:, None]
         value, size, theta = (np.take_along_axis(part, most, 1)[:, 0] for part in (value, size, theta))
@@ -210,32 +259,36 @@ class Gain:
         """The matrices G, P, S, R of the form, each with a bound on its error; points: of a disc, with one b."""
         if self.at_rest:
             return self._form_at_rest(points, E, G, O, T)
-        TT = times(_transposed(T), T)
-        R = plus((self.level**2 * np.eye(TT[0].shape[-1]), 0.0), _minus(TT))
         back = _transposed(O)
-        return G, _minus(times(back, O)), _minus(times(back, T)), R
+        return G, _minus(times(back, O)), _minus(times(back, T)), self._level_less(T)
 
     def _form_at_rest(self, points, E, G, O, T):
-        X = inverse(-E[0])
-        aX, sign = np.abs(X), np.sign((T[0] + O[0] @ X @ G[0]).real)
-        r, c = X @ G[0], self.level * sign * (O[0] @ X)
-        r = r, aX @ (E[1] @ np.abs(r) + G[1] + ROUNDING * (np.abs(E[0]) @ np.abs(r) + np.abs(G[0])))
-        c = c, (np.abs(c) @ (E[1] + ROUNDING * np.abs(E[0])) + self.level * (O[1] + ROUNDING * np.abs(O[0]))) @ aX
-        ticks = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2  # by which a slow input is late
-        f = np.repeat(1 / np.maximum(2.0, ticks), points, axis=0).reshape(-1, 1, 1)
-        g = plus(G, _minus(_scaled(f, r)))
-        cA = plus(c, _minus(_scaled(self.level * sign, O)))
-        S = _minus(_transposed(plus(times(T, O), _scaled(f, cA))))
-        late = plus(_scaled(f**2, times(c, r)), _minus(_scaled(2 * f, times(c, G))))
-        R = plus(plus((self.level**2, 0.0), _minus(times(T, T))), late)
-        return g, _minus(times(_transposed(O), O)), S, R
+        X, w = inverse(-E[0]), np.full((self.inputs, 1), self.inputs**-0.5)
+        aX, h = np.abs(X), self.level * np.sign((_t(w) @ (T[0] + O[0] @ X @ G[0]) @ w).real) * w
+        h, w, G_w = (h, 0 * h), (w, 0 * w), times(G, (w, 0 * w))
+        h_O, r = times(_transposed(h), O), X @ G_w[0]
+        r, c = (r, aX @ (E[1] @ np.abs(r) + G_w[1] + ROUNDING * (np.abs(E[0]) @ np.abs(r) + np.abs(G_w[0])))), h_O[0] @ X
+        c = c, (np.abs(c) @ (E[1] + ROUNDING * np.abs(E[0])) + h_O[1] + ROUNDING * np.abs(h_O[0])) @ aX
+        frames = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2  # by which a slow input is late
+        f = np.repeat(1 / np.maximum(2.0, frames), points, axis=0).reshape(-1, 1, 1)
+        w_c, w_cG = times(w, plus(c, _minus(h_O))), times(w, times(c, G))
+        S = _minus(_transposed(plus(times(_transposed(T), O), _scaled(f, w_c))))
+        late = times(times(w, times(c, r)), _transposed(w))
+        late = plus(_scaled(f**2, late), _minus(_scaled(f, plus(w_cG, _transposed(w_cG)))))
+        R = plus(self._level_less(T), late)
+        return plus(G, _minus(_scaled(f, times(r, _transposed(w))))), _minus(times(_transposed(O), O)), S, R
+
+    def _level_less(self, T):
+        """level^2 - T'T."""
+        TT = times(_transposed(T), T)
+        return plus((self.level**2 * np.eye(TT[0].shape[-1]), 0.0), _minus(TT))
 
     def pencil(self, E, G, P, S, R):
         """N - L and L, each with a bound on its error."""
         n, m = G[0].shape[-2:]
         x, l, u, found = slice(n), slice(n, 2 * n), slice(2 * n, None), []
         for e, g, p, s, r in zip(E, G, P, S, R, strict=True):
-            K, L = np.zeros((2, *g.shape[:-2], 2 * n + m, 2 * n + m), g.dtype)
+            K, L = np.zeros((2, *g.shape[:-2], 2 * n + m, 2 * n + m), np.result_type(e, g, p, s, r))
             K[..., x, x], K[..., x, u] = e, g
             K[..., l, x], K[..., l, l], K[..., l, u] = p, _t(e), s
             K[..., u, x], K[..., u, l], K[..., u, u] = _t(s), _t(g), r
@@ -262,99 +315,15 @@ def _transposed(pair):
     return tuple(np.swapaxes(part, -1, -2) for part in pair)
 
 
-def _lifted(port, kept, batch):
-    """E less identity, G, O and T of a frame, of some states, each with a bound on its error."""
-    ticks = []
-    for (E, B, C, D), sizes in zip(port.maps, port.sizes, strict=True):
-        parts = [(E, sizes[0]), (B, sizes[1]), (C, sizes[2]), (D, sizes[3])]
-        ticks.append([np.broadcast_to(part, (*batch, *part.shape[-2:])) for pair in parts for part in pair])
-    n, M = kept.size, port.kind.size
-    E, G, O, T = (np.zeros((*batch, n, n)),) * 2, (np.zeros((*batch, n, 0)),) * 2, [], []
-    for at, kind in enumerate(port.kind.tolist()):
-        e, de, b, db, c, dc, d, dd = ticks[kind]
-        e, b, c = ((x, ENTRIES * dx) for x, dx in ((e, de), (b, db), (c, dc)))
-        e, b, c = (tuple(x[:, kept[:, None], kept] for x in e), tuple(x[:, kept] for x in b), tuple(x[:, :, kept] for x in c))
-        O.append(plus(c, times(c, E)))
-        T.append(joined((times(c, G), (d, ENTRIES * dd), (np.zeros((*batch, 1, M - at - 1)),) * 2), -1))
-        E = plus(plus(E, e), times(e, E))
-        G = joined((plus(G, times(e, G)), b), -1)
-    return E, G, joined(O, -2), joined(T, -2)
-
-
-def clear(K, dK, L, dL, rims, inputs):
-    """Whether no eigenvalue of pencils is on the circle, for all numbers of discs; the eigenvalues in the middle, see the head.
-
-    K, L: N - L and L in the middle, `(n, r, r)`, with bounds on their errors; rims: both on circles of twice the size about the
-    discs, `(n, points, r, r)`. inputs: the last columns, in which L is 0 and the pencil is N times a number that is not 0 for
-    any d of the circle. Without this number, and in vectors V of the eigenvalues and a basis W, it is diagonal in the middle,
-    `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
-    """
-    N, n = K.shape[-1], K.shape[-1] - inputs
-    states, last = np.arange(N) < n, np.arange(N) >= n
-
-    def parts(K, L, sizes=False):
-        """P and Q of `P - d Q`, or their sizes."""
-        rate, back, one = RATE, -np.conj(TURN), 1 - np.conj(TURN)
-        if sizes:
-            rate, back, one = abs(rate), abs(back), abs(one)
-        return np.where(last, K, rate * K), states * (one * L + back * K)
-
-    (P, Q), rounding = parts(K, L), N * ROUNDING  # of complex products of three, one after the other
-    sizes = parts(dK + rounding * np.abs(K), dL + rounding * np.abs(L), sizes=True)
-    with np.errstate(all="ignore"):
-        from_u = inverse(P[:, n:, n:])
-        S, T = (part[:, :n, :n] - P[:, :n, n:] @ from_u @ part[:, n:, :n] for part in (P, Q))
-        S = inverse(T) @ S
-        fine = np.isfinite(S).all((-1, -2))
-        S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
-        delta, V = _vectors(S)
-        V = units[:, :, None] * V
-        U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
-        V = np.concatenate([np.concatenate([V, 0 * _t(U)], -1), np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)], -2)
-        W = inverse(np.where(last, P, Q @ V))
-        moved = [part - whole[:, None] for part, whole in zip(rims, (K, L), strict=True)]
-        moved = [np.concatenate(some, 1) for some in zip(parts(*moved), parts(*(part.conj() for part in moved)), strict=True)]
-        d = np.concatenate([delta, np.zeros((len(delta), inputs))], -1)
-        off = W @ P @ V - W @ Q @ V * d[:, None, :] - np.eye(N) * last, W @ Q @ V - np.eye(N) * states
-        F, loss = (
-            SAFE / 2 * np.abs(W[:, None] @ part @ V[:, None]).max(1) + np.abs(each) + np.abs(W) @ size @ np.abs(V)
-            for part, each, size in zip(moved, off, sizes, strict=True)
-        )
-        room = np.where(last, 1.0, np.abs(2 * d.real + np.abs(d) ** 2) / (np.abs(1 + d) + 1))
-        size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
-        H = (F + size[:, :, None] * loss) / room[:, :, None]
-        fine &= np.isfinite(H).all((-1, -2))
-        H, _ = balance(np.where(fine[:, None, None], H, 0.0), SWEEPS)
-        u = solve(np.eye(N) * (1 + SURELY) - H, np.ones((len(H), N, 1)))
-        fine &= (u > 0).all((1, 2)) & (H @ u < u * (1 - SURELY / 2)).all((1, 2))
-    return fine, delta
-
-
-def _vectors(S):
-    """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may have too few, a Schur basis."""
-    from scipy.linalg import schur
-
-    delta, V = (part.astype(complex) for part in np.linalg.eig(S))
-    for middle in (-TURN, -1 / np.conj(TURN)):
-        place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
-        near = np.abs(delta - place) <= SMALL
-        for at in np.flatnonzero(near.sum(-1) > 1):
-            T, basis, count = schur(S[at], output="complex", sort=lambda d, place=place: abs(d - place) <= SMALL)
-            if count == near[at].sum():
-                delta[at, near[at]], V[at][:, near[at]] = np.diagonal(T)[:count], basis[:, :count]
-    return delta, V
-
-
-def _angles(d):
-    """Angles (rad per frame) at which the form is looked at, `(n, any)`: some, those of eigenvalues next to the circle, and
+def _angles(d, arc):
+    """Angles (rad) of arcs at which the form is looked at, `(n, any)`: some, those of eigenvalues next to the circle, and
     between these."""
-    off = np.abs(np.abs(1 + d) - 1)
+    off = off_circle(d)
     nearest = np.argsort(off, -1)[:, :ANGLES]
     d, off = (np.take_along_axis(part, nearest, -1) for part in (d, off))
-    zeta = ONE * (1 + d)
-    theta = np.abs(np.angle((zeta + TURN) / (1 + np.conj(TURN) * zeta)))
-    found = with_middles(np.where(off <= NEAR, theta, np.nan))
-    return np.concatenate([np.nan_to_num(found), np.broadcast_to(START, (len(d), START.size))], -1)
+    found = with_middles(np.clip(np.where(off <= NEAR, angles_of(d), np.nan), arc[:, :1], arc[:, 1:]))
+    found = np.where(np.isnan(found), arc[:, :1], np.clip(found, arc[:, :1], arc[:, 1:]))
+    return np.concatenate([found, arc[:, :1] + (arc[:, 1:] - arc[:, :1]) * START / np.pi], -1)
 
 
 def _least(parts, theta):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import Leaf, show
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SETTLED = 0.02  # share of its size to which a mode has decayed when it has settled
 PATH = "sweep.require"
+LIFTED, BASE_BAND = "lifted", "base-band"
 KEYS = by_path(
     [
         number(
@@ -62,30 +63,57 @@ KEYS = by_path(
             "H-infinity norm, of all ticks of a frame",
             high=1e12,
         ),
+        Key("sweep.require.gain.band_hz", "list", None, "Hz", "lowest and highest frequency at which it has to be so"),
+        word(
+            "sweep.require.gain.measure",
+            LIFTED,
+            "what the gain is of a loop of several rates",
+            {
+                LIFTED: "of inputs of any form: the largest singular value of all ticks of a frame",
+                BASE_BAND: "of a sine: the component at its own frequency over it, as bode has it",
+            },
+        ),
     ]
 )
 KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()}
 OF_GAIN = tuple(name for name in KEYS_BY_NAME if name.startswith("gain."))
+NEEDED = OF_GAIN[:3]
+HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
+
+
+class GainBound(NamedTuple):
+    """What a gain has to be below: the names of an input and an output, the level, a band, and what the gain is."""
+
+    source: str
+    signal: str
+    at_most: float
+    band_hz: tuple[float, float] | None = None
+    measure: str = LIFTED
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        found: dict[str, object] = {"from": self.source, "to": self.signal, "at_most": self.at_most}
+        found |= {"band_hz": list(self.band_hz)} if self.band_hz else {}
+        return found | ({"measure": self.measure} if self.measure != LIFTED else {})
 
 
 @dataclass(frozen=True, slots=True)
 class Require(Asked):
     """The bounds on every mode: its eigenvalue of a frame, the time (s) in which it is down to SETTLED, its damping ratio.
 
-    bounded: whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these. gain: the
-    names of an input and an output, and a bound on the gain from one to the other.
+    bounded: whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
     """
 
     radius: float | None = None
     settling: float | None = None
     damping_ratio: float | None = None
     bounded: bool = False
-    gain: tuple[str, str, float] | None = None
+    gain: GainBound | None = None
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         found = {name: value for name, value in asdict(self).items() if value}
-        return found | ({"gain": dict(zip(("from", "to", "at_most"), self.gain, strict=True))} if self.gain else {})
+        return found | ({"gain": self.gain.written()} if self.gain else {})
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
         """Raise UsageError, since more is required; see `Asked`."""
@@ -112,18 +140,24 @@ def build(request: Request) -> Require | None:
     if isinstance(getattr(leaves.get("gain"), "value", None), dict):  # as a call of the library gives it
         leaf = leaves.pop("gain")
         leaves |= {f"gain.{name}": Leaf(value, leaf.place) for name, value in leaf.value.items()}
+    band = leaves.pop("gain.band_hz", None)
     numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
     if numbers.get("bounded") and len(numbers) > 1:
         mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", "true alone", "other requirements as well", of_key=False)
-    gain = tuple(numbers.pop(name, None) for name in OF_GAIN)
-    for name in OF_GAIN if any(leaves.keys() & {*OF_GAIN}) else ():
+    gain = {name.removeprefix("gain."): numbers.pop(name) for name in OF_GAIN if name in numbers}
+    for name in NEEDED if band or leaves.keys() & {*OF_GAIN} else ():
         if name not in leaves:
-            some = next(leaf for other, leaf in leaves.items() if other in OF_GAIN)
-            mistakes.refuse(some, f"{PATH}.gain", f"all of {', '.join(OF_GAIN)}", f"none of {name}")
-    for name, ports in (("gain.from", "inputs"), ("gain.to", "outputs")):
-        path = f"{PATH}.{name}"
-        request.refuse_unknown_ends(path, [leaves[name].value] if path in request.belongs.keys else (), ports)
-    gain = None if None in gain else gain
+            some = band or next(leaf for other, leaf in leaves.items() if other in OF_GAIN)
+            mistakes.refuse(some, f"{PATH}.gain", f"all of {', '.join(NEEDED)}", f"none of {name}")
+    if band:
+        gain["band_hz"] = ends = tuple(mistakes.check_list(HZ, band, HZ.path, "[lowest, highest frequency]", count=2))
+        if len(ends) == 2 and None not in ends and ends[0] >= ends[1]:
+            mistakes.refuse(band, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False)
+    if request.drawing:
+        for name, ports in (("gain.from", "inputs"), ("gain.to", "outputs")):
+            path = f"{PATH}.{name}"
+            request.refuse_unknown_ends(path, [leaves[name].value] if path in request.belongs.keys else (), ports)
+    gain = None if {"from", "to", "at_most"} - gain.keys() else GainBound(gain.pop("from"), gain.pop("to"), **gain)
     return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
 
 

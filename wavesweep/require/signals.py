@@ -1,0 +1,56 @@
+"""The names by which the ends of a gain are found in a loop, drawn or of a controller."""
+
+from dataclasses import replace
+
+from wavesweep.core.drawing.drawing import Drawing
+from wavesweep.core.drawing.expressions import ONE
+from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.from_drawing import OUTPUT
+from wavesweep.core.reading.checking import nearest, show
+
+# What simulate has in columns: names of signals, and of what is there of them the first one.
+COLUMNS = {
+    "v": ("device.v",),
+    "v_hat": ("velocity.y", "device.v"),
+    "u_m": ("encoder.out",),
+    "v_m": ("encoder.in",),
+    "v_s": ("avatar.out",),
+    "x_s": ("avatar.x", "avatar.y"),
+    "x_dot_s": ("avatar.v", "avatar_speed.y"),
+    "F_s": ("avatar.f", "wall.y"),
+    "u_h": ("local.in",),
+    "v_l": ("local.out",),
+}
+
+
+def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[str, str]]:
+    """Return a drawing with an output for the signal, and the input and the output between which the gain is.
+
+    source: an input in [ports], or the signal of the hand's force. signal: an output in [ports], a port of a block as
+    BLOCK.PORT, or a name in [signals]; of a loop with a hand x, and f_m against it; of a controller's loop COLUMNS too.
+    Errors: UsageError for other names.
+    """
+    inputs = {name: each for name, each, _ in drawing.inputs} | {name: name for name in (drawing.hand or ())[:1]}
+    outputs = {name: terms for name, terms, _ in drawing.outputs} | dict(drawing.named)
+    made = {f"{block.name}.{port}" for block in drawing.blocks for port in block.ports[1]}
+    outputs |= {**dict(drawing.wires), **{name: ((name, ONE),) for name in made}}
+    columns = {}
+    if drawing.hand:
+        columns = {name: terms for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True) if terms is not None}
+        if not drawing.numbers:  # the loop of a controller
+            first = {name: next((each for each in some if each in outputs), None) for name, some in COLUMNS.items()}
+            columns |= {name: outputs[each] for name, each in first.items() if each}
+    outputs = {**columns, **outputs}
+    for key, name, known, what in (("from", source, inputs, "an input"), ("to", signal, outputs, "an output")):
+        if name not in known:
+            named = [each for each in known if "." not in each] if key == "to" else known
+            more = " or a signal BLOCK.PORT" if key == "to" else ""
+            hint = nearest(name, known)
+            hint = f"; did you mean {hint}?" if hint else ""
+            raise UsageError(
+                f"sweep.require.gain.{key}: expected {what} of the loop ({', '.join(named)}){more}, found {show(name)}{hint}"
+            )
+    drawing = replace(
+        drawing, outputs=(*(each for each in drawing.outputs if each[0] != signal), (signal, outputs[signal], ""))
+    )
+    return drawing, (inputs[source], OUTPUT + signal)
