@@ -123,5 +123,5 @@ def words_of(written: Mapping[str, object]) -> str:
 
 def _band(gain):
     """The band of a gain in words, and what it is if it is not the lifted one."""
-    band = " from {:g} to {:g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
+    band = " between {:g} and {:g} Hz".format(*gain["band_hz"]) if "band_hz" in gain else ""
     return band + (" at the frequency itself" if "measure" in gain else "")

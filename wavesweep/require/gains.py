@@ -15,9 +15,8 @@ at one angle of one number. The same holds on an arc of the circle, a band of fr
 `maps` for the map that shows the gain at the frequency itself.
 
 Where the gain at rest is the level itself, as in a string of vehicles, the form is 0 at z = 1 for a constant input, whose unit
-vector is w: H(1) w = h, h' H(1) = level^2 w'. With u + f w w'u/(z - 1) in place of u, which is as much to the determinant as
-|z - 1 + f|^2/|z - 1|^2, it is such a form too that shows how the gain leaves the level: with r = (1 - A)^-1 G w and
-c = h' O (1 - A)^-1
+vector is w: H(1) w = h, h' H(1) = level^2 w'. With u + f w w'u/(z - 1) in place of u, which multiplies the determinant by
+|z - 1 + f|^2/|z - 1|^2, it is such a form too, and not 0 there: with r = (1 - A)^-1 G w and c = h' O (1 - A)^-1
 
     x = (z - A)^-1 (G - f r w') u,   P = -O'O,   S' = -T'O - f w c A,   R = level^2 - T'T + f^2 c r w w' - f (w c G + G'c'w').
 """
@@ -80,16 +79,16 @@ def along_gain(loops: Loops, along: str, span, period, bounds, route, wanted: Ga
         *(loops, along, route, wanted.at_most, drift, _needed(port.maps), None, on, 1 if on else port.kind.size),
         *(np.arange(size), stable, _arc(wanted, port.kind.size, step), False),
     )
-    maps = gain.maps(number, p)[0]
     if on and port.kind.size > 1:
-        gain = replace(gain, slots=_needed([[part for part, _ in maps]]))
-        maps = gain.maps(number, p)[0]
-        if gain.slots.size > LARGEST:
+        if (states := gain.kept.size * port.kind.size) <= 4 * LARGEST:  # of which some are not needed in every tick
+            gain = replace(gain, slots=_needed([[part for part, _ in gain.maps(number[: len(TYPICAL)], p[: len(TYPICAL)])[0]]]))
+            states = gain.slots.size
+        if states > LARGEST:
             raise UsageError(
-                f'sweep.require.gain.measure: expected "lifted" for a loop with {gain.slots.size} states in all ticks of a '
-                f"frame, of which this takes {LARGEST} at most, found {show(BASE_BAND)}"
+                f'sweep.require.gain.measure: expected "lifted" for a loop with {states} states in all ticks of a frame, of '
+                f"which this takes {LARGEST} at most, found {show(BASE_BAND)}"
             )
-    E, G, O, T = (part for part, _ in maps)
+    E, G, O, T = (part for part, _ in gain.maps(number, p)[0])
     H, w = T - O @ solve(E, G), np.full((gain.inputs, 1), gain.inputs**-0.5)
     signed = np.copysign(gain.level, _t(w) @ H @ w) * w
     off = np.max([np.abs(each @ w - signed).max((-1, -2)) for each in (H, _t(H))], 0)
