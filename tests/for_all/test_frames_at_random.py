@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from scipy.signal import butter
 
 import wavesweep
-from wavesweep.core.errors import SpecError
+from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.spec import load
 from wavesweep.core.sweep.grid import loops_of
 from wavesweep.for_all.mean_square import brackets_on_average, decays
@@ -405,6 +405,82 @@ def test_ranges_beside_frames_at_random_are_proved_for_each_of_their_numbers(see
             device = {"m": float(at["device.mass"]), "d": float(at.get("device.damping", 1.5))}
             assert radius(march(row["fails_from"], **device), lengths, shares, results) > 1 - 1e-5  # numbers of six digits
             assert row["high"] < row["fails_from"]
+
+
+def measured_and_sent(lengths, **chances):
+    """A mass whose position comes by one channel, an integral over frames of it, and a force that goes by another one."""
+    return {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"k": 20.0, "c": 0.5, "n": lengths[0]},
+        "block": {
+            "m": {"type": "mass", "mass": 0.5, "damping": 4.0},
+            "up": {"type": "channel", "every": "n"},
+            "sum": {"type": "integrator", "every": "n", "method": "implicit", "phase": 1},
+            "down": {"type": "channel", "every": "n", "phase": 1},
+        },
+        "wire": {"up.u": "m.x", "sum.u": "up.y", "down.u": "up.y + c*sum.y", "m.f": "-k*down.y"},
+        "for_all": {"n": {"values": lengths, "varying": True, **chances}},
+    }
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("seed", range(100))
+def test_messages_lost_at_random_beside_frames_at_random_have_the_moments_of_a_march(seed):
+    rng = np.random.default_rng(seed)
+    lengths = rng.choice(np.arange(2, 12), 2, replace=False).tolist()
+    shares = rng.integers(0, 9, 2 if seed % 2 else (2, 2)) + 1
+    spec = measured_and_sent(lengths, **{"shares" if seed % 2 else "next": shares.tolist()})
+    loss, burst, end, inside = (rng.uniform(0, most) for most in (0.3, 0.1, 0.9, 1.0))
+    down = rng.uniform(0, 0.4) if seed % 3 else 0.0
+    spec["block"]["up"] |= {"loss": loss} | ({"burst": burst, "burst_end": end, "burst_loss": inside} if seed % 4 < 2 else {})
+    spec["block"]["down"] |= {"loss": down} if down else {}
+    free, forced = ticked(0.5, 4.0)
+
+    def march(state, length, before, k, up, sent):
+        v, x, seen, total, force = state
+        for tick in range(length):
+            if tick == 0 and up:
+                seen = x
+            if tick == 1:
+                total += before * T * seen
+                force = seen + 0.5 * total if sent else force
+            v, x = free[0] * v - k * forced[0] * force, x + free[1] * v - k * forced[1] * force
+        return v, x, seen, total, force
+
+    rows = np.array([np.array(row) / sum(row) for row in rows_of(shares.tolist())])
+    bursts = np.array([[1 - burst, burst], [end, 1 - end]]) if seed % 4 < 2 else np.array([[1.0, 0], [1, 0]])
+
+    def moments(k):
+        whole = np.zeros((4, 25, 4, 25))
+        for (i, before), (j, length), up, sent in product(enumerate(lengths), enumerate(lengths), (0, 1), (0, 1)):
+            A = matrix_of(march, 5, length, before, k, up, sent)
+            for b, then in product((0, 1), (0, 1)):
+                chance = abs((0, 1)[up] - (loss, inside)[then]) * abs(sent - down) * bursts[b, then]
+                whole[2 * j + then, :, 2 * i + b] += rows[i % len(rows), j] * chance * np.kron(A, A)
+        return np.abs(np.linalg.eigvals(whole.reshape(100, 100))).max()
+
+    loaded = load(spec)
+    for k in np.geomspace(30, 3000, 6):
+        family = Rules.of(loaded).family({**loaded.values, "numbers.k": k}, "")
+        assert decays(family) == ("proved" if moments(k) < 1 else "refuted")
+
+
+@pytest.mark.parametrize(
+    ("block", "said"),
+    [
+        ({"up": {"loss": 0.1, "missing": "zero"}}, "expected channels that run once a frame and hold the last message"),
+        ({"up": {"loss": 0.1, "every": 1}}, "expected channels that run once a frame and hold the last message"),
+        ({"up": {"loss": 0.1}, "down": {"lost": 1}}, "expected late = 0 and lost = 0 of other channels, found down with more"),
+        ({}, "beside channels, or both frames (shares) and messages (loss, burst) at random, found up (channel)"),
+    ],
+)
+def test_channels_that_cannot_stand_beside_frames_at_random_are_refused(block, said):
+    spec = measured_and_sent([2, 5], shares=[1, 1]) | {"sweep": {"along": "k", "k": {"start": 0, "stop": 10}}}
+    for name, keys in block.items():
+        spec["block"][name] |= keys
+    with pytest.raises((SpecError, UsageError)) as caught:
+        wavesweep.stability_region(spec)
+    assert said in str(caught.value)
 
 
 @pytest.mark.slow

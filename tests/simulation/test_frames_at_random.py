@@ -97,6 +97,30 @@ def test_a_drawn_loop_draws_the_number_of_its_blocks_and_its_mean_square_passes_
     assert growth[1] == pytest.approx(1, abs=0.08)  # of which a run of 500 frames is off by 0.03
 
 
+def test_messages_that_are_lost_beside_frames_that_vary_keep_what_the_channel_shows():
+    spec = {
+        "rates": {"tick_hz": 100.0},
+        "numbers": {"n": 2},
+        "block": {"plant": {"type": "integrator"}, "net": {"type": "channel", "every": "n", "loss": 0.3}},
+        "wire": {"plant.u": "push - 3*net.y", "net.u": "plant.y"},
+        "ports": {"inputs": {"push": "push"}, "outputs": {"place": "plant.y"}},
+        "for_all": {"n": {"values": [2, 5], "varying": True, "shares": [1, 1]}},
+    }
+    push, messages, x, held, expected = np.random.default_rng(1).normal(size=60), [0, None, 0, None, None], 0.0, 0.0, []
+    lengths, starts = [2, 5, 3], []
+    while sum(np.resize(lengths, len(starts))) < len(push):
+        starts.append(sum(np.resize(lengths, len(starts))))
+    for k, each in enumerate(push):
+        if k in starts and messages[starts.index(k) % 5] == 0:
+            held = x
+        expected.append(x)
+        x += 0.01 * (each - 3 * held)
+    run = load(spec | {"simulate": {"frames": lengths, "messages": {"net": [0, "lost", 0, "2 lost"]}}})
+    np.testing.assert_allclose(recorded(simulated(run, push))["place"], expected, rtol=0, atol=1e-14)
+    late = simulated(load(spec | {"simulate": {"frames": "random", "duration_s": 100}}), np.zeros(10_000)).late
+    assert 0.25 < (late == -1).mean() < 0.35
+
+
 @pytest.mark.asks("frame_times")
 def test_a_file_of_frames_is_played_back(tmp_path):
     lengths = [16, 20, 33, 20, 16, 41]

@@ -8,6 +8,7 @@ any other, and there are as many matrices as lengths. (Products of frames in a r
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 from wavesweep.core.drawing.block_types import without_rule
 from wavesweep.core.drawing.conditions import finite_value
@@ -97,11 +98,14 @@ def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = (
     return loop_drawing({**values, RATIO: 20, DELAY: 1}, gains)
 
 
-def plan_of(drawing: Drawing, values: Mapping[str, object], frames: Frames, slow: Slow) -> Plan:
+def plan_of(
+    drawing: Drawing, values: Mapping[str, object], frames: Frames, slow: Slow, channels: frozenset[str] = frozenset()
+) -> Plan:
     """Return what the frames of a loop consist of: the one way from any loop to its frames.
 
     values: numbers by their keys, of which those that the drawing reads count. frames: with delays of results, these are
-    what the blocks of the page of a controller show that have names with `_shown`. slow: has the nominal length.
+    what the blocks of the page of a controller show that have names with `_shown`. slow: has the nominal length. channels: slow
+    blocks whose messages may be lost: they do not run then, and show the last one.
     Errors: SpecError for blocks that cannot have such frames.
     """
     blocks, known = [block for block in drawing.blocks if block.name in slow.names], scalars(values)
@@ -111,21 +115,31 @@ def plan_of(drawing: Drawing, values: Mapping[str, object], frames: Frames, slow
         if phase >= min(frames.lengths):
             refuse(f"block.{name}.phase", f"phases below the shortest frame, {min(frames.lengths)}", f"{phase} of {name}")
     if len({*frames.lengths, slow.nominal}) > 1:
-        _refuse_unsteady(drawing, blocks, slow.number, frames.elapsed)
+        _refuse_unsteady(drawing, [each for each in blocks if each.name not in channels], slow.number, frames.elapsed)
     kinds = {phase: frozenset(name for name in phases if phases[name] == phase) for phase in sorted({0, *phases.values()})}
     steps = frames.lengths if frames.elapsed and len(kinds) > 1 else (None,)
     results = [(delay, 0) for delay in frames.delays] + [(LOST, i + 1) for i in range(frames.lost)]
     through = sorted({delay == 0 for delay, _ in results})
+    some = [frozenset(each) for count in range(len(channels) + 1) for each in combinations(sorted(channels), count)]
+    kinds |= {(phase, gone): kinds[phase] - gone for phase in [*kinds] for gone in some if gone & kinds[phase] == gone != set()}
     symbols = [
-        Symbol(ticks, *result, step, each)
+        Symbol(ticks, *result, step, each, gone)
         for ticks in frames.lengths
         for result in results
         for step in steps
         for each in through
+        for gone in some
     ]
 
+    def kind(phase, symbol):
+        gone = symbol.gone & kinds[phase]
+        return (phase, gone) if gone else phase
+
+    def sample(symbol):
+        return THROUGH if symbol.through else kind(0, symbol)
+
     def rest(symbol):
-        row = [phase if phase in kinds else TICK for phase in range(1, symbol.ticks)]
+        row = [kind(phase, symbol) if phase in kinds else TICK for phase in range(1, symbol.ticks)]
         if symbol.delay in (symbol.ticks, FRAME):
             return [*row, LATE]
         if symbol.delay not in (None, 0, LOST):
@@ -136,7 +150,7 @@ def plan_of(drawing: Drawing, values: Mapping[str, object], frames: Frames, slow
     if frames.delays != IN_PHASE:
         kinds_of_ticks |= {SHOW: shown, LATE: None} | ({THROUGH: frozenset(slow.names)} if 0 in frames.delays else {})
     held = {path: value for path, value in values.items() if path in drawing.reads or path in drawing.building}
-    return Plan(drawing, held, Schedule(kinds_of_ticks, slow.nominal, frames.elapsed, shown), symbols, rest, THROUGH)
+    return Plan(drawing, held, Schedule(kinds_of_ticks, slow.nominal, frames.elapsed, shown), symbols, rest, sample)
 
 
 def _refuse_unsteady(drawing: Drawing, slow: Sequence[DrawnBlock], number: str, elapsed: bool) -> None:

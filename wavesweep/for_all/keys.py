@@ -183,9 +183,6 @@ def _with_chances(request: Request, found: ForAll, chances: Mapping[str, tuple])
         if axis in found.changing
     }
     found = replace(found, shares=rows.get("", ()), delays=rows.get(DELAY, ()))
-    if found.at_random and request.drawing and request.drawing.channels:
-        place = given["for_all.loss"] if found.loss else next(iter(chances.values()))[0].place
-        mistakes.refuse(place, "for_all", "a loop without channels, where frames are at random", "channels", of_key=False)
     if found.at_random and found.lost:
         expected = "loss = PROBABILITY where what varies is at random"
         mistakes.refuse(given["for_all.lost"], "for_all.lost", expected, show(found.lost), of_key=False)

@@ -27,7 +27,7 @@ class Symbol:
     ticks: its length. delay: of the result, in ticks, FRAME or LOST; None in a drawn loop. lost: the number of results lost in
     a row, including this one. step: the period of slow blocks that run after the sample, which is the length of the frame
     before; None if nothing depends on it. through: whether the next result is in place at once, with the sample that ends this
-    frame.
+    frame. gone: channels whose message of the frame is lost; that of a sample is in the frame that it ends.
     """
 
     ticks: int
@@ -35,6 +35,7 @@ class Symbol:
     lost: int = 0
     step: int | None = None
     through: bool = False
+    gone: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,11 +95,12 @@ class LoopFrames:
         changes, errors = [each.E for each in maps], [ENTRIES * each.terms[0] for each in maps]
         n = len(changes[0])
         E, dE = np.empty((2, len(self.rows), n, n))
+        known = {} if self.at_once else {row: _in_a_row(row, changes, errors) for row in {*self.rows}}
         for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
             if self.at_once is not None:
                 whole, error = self.at_once.enclosed(i, changes, errors)
             else:
-                whole, error = both(_in_a_row(row, changes, errors), (changes[sample], errors[sample]))
+                whole, error = both(known[row], (changes[sample], errors[sample]))
             E[i] = np.where(self.patterns[i], whole, -np.eye(n))
             dE[i] = np.where(self.patterns[i], error, 0.0)
         if self.drift:

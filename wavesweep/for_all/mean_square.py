@@ -16,6 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise, product
 from math import comb
+from types import MappingProxyType
 
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
@@ -44,6 +45,7 @@ NEAREST = 1e-5  # of the whole way and of the number, how near to the refuted on
 LEAST_AWAY = 0.01  # of half of an interval, how near at least
 STRETCHES = 200
 SIZING = 6  # rounds in which sizes of states are found
+PROBABILITIES = "loss", "burst_loss", "burst", "burst_end"  # keys of a channel, as `Losses` has them
 ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
 
 
@@ -181,6 +183,23 @@ def _acting(A):
     return acting(A[:, :, :, None, None] * A[:, None, None], A.shape[-1])
 
 
+def losses_at_random(drawing: Drawing, values: Mapping[str, object]) -> dict[str, Losses]:
+    """Return the probabilities of each channel of a drawn loop with these numbers.
+
+    Errors: UsageError for channels whose messages are late or lost in any pattern.
+    """
+    _refuse_patterns(drawing, values)
+    known, keys = scalars(values), {block.name: dict(block.keys) for block in drawing.channels}
+    return {name: Losses(*(float(values_of(own[key], known)) for key in PROBABILITIES)) for name, own in keys.items()}
+
+
+def _refuse_patterns(drawing, values):
+    if others := [channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0]:
+        raise UsageError(
+            f"messages lost at random: expected late = 0 and lost = 0 of other channels, found {', '.join(others)} with more"
+        )
+
+
 def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") -> Chances:
     """Return the chain of a drawn loop whose messages are lost at random.
 
@@ -188,13 +207,10 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     Errors: UsageError for another number, a loop with too many states or moments, or other channels whose messages are late or
     lost in any pattern.
     """
-    if others := [channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0]:
-        raise UsageError(
-            f"messages lost at random: expected late = 0 and lost = 0 of other channels, found {', '.join(others)} with more"
-        )
+    _refuse_patterns(drawing, values)
     name, known = name_of(number) if number else "", scalars(values)
     keys = {block.name: dict(block.keys) for block in drawing.channels}
-    trees = {channel: [own[key] for key in ("loss", "burst_loss", "burst", "burst_end")] for channel, own in keys.items()}
+    trees = {channel: [own[key] for key in PROBABILITIES] for channel, own in keys.items()}
     reads = [tree for own in trees.values() for tree in own if any(name == each for each, _ in names_in(tree))]
     paths = [path for path, tree in drawing.trees() if any(name == each for each, _ in names_in(tree))]
     if reads and (len(paths) > len(reads) or any(degree(tree, name) > 1 for tree in reads)):
@@ -215,29 +231,39 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
 
 
 def frames_at_random(
-    family: LoopFrames, shares: Sequence[Sequence[float]], results: Sequence[Sequence[float]], number: str = ""
+    family: LoopFrames,
+    shares: Sequence[Sequence[float]],
+    results: Sequence[Sequence[float]],
+    number: str = "",
+    lost: Mapping[str, Losses] = MappingProxyType({}),
 ) -> Chances:
     """Return the chain of a loop whose frames have lengths, and results, at random.
 
-    family: along a number, or at its own values without one. shares, results: see `chain_of`.
+    family: along a number, or at its own values without one. shares, results, lost: see `chain_of`.
     Errors: UsageError for other lengths, or a loop with too many moments.
     """
-    graph, weights = chain_of(shares, results, family.symbols)
-    _refuse_large(family, graph, "frames at random", "take fewer lengths, or shares in place of next")
+    graph, weights = chain_of(shares, results, family.symbols, lost)
+    _refuse_large(
+        family, graph, "frames at random", "take fewer lengths, fewer channels with bursts, or shares in place of next"
+    )
     return Chances(family, graph, np.tile(weights[:, None, None], 2), bool(number))
 
 
 def chain_of(
-    shares: Sequence[Sequence[float]], results: Sequence[Sequence[float]], symbols: Sequence[Symbol]
+    shares: Sequence[Sequence[float]],
+    results: Sequence[Sequence[float]],
+    symbols: Sequence[Symbol],
+    lost: Mapping[str, Losses] = MappingProxyType({}),
 ) -> tuple[Graph, np.ndarray]:
     """Return the chain of frames, and the probability of each of its edges.
 
     shares: probabilities of the lengths in the order of the symbols, a row if frames are independent, or a row for each length,
     of those of the next frame. results: those of their delays, and then that a result is lost, a row, or one for each length.
+    lost: those of the messages of channels.
     Errors: UsageError for other lengths.
 
-    A node is the length of the last frame, where anything depends on it, and whether the next result is in place at once, which
-    the matrix of the last frame has to know.
+    A node is the length of the last frame, where anything depends on it, whether the next result is in place at once, which the
+    matrix of the last frame has to know, and which channels are in a burst of losses.
     """
     lengths = list(dict.fromkeys(symbol.ticks for symbol in symbols))
     if len(lengths) != len(shares[0]):
@@ -258,16 +284,24 @@ def chain_of(
     for node in product(range(len(lengths) if recalls else 1), (False, True)):
         one_way = [kind for kind in kinds if fits(node[0], kind, node[1])]
         through = symbols[one_way[0]].through if one_way else None
-        whole = sum(weight(node[0], kind) for kind in one_way if symbols[kind].through == through)
+        alone = [kind for kind in one_way if symbols[kind].through == through and not symbols[kind].gone]
+        whole = sum(weight(node[0], kind) for kind in alone)
         if whole > 0:
             nodes[node] = len(nodes), whole
-    edges = []
-    for (before, at_once), (source, whole) in nodes.items():
-        for kind in kinds:
-            next_ = after[kind] if recalls else 0, symbols[kind].through
-            if fits(before, kind, at_once) and next_ in nodes and weight(before, kind) > 0:
-                target, share = nodes[next_]
-                edges.append((source, kind, target, weight(before, kind) * share / whole))
+    bursts, edges = [*product(*(range(1 + (each.begins > 0)) for each in lost.values()))], []
+    for ((before, at_once), (source, whole)), kind in product(nodes.items(), kinds):
+        next_ = after[kind] if recalls else 0, symbols[kind].through
+        if not fits(before, kind, at_once) or next_ not in nodes:
+            continue
+        target, share = nodes[next_]
+        for (i, burst), (j, then) in product(enumerate(bursts), repeat=2):
+            messages = [
+                factor
+                for (name, each), *change in zip(lost.items(), burst, then, strict=True)
+                for factor in each.factors(*change, LOST if name in symbols[kind].gone else 0)
+            ]
+            if chance := weight(before, kind) * share / whole * np.prod(messages):
+                edges.append((source * len(bursts) + i, kind, target * len(bursts) + j, chance))
     source, kind, target, weights = (np.array(each) for each in zip(*edges, strict=True))
     return Graph(source, kind, target), weights
 

@@ -29,7 +29,7 @@ class Schedule:
     frame; elapsed: see `Frames`.
     """
 
-    kinds: Mapping[str | int, frozenset[str] | None]
+    kinds: Mapping[object, frozenset[str] | None]
     nominal: int
     elapsed: bool
     shown: frozenset[str] = frozenset()
@@ -72,8 +72,7 @@ class Schedule:
 class Plan:
     """What the frames of a loop consist of.
 
-    symbols: the kinds of frames. rest: gives the kinds of a symbol's ticks after its sample; through: the kind of a sample
-    whose result is in place at once, if there is one.
+    symbols: the kinds of frames. rest: gives the kinds of a symbol's ticks before its sample; sample: the kind of that.
     """
 
     drawing: Drawing
@@ -81,7 +80,7 @@ class Plan:
     schedule: Schedule
     symbols: Sequence[Symbol]
     rest: Callable[[Symbol], list]
-    through: str = ""
+    sample: Callable[[Symbol], object]
 
     def along(self, number: str) -> LoopFrames:
         """Return the frames as a family along a number that one wire or gain reads; empty for the loop at its own values.
@@ -163,14 +162,12 @@ class Plan:
 
     def written(self, index):
         """The rows and samples of the symbols as indices of kinds, the symbols, and which may follow which."""
-        order, steps, symbols = list(self.schedule.kinds), self.steps, list(self.symbols)
-        if all(index[kind, step] == index[kind, steps[0]] for kind in order[1:] for step in steps):
+        steps, symbols = self.steps, list(self.symbols)
+        others = {*self.schedule.kinds} - {self.sample(symbol) for symbol in symbols}
+        if all(index[kind, step] == index[kind, steps[0]] for kind in others for step in steps):
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
         rows = [tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol)) for symbol in symbols]
-        samples = [
-            index[self.through if symbol.through else order[0], symbol.ticks if self.schedule.elapsed else steps[0]]
-            for symbol in symbols
-        ]
+        samples = [index[self.sample(symbol), symbol.ticks if self.schedule.elapsed else steps[0]] for symbol in symbols]
         follows = np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
         return tuple(rows), tuple(samples), tuple(symbols), follows
 

@@ -49,6 +49,7 @@ OF_KINDS = {  # what a verdict is about, and its words
     "messages": ("for every pattern of messages", "stable", "not stable with {}"),
     "mean_square": ("with messages lost at random", "stable in mean square", "not stable in mean square ({})"),
     "frames": ("with frames at random", "stable in mean square", "not stable in mean square ({})"),
+    "both": ("with frames and messages at random", "stable in mean square", "not stable in mean square ({})"),
     "results": ("with results late or lost at random", "stable in mean square", "not stable in mean square ({})"),
 }
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
@@ -338,7 +339,8 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
-    at_random = "mean_square" if rules.messages else "frames" if rules.for_all.shares else "results"
+    random = rules.for_all.shares
+    at_random = ("both" if random else "mean_square") if rules.messages else "frames" if random else "results"
     kind = at_random if rules.at_random else "messages" if rules.messages and not rules.for_all.axes else "for_all"
     return _verdict(spec, rules) | {"kind": kind}
 

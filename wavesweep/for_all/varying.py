@@ -32,7 +32,7 @@ from wavesweep.for_all.frames import (
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
 from wavesweep.for_all.keys import ForAll, values_of_range
 from wavesweep.for_all.loop_frames import LoopFrames
-from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, frames_at_random
+from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, frames_at_random, losses_at_random
 from wavesweep.for_all.messages import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.plan import Plan
@@ -93,13 +93,14 @@ class Rules:
 
         values: all of a spec, by their paths. Errors: UsageError for numbers that cannot vary, or another one along.
         """
-        if not self.messages:
-            frames = self.plan(values, (along,)).along(along)
-            asked = self.for_all
-            return frames_at_random(frames, asked.lengths, asked.results, along) if self.at_random else frames
+        if not self.messages or (self.at_random and self.for_all.shares):
+            frames, asked = self.plan(values, (along,)).along(along), self.for_all
+            lost = losses_at_random(self.drawing, values) if self.messages else {}
+            return frames_at_random(frames, asked.lengths, asked.results, along, lost) if self.at_random else frames
         if self.for_all.changing:
             found = ", ".join(without_rule(self.drawing.channels))
-            refuse(self._key(self.for_all.changing[0]), f"blocks {RULED} beside channels", found)
+            expected = f"blocks {RULED} beside channels, or both frames (shares) and messages (loss, burst) at random"
+            refuse(self._key(self.for_all.changing[0]), expected, found)
         return (chances if self.at_random else frames_with_messages)(self.drawing, values, along)
 
     def plan(self, values: Mapping[str, object], gains: Sequence[str] = ()) -> Plan:
@@ -134,7 +135,12 @@ class Rules:
             found = ", ".join(axis.name for axis in axes.values())
             refuse(self._key(wrong[0]), "one number that varies, which `every` of blocks reads", found)
         slow = Slow.of(self.drawing, values, *(of for path, axis in axes.items() for of in (path, values_of_range(axis))))
-        return plan_of(self.drawing, values, Frames(slow.lengths, IN_PHASE, 0, self.elapsed), slow)
+        channels = self.drawing.channels
+        if wrong := [block for block in channels if block.name not in slow.names or dict(block.keys)["missing"] == "zero"]:
+            expected = 'channels that run once a frame and hold the last message (missing = "held") beside frames at random'
+            refuse(f"block.{wrong[0].name}", expected, "another")
+        names = frozenset(block.name for block in channels)
+        return plan_of(self.drawing, values, Frames(slow.lengths, IN_PHASE, 0, self.elapsed), slow, names)
 
     @staticmethod
     def _key(axis: Axis) -> str:

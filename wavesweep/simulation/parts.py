@@ -293,7 +293,7 @@ def _refuse(frames, schedules):
         raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
     if latest >= min(frames.ticks):
         raise UsageError(f"simulate.frames: expected more than {latest} ticks, a block's phase, found {min(frames.ticks)}")
-    others = without_rule(block for block, *_ in slow)
+    others = without_rule(block for block, *_ in slow if block.type != "channel")
     if others and len({*frames.rhythm(0).periods}) > 1:
         raise UsageError(
             "simulate.frames: expected slow blocks whose types have a rule for steps that vary (`wavesweep keys block`), found "
