@@ -69,6 +69,14 @@ def test_direct_coupling_at_the_fast_rate_feels_the_wall_as_it_is():
     assert felt["damping"] == pytest.approx(2.0, rel=1e-3)
 
 
+def test_what_is_felt_over_frequency_is_left_to_bode_if_there_are_many_states(monkeypatch):
+    monkeypatch.setattr("wavesweep.core.analyses.feel.LARGE", 3)
+    few, many = (verdict(values_of("dc", K_VE=3.0) | {"device.delay": late})["felt"] for late in (1, 2))
+    assert few["over_band"]
+    assert many["over_band"] is None
+    assert many["stiffness"] == pytest.approx(3.0, rel=1e-9)
+
+
 @pytest.mark.parametrize(("K", "B"), [(100.0, 0.01), (2000.0, 0.003), (5000.0, 0.2)])
 @pytest.mark.parametrize("ratio", [1, 20])
 def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):

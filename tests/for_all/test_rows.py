@@ -513,3 +513,12 @@ def test_a_slice_whose_proof_fails_in_arithmetic_ends_none_of_the_others(monkeyp
     kept = (right["b"] != 20) | (right["guarantee"] != "for_all")
     for name in ("b", "low", "high", "certified"):
         np.testing.assert_allclose(found[name][~failed], right[name][kept], rtol=1e-9)
+
+
+def test_where_nothing_is_stable_that_is_certified():
+    tables = {"controller": {"kind": "dc"}, "environment": {"B_VE": 400.0}, "device": {"velocity": "difference"}}
+    tables |= {"sweep": {"K_VE": {"start": 0, "stop": 3000}}}
+    masses = {"for_all": {"device.mass": {"start": 0.08, "stop": 0.125}}}
+    for found in (wavesweep.zwidth(tables | masses), wavesweep.zwidth(tables, for_hands="box")):
+        assert not found.intervals.any()
+        assert (found.certified & found.settled & (found.doubt == "")).all()

@@ -259,3 +259,11 @@ def test_a_signal_outside_the_loop_and_an_unstable_loop_are_refused():
         broken_at(load(spec), "seen.y")
     with pytest.raises(UsageError, match="expected a loop that is stable, found one that is not"):
         compiled(sampled([20], [1, 3, 2, 0], 20)).margins("c.y")
+
+
+def test_a_wrong_signal_is_answered_by_the_names_that_wires_use():
+    m, line = {"type": "mass", "mass": 0.1, "damping": 1.0}, {"type": "delay", "taps": [1, 3]}
+    wire = {"line.u": "m.x", "m.f": "-10*line.y1 - 5*line.y2"}
+    spec = load({"rates": {"tick_hz": 1000}, "block": {"m": m, "line": line}, "wire": wire})
+    with pytest.raises(UsageError, match=r"\(m\.x, line\.y1, line\.y2\), found 'line\.y3'; did you mean `line\.y"):
+        broken_at(spec, "line.y3")

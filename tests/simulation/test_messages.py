@@ -7,6 +7,7 @@ from support.messages import marched_blocks, random_blocks, spec_of_blocks
 from wavesweep.core.spec import load
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.hardware import Effects, losses
+from wavesweep.simulation.table import simulate
 
 
 def test_messages_are_lost_as_often_as_the_chain_says():
@@ -38,6 +39,10 @@ def test_a_simulation_draws_its_losses_unless_a_pattern_is_given():
     given = load(spec.tables() | {"simulate": {"input": "step", "messages": {"net": [0, "2 lost", 1]}}})
     assert simulated(given).late[:8].tolist() == [0, -1, -1, 1, 0, -1, -1, 1]
     assert load(given.asking("simulate").tables()).simulate["messages"] == {"net": (0, None, None, 1)}
+    for seconds, settles in ((100, {"place": pytest.approx(1.0)}), (2, {})):  # where a spring of 1 N/m holds 1 N, or not yet
+        tables = given.asking("simulate").tables()
+        tables["simulate"]["duration_s"] = seconds
+        assert simulate(load(tables).asking("simulate"))[0].facts["settles_at"] == settles
 
 
 @pytest.mark.sample(12)

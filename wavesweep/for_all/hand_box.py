@@ -13,6 +13,7 @@ from wavesweep.core.controllers import HAND
 from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import Axis
+from wavesweep.core.stability.certificate import NONE, SEARCH
 from wavesweep.core.sweep.grid import Loops
 from wavesweep.for_all.unknown import Case, Part, proofs
 
@@ -95,6 +96,8 @@ class BoxGuarantee(Guarantee):
         low, high = (np.array([getattr(part, end) for part, _ in found]) for end in ("low", "high"))
         records = blank_records(low, high, BOX_RECORD)
         records["settled"] = case.vouched if found else case.certified
+        records["certified"] = case.certified and not found  # that there are none
+        records["doubt"] = np.where(records["certified"], NONE, SEARCH)
         for record, (part, proved) in zip(records, found, strict=False):
             record["settled"] &= _all_but_margin(part, proved)
             for end in ("low", "high"):

@@ -154,7 +154,8 @@ def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, 
     loop = _Loop(rules, along, span, loop)
     rows = loop.varying() if rules.vary else loop.intervals()
     agreed = all(agree(members(rules, case), along, span, rows) for case in loop.cases)
-    return recorded(rows, loop.certified, agreed=agreed)
+    none = not (rules.vary or rows) and not searched(loop.cases, span)  # some member is unstable at every value
+    return recorded(rows, loop.certified, agreed=agreed, none=none)
 
 
 @dataclass(frozen=True, slots=True)
@@ -403,11 +404,15 @@ def _decided(spec, rules, number, case):
     return said, pattern
 
 
-def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool) -> np.ndarray:
-    """Return the rows as records of FOR_ALL_RECORD; agreed: whether no member of what they are about contradicts them."""
+def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool = False) -> np.ndarray:
+    """Return the rows as records of FOR_ALL_RECORD.
+
+    agreed: whether no member of what they are about contradicts them. none: whether it is known that there are none.
+    """
     records = blank_records(*(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD)
-    records["residual"], records["certified"] = 0.0, bool(rows and certified)
-    records["doubt"] = NONE if rows and certified else SEARCH
+    records["residual"], records["certified"] = 0.0, bool((rows or none) and certified)
+    records["doubt"] = np.where(records["certified"], NONE, SEARCH)
+    records["settled"] = none and certified
     for number, row in enumerate(rows):
         records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
         records["fails_from"][number] = row.part.high if row.part.high_by is not None else np.nan

@@ -1,5 +1,6 @@
 """Loops that are broken at a signal, an output of a block."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -33,9 +34,10 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     loop = own_loop(spec)
     times = _times_per_frame(loop)
     if signal not in times:
-        hint = nearest(signal, [*times, *named])
+        shown = [re.sub(r"\.tap(\d+)\.y$", r".y\1", name) for name in times]  # of a delay with taps, as wires read it
+        hint = nearest(signal, [*shown, *named])
         raise UsageError(
-            f"cut: expected an output of a block that some wire reads ({', '.join(times) or 'this loop has none'}), found "
+            f"cut: expected an output of a block that some wire reads ({', '.join(shown) or 'this loop has none'}), found "
             f"{signal!r}" + (f"; did you mean `{hint}`?" if hint else "")
         )
     if times[signal] > MOST_TIMES:
@@ -134,10 +136,10 @@ def cuts_of(spec: Spec) -> list[str]:
 def _times_per_frame(loop: Loops) -> dict[str, int]:
     """How often each output that a wire reads is made in a frame, without those that a dead time reads between two ticks."""
     drawn, plants, read = loop.drawn(), loop.drawing.plants, {name for _, terms in loop.drawing.wires for name, _ in terms}
+    read -= {name for plant in plants for name, _ in plant.sensed}
     runs = [(each.block, int(each.runs(drawn.ticks).sum())) for each in drawn.placed]
     found = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
-    sensed = {name for plant in plants for name, _ in plant.sensed}
-    of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read - sensed]
+    of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read]
     return found | dict.fromkeys(of_plants, drawn.ticks)
 
 

@@ -63,7 +63,7 @@ def margins(spec: Spec, cut: str = "") -> Table:
             methods["for_all"] = METHOD_FOR_ALL
     counts = {"computed": 1, "skipped": 0, "certified": int(columns["certified"].all())}
     timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(spec, methods, counts, timings, [*notices, *over_preset(spec)])
+    facts = facts_of(spec, methods, counts, timings, [*notices, *over_preset(spec)], nominal="for_all" not in methods)
     return Table.of("margins", columns, facts | {"cut": cut, "period_s": loop.period, "times": loop.times})
 
 

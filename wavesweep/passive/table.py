@@ -49,7 +49,7 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[Options])
     found = run(jobs_of(spec, axes), Work.of(work))
     grid = found.jobs["port"].grid
     counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(found)}
-    facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
+    facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes], nominal=True)
     facts |= {"warnings": found.warnings, "tolerance": tolerance}
     return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget, rows=found.rows)
 
@@ -78,7 +78,9 @@ def over_frequency(spec: Spec) -> Table:
     columns = joined(curves(spec, axes))
     methods = {"ports": "least eigenvalue of the Hermitian part with balanced weights, at each frequency"}
     counts = {"computed": columns["llewellyn"].size, "skipped": 0, "certified": 0}
-    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started}, (), [axis.path for axis in axes])
+    facts = facts_of(
+        spec, methods, counts, {"compute_s": time.perf_counter() - started}, (), [axis.path for axis in axes], nominal=True
+    )
     return Table.of("passivity-ports", columns, facts)
 
 
@@ -144,7 +146,7 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
         "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
         "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
     }
-    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started})
+    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started}, nominal=True)
     facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
     return Table.of("passivity-filters", KINDS[1].completed(columns), facts)
 

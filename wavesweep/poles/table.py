@@ -49,7 +49,8 @@ def over(spec: Spec, axis: Axis | None = None) -> Table:
     loops, doubted = len(axis.values) if axis else 1, columns["doubt"] != ""
     certified = loops - np.unique(columns[axis.name][doubted]).size if axis else int(not doubted.any())
     counts = {"computed": loops, "skipped": 0, "certified": certified}
-    facts = facts_of(spec, {"poles": METHOD}, counts, timings, [*notices, *over_preset(spec)], [axis.path] if axis else [])
+    swept, said = [axis.path] if axis else [], [*notices, *over_preset(spec)]
+    facts = facts_of(spec, {"poles": METHOD}, counts, timings, said, swept, nominal=True)
     facts |= {"over": axis.name if axis else "", "period_s": float(drawn.period * drawn.ticks)}
     return Table.of("poles", columns, facts | {"ends": ends_on_circle(spec, axis) if axis else []})
 

@@ -61,7 +61,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
     notices += over_preset(spec)
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}
-    facts = facts_of(spec, {"intervals": method(job.asked), "why": METHOD}, counts, timings, notices, [axis.path])
+    facts = facts_of(spec, {"intervals": method(job.asked), "why": METHOD}, counts, timings, notices, [axis.path], nominal=True)
     ends = zip(*(found[end][found["intervals"] > 0].tolist() for end in ("low", "high")), strict=True)
     spans = [{"low": low, "high": high} for low, high in ends]
     doubts = counted_doubts(found["doubt"])

@@ -61,7 +61,10 @@ def simulate(spec: Spec) -> list[Table]:
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     at_random = spec.drawing is not None and spec.drawing.at_random
     alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
-    facts["settles_at"] = settled_values(spec, linear) if alike and spec.simulate["input"] == "step" else {}
+    facts["settles_at"] = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
+    if not alike:  # what is at rest is so whatever messages do, if the run comes to it
+        last = {name: columns[name][-1] if rows else np.nan for name in facts["settles_at"]}
+        facts["settles_at"] = {n: end for n, end in facts["settles_at"].items() if abs(last[n] - end) <= WITHIN * abs(end)}
     tables = [Table.of("simulate", columns, facts)]
     of_hand = spec.drawing is None or entry_of(spec) == (spec.drawing.hand or ("",))[0]
     tones = [tone for tone in hand.tones if tone.last <= rows and of_hand and alike]

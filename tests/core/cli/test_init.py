@@ -159,6 +159,9 @@ def test_numbers_are_put_into_a_drawn_loop(wavesweep, tmp_path, monkeypatch):
         code, _, err = wavesweep("init", "drive", "--set", setting, "--out", "other.toml")
         assert (code, said in err, Path("other.toml").exists()) == (2, True, False)
     assert wavesweep("init", "drive", "--device", "touch", "--out", "-")[0] == 2
+    assert wavesweep("init", "physics-joint", "--set", "block.velocity.method=implicit")[0] == 0
+    words = [(each.name, dict(each.keys)["method"]) for each in load("physics-joint.toml").drawing.blocks]
+    assert dict(words)["velocity"] == "implicit"
     assert wavesweep("init", "first-hour", "--set", "b=60", "--set", "rates.ratio=40")[0] == 0
     assert [load("first-hour.toml").values[path] for path in ("controller.b", "rates.ratio")] == [60, 40]
 

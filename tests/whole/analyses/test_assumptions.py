@@ -5,6 +5,7 @@ from support.specs import KINDS
 
 from wavesweep import load
 from wavesweep.core.analyses.assumptions import assumed_by, assumes
+from wavesweep.core.tables import kind_named
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.core.tables.responses import responses
 from wavesweep.passive.table import passivity
@@ -90,3 +91,38 @@ def test_a_cycle_that_is_solved_within_a_tick_is_named_with_every_table(n, swept
     assert intervals(spec, jobs=1).facts["notices"] == (said if at is not None else [])
     if not swept:
         assert responses([spec]).facts["notices"] == (said if at is not None else [])
+
+
+NETWORK = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"g": 2.0, "w": 0.1},
+    "block": {"m": {"type": "mass", "mass": "w", "damping": 1.0, "stiffness": 5}, "net": {"type": "channel", "lost": 2}},
+    "wire": {"net.u": "g*(ref - m.v)", "m.f": "net.y"},
+    "ports": {"inputs": {"ref": "ref"}, "outputs": {"place": "m.x"}},
+    "sweep": {"along": "g", "g": {"start": 0, "stop": 50}},
+}
+
+
+@pytest.mark.asks("poles")
+def test_what_has_every_message_in_time_assumes_that():
+    from wavesweep.poles.table import poles
+
+    network = load(NETWORK)
+    assert poles(network).facts["assumes"] == "all messages in time"
+    assert responses([network]).facts["assumes"] == "all messages in time"
+    assert assumes(network) == "messages of net lost up to 2 in a row"
+    varied = load({"controller": {"kind": "dc-slow"}, **GIVEN, "for_all": {"device.mass": {"start": 0.08, "stop": 0.1}}})
+    assert "device.mass from" in assumes(varied)
+    assert "device.mass" not in responses([varied]).facts["assumes"]
+
+
+@pytest.mark.asks("for_all")
+def test_rows_for_all_messages_are_called_so():
+    for more, called in (
+        ({}, "that messages may do (for_all)"),
+        ({"for_all": {"w": [0.1, 0.2]}}, "numbers of [for_all] (for_all)"),
+    ):
+        table = intervals(load({**NETWORK, **more}))
+        kind, tally = kind_named("stability-region"), kind_named("stability-region").tally(table)
+        assert len(table.watched(tally.add).columns["along"]) > 1
+        assert f"proved for all {called}" in "; ".join(line for line, _ in kind.lines(tally.numbers(table.facts)))

@@ -19,18 +19,20 @@ FAVOURABLE = "optimistic default"  # in a sentence of `assumes` that rests on so
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
 
-def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
+def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False) -> str:
     """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
 
-    swept: paths of the axes of the result, which have no single value. If the spec gives one of the three no value of its
-    own, the sentence says so, and names the usual practice of engines, which is less kind than the default. A drawn loop shows
-    all of that itself; its sentence says within which limits of its blocks it is linear.
+    swept: paths of the axes of the result, which have no single value. nominal: whether the result is of the spec's own
+    numbers and frames alone, with all messages in time. If the spec gives one of the three no value of its own, the sentence
+    says so, and names the usual practice of engines, which is less kind than the default. A drawn loop shows all of that
+    itself; its sentence says within which limits of its blocks it is linear.
     """
-    varied = {axis.path: _values(axis) for axis in spec.changing}
+    varied = {} if nominal else {axis.path: _values(axis) for axis in spec.changing}
     order = "in any order, or at random (mean_square)" if varied and spec.for_all.at_random else "in any order"
     if spec.drawing:
         found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} {order}" for path, each in varied.items()]
-        frames += [*_unknown(spec, swept), *_messages(spec, swept)]
+        frames += [] if nominal else [*_unknown(spec, swept), *_messages(spec, swept)]
+        frames += ["all messages in time"] if nominal and spec.drawing.channels else []
         return "; ".join(frames + ([f"linear while {', '.join(found)}; simulate goes beyond"] if found else []))
     read, values = keys_of_page(spec.values), spec.values
     parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order)]
@@ -41,7 +43,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
         parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
     if VELOCITY in read:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
-    parts += _unknown(spec, swept)
+    parts += [] if nominal else _unknown(spec, swept)
     late, dead = values["device.delay"], values["device.dead_time"]
     if {"device.delay", "device.dead_time"} & set(swept):
         parts.append("amplifier's delay swept")
@@ -175,11 +177,11 @@ def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})
             yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
 
 
-def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
-    """The sentence of one spec, or those of several with their names, one a line; swept: see `assumes`, by any of them."""
+def assumed_by(specs: Sequence[Spec], swept: Collection[str] = (), *, nominal: bool = False) -> str:
+    """The sentence of one spec, or those of several with their names, one a line; swept, nominal: see `assumes`, of any."""
     several = len(specs) > 1
     own = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
-    said = [assumes(spec, mine.intersection(swept)) for spec, mine in zip(specs, own, strict=True)]
+    said = [assumes(spec, mine.intersection(swept), nominal=nominal) for spec, mine in zip(specs, own, strict=True)]
     if len(set(said)) == 1:
         return said[0]
     return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)

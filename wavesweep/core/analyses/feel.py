@@ -20,6 +20,7 @@ SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is 
 FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
 NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
 ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
+LARGE = 300  # states; of more, hundreds of frequencies take minutes, and `bode` has those that are asked for
 SURE = 1e-6  # relative error of an impedance that is shown
 
 
@@ -98,14 +99,18 @@ def outweighed_in_words(band: Mapping[str, object]) -> str:
 
 
 def felt_at_rest(spec: Spec, loop) -> dict | None:
-    """Stiffness and damping of the wall as the hand feels it towards 0 Hz, and `felt_over_band`; None without a hand."""
+    """Stiffness and damping of the wall as the hand feels it towards 0 Hz; None without a hand.
+
+    `felt_over_band` is beside them if the loop has up to LARGE states.
+    """
     if loop is None:
         return None
     admittance, stiffness = (part.ravel()[0].real for part in static_response(loop)[:2])
     if admittance == 0:
         return {"stiffness": None, "damping": None, "rigid": True}
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
-    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 else None
+    small = loop.order <= LARGE
+    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 and small else None
     stiffness, damping = (float(each) if np.isfinite(each) else None for each in (stiffness, damping))
     return {"stiffness": stiffness, "damping": damping, "rigid": False, "over_band": band}
 

@@ -65,7 +65,7 @@ STARTING_RECIPES = ("admittance", "current-loop")
 @click.command("init")
 @click.argument("kind", required=False, default=DEFAULT)
 @click.option("--list", "listed", is_flag=True, help="List all names, each with a line that says what it is.")
-@click.option("--set", "settings", metavar="NAME=NUMBER", multiple=True, help="Put a number of your own in, e.g. J=0.01.")
+@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Put a value of your own in, e.g. J=0.01.")
 @click.option("--device", metavar="NAME", help=f"With a built-in controller, a device by name: {', '.join(DEVICES)}.")
 @click.option("--example", metavar="NAME", help="The same as KIND: an example of the documents, e.g. first-hour.")
 @click.option("--out", metavar="FILE", help="The file to write [default: KIND.toml]. With - it is written to stdout.")
@@ -154,18 +154,19 @@ def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
     for table in missing():
         text = re.sub(rf"(?ms)^\[{re.escape(table)}[].].*?(?=^\[|\Z)", "", text)
     places = {".".join(place): place for place in scan(text)}
-    numbers = {path: place for path, place in places.items() if path in (RATE, *KEYS)}
+    numbers = {path: place for path, place in places.items() if path in (RATE, *KEYS) or place[0] == "block"}
+    numbers = {path: place for path, place in numbers.items() if text[scan(text)[place][1]] not in "[{"}  # a value of a block
     numbers |= {symbol: numbers[path] for symbol, path in SYMBOLS.items() if path in numbers}
     for place in [place for place in places.values() if place[0] == "numbers" and len(place) == 2]:
         numbers[place[1]] = places.get(f"numbers.{place[1]}.value", place)
     chosen = {typed.partition("=")[0].strip().removeprefix("numbers."): typed for typed in settings}
     for name in chosen:
-        _known(name, numbers, f"number of {path.stem}")
+        _known(name, numbers, f"number or word of {path.stem}")
     load(tomllib.loads(text), settings)  # refuses values that a spec refuses
     for name, typed in chosen.items():
         at = scan(text)[numbers[name]][1]
         value = json.dumps(read_override(typed)[1])
-        text = text[:at] + value + text[at + len(re.match(r"[^,}\]\s]+", text[at:])[0]) :]
+        text = text[:at] + value + text[at + len(re.match(r'"[^"]*"|[^,}\]\s]+', text[at:])[0]) :]
     return text
 
 

@@ -120,6 +120,7 @@ class IntervalTally:
             "range": [end if np.isfinite(end) else None for end in self._range],
             "required": required_in_words(require) if require else "",
             "drawn": bool(numbers_of(self._facts)),
+            "of_messages": not self._facts.get("spec", {}).get("for_all"),
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,
             "slices_with_open_places": self._open,
@@ -254,7 +255,7 @@ class Words:
             hint = where_nothing_decides() if found["drawn"] and not found["required"] else ""
             return "; ".join(filter(None, [f"no {self._such} found, but part of the swept range could not be decided", hint]))
         if largest is None:
-            return self._kind.nowhere.format(such=self._such) + " in the swept range"
+            return _for_what(self._kind.nowhere, found).format(such=self._such) + " in the swept range"
         ended = ENDS[largest["ended_by"]].format("it" if found["required"] else "stability")
         if "refuted_from" in largest:
             ended += f", refuted at {largest['refuted_from']:.6g} by {counterexample_in_words(largest['refuted_by'])}"
@@ -385,6 +386,11 @@ class Tallies:
         return slices | found[""]
 
 
+def _for_what(text: str, found: Numbers) -> str:
+    """What rows for all of [for_all] are called, also of a spec that has only channels."""
+    return text.replace("numbers of [for_all]", "that messages may do") if found["of_messages"] else text
+
+
 def interval_lines(found: Numbers) -> Iterator[Line]:
     """Yield the summary of a table of intervals as lines, each with a flag that is true for a warning."""
     if "along" in found:
@@ -400,7 +406,7 @@ def interval_lines(found: Numbers) -> Iterator[Line]:
         yield f"{spec}: {Words(numbers).one_line()}", bool(numbers["doubts"])
     hands = found.get("guarantees") or found.get("hands", {})
     for hand, numbers in hands.items():
-        yield f"{row_kinds()[hand].title} ({hand}): {Words(numbers, hand).one_line()}", False
+        yield f"{_for_what(row_kinds()[hand].title, numbers)} ({hand}): {Words(numbers, hand).one_line()}", False
     if unsettled := found.get("rows_not_settled"):
         between = "between what is proved and what is refuted more than 1 % is not known"
         proved = " and ".join(word for word in hands if row_kinds()[word].proved)

@@ -58,7 +58,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
     notices = [notice for grid in grids for notice in notices_of(grid)]
     swept = [axis.path for spec in specs for axis in spec.bode]
     methods, kind = (METHODS, "bode") if routes[0][1] is None else (METHODS_PORTS, "bode-ports")
-    facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
+    facts = facts_of(list(specs), methods, counts, found.timings, notices, swept, nominal=True) | {"warnings": found.warnings}
     units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
     if kind == "bode":
         units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
