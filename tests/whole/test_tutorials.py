@@ -17,10 +17,23 @@ STEP = re.compile(
     re.MULTILINE,
 )
 
-# Take as long as all the rest: a report has the answers of its page again; tests of two ports, of margins over boxes and of
-# verdicts have such answers about smaller loops.
+# Take longer than all the rest: a report has the answers of its page again; tests of two ports, of margins over boxes, of
+# frames that vary, of passive hands, of shafts and of verdicts have such answers about smaller loops.
 AT_LENGTH = (
     "report ",
+    "zwidth engine.toml",
+    "check touch.toml --set",
+    "simulate shaft.toml",
+    "identify run/simulate.csv",
+    "stability-region arm.toml --set 'block.speed=",
+    "bode sweeps/templates/drive.toml",
+    "margins sweeps/templates/drive.toml",
+    "poles sweeps/templates/drive.toml",
+    "stability-region sweeps/recipes/random-loss.toml",
+    "zwidth hands.toml",
+    "zwidth random.toml",
+    "zwidth touch.toml",
+    "margins arm.toml --cut camera.y --set 'for_all",
     "passivity sweeps/examples/two-channel.toml --along g",
     "margins design/best/servo-01.toml",
     "check drive.toml",
