@@ -255,7 +255,7 @@ def test_frames_over_a_range_grow_as_those_of_each_of_its_numbers_do(seed):
 
 @pytest.mark.slow
 def test_a_range_beside_messages_that_are_lost():
-    """`x' = -K x/d`, 2 d/(n + 1) by losing as many as possible: the least d decides. At random a range is refused."""
+    """`x' = -K x/d`, 2 d/(n + 1) by losing as many as possible: the least d decides."""
     tables = integrator(lost=1)
     tables["numbers"]["d"], tables["block"]["plant"]["den"] = 1.0, ["d", 0]
     tables |= {"for_all": {"d": {"start": 0.5, "stop": 2.0}}, "sweep": {"along": "K", "K": {"start": 0, "stop": 3}}}
@@ -263,6 +263,26 @@ def test_a_range_beside_messages_that_are_lost():
     assert 0.99 * 0.5 < row.high < 0.5 <= row.fails_from < 0.5 * (1 + 1e-6)
     assert (row.settled, row.certified) == (1, 1)
     assert row.counterexample.startswith("d = 0.5, messages net: ")
-    tables["block"]["net"] = {"type": "channel", "loss": 0.1}
-    with pytest.raises(UsageError, match="expected values of numbers beside messages lost at random, found the range of d"):
+
+
+@pytest.mark.slow
+def test_a_range_beside_messages_that_are_lost_at_random():
+    """`x' = -K x/d`, or what is held: the least d decides."""
+    tables = integrator(loss=0.1, burst=0.05, burst_end=0.5)
+    tables["numbers"]["d"], tables["block"]["plant"]["den"] = 1.0, ["d", 0]
+    tables |= {"for_all": {"d": {"start": 0.5, "stop": 2.0}}, "sweep": {"along": "K", "K": {"start": 0, "stop": 3}}}
+    (row,) = wavesweep.stability_region(tables).query("guarantee == 'mean_square'").itertuples()
+
+    def moments(k):
+        sent, held = np.array([[1 - k, 0], [1, 0]]), np.array([[1, -k], [0, 1]])
+        kinds = [np.kron(each, each) for each in (sent, held)]
+        alone, burst = 0.9 * kinds[0] + 0.1 * kinds[1], kinds[1]
+        return np.abs(np.linalg.eigvals(np.block([[0.95 * alone, 0.5 * alone], [0.05 * burst, 0.5 * burst]]))).max()
+
+    assert moments(row.high / 0.5) < 1 < moments(row.fails_from / 0.5)
+    assert row.high == pytest.approx(row.fails_from, rel=0.01)
+    assert (row.settled, row.certified) == (1, 1)
+    assert row.counterexample == "d = 0.5, second moments that grow"
+    tables["numbers"]["p"], tables["block"]["net"]["loss"] = 0.1, "p*d/2"
+    with pytest.raises(UsageError, match="where probabilities of messages are read from one, found the range of d"):
         wavesweep.stability_region(tables)

@@ -367,11 +367,13 @@ def brackets_on_average(loop: Chances, limits: tuple[float, float], tolerance: f
     refuted. Intervals are searched in plain doubles: one that is much narrower than a panel of `_zeros` may be missed.
     """
     limits = loop.probable(*limits)
-    return [each for part in _parts(loop, *limits) if (each := _bracket(loop, part, limits, tolerance)).low < each.high]
+    return [
+        each for part in parts_that_decay(loop, *limits) if (each := _bracket(loop, part, limits, tolerance)).low < each.high
+    ]
 
 
-def _parts(loop, low, high):
-    """The parts of an interval in which second moments decay, in plain doubles.
+def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float, float]]:
+    """Return the parts of an interval in which second moments decay, in plain doubles.
 
     The operator maps semidefinite matrices to such. So its spectral radius is one of its eigenvalues (M. G. Krein and M. A.
     Rutman, Linear operators leaving invariant a cone, Uspekhi Mat. Nauk 3, 1948), and passes 1 only where `I - operator` is

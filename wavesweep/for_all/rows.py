@@ -9,7 +9,8 @@ import numpy as np
 
 from wavesweep.core.analyses.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
 from wavesweep.core.analyses.intervals import Guarantee
-from wavesweep.core.drawing.drawing import name_of
+from wavesweep.core.drawing.drawing import SHARES, name_of, path_of
+from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.dead_time import pieces_of, timing
@@ -20,7 +21,7 @@ from wavesweep.core.sweep.grid import Loops, loops_of, own_loop
 from wavesweep.core.tables.row_kinds import counterexample_in_words
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
-from wavesweep.for_all.mean_square import brackets_on_average
+from wavesweep.for_all.mean_square import brackets_on_average, parts_that_decay
 from wavesweep.for_all.members import agree, members, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
@@ -116,16 +117,15 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     """
     for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
     swept = [axis.name for axis in for_all.axes if axis.path == along]
+    trees = (tree for block in drawing.channels for key, tree in block.keys if key in SHARES)
+    read = {path_of(name) for tree in trees for name, _ in names_in(tree)}
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
+    chance = ", ".join(axis.name for axis in for_all.unknown if axis.name in ranges and {axis.path, along} & read)
     timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
     timed = [*timed, along] if timed and along and name_of(along) in timing(drawing) else timed
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, found in (
-        (
-            rules.messages and rules.at_random and ranges,
-            "values of numbers beside messages lost at random",
-            f"the range of {', '.join(ranges)}",
-        ),
+        (ranges and chance, "values of numbers, where probabilities of messages are read from one", f"the range of {chance}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
@@ -242,11 +242,11 @@ class _Loop:
         for case in self.cases:
             middles = {axis.path: (axis.start + axis.stop) / 2 for axis in case.ranges}
             family = self.rules.family(case.values | middles, self.along)
-            found = brackets_on_average(family, self.span)
-            if case.ranges:
-                own = [row for each in found if (row := self._over_ranges(case, (each.low, each.high)))]
+            if case.ranges or family.family.drift is not None:
+                found = (self._over_ranges(case, part) for part in parts_that_decay(family, *family.probable(*self.span)))
+                own = list(filter(None, found))
             else:
-                own = [self._row(case, family, each) for each in found]
+                own = [self._row(case, family, each) for each in brackets_on_average(family, self.span)]
             both = [all_of(pair) for pair in product(rows, own)]
             rows = [row for row in both if row.low < row.high]
         return rows

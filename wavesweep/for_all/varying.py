@@ -218,7 +218,8 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     """The loops of a box of ranges, along a number or at their own values."""
     paths = [axis.path for axis in ranges]
     box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
-    plan, zeros = None if rules.messages else rules.plan(values, (along, *paths)), [min(0.0, span[0])] if along else []
+    alike = rules.messages and not rules.for_all.changing  # frames, so that steps of messages are what differs
+    plan, zeros = None if alike else rules.plan(values, (along, *paths)), [min(0.0, span[0])] if along else []
     own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
     over = plan.over if plan else partial(messages_over, *own)
     for path, (low, high) in zip(paths, box.T, strict=True):
@@ -233,8 +234,15 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     def frames_at(part, units=None):
         return over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
 
-    chain = cache(partial(chain_of, rules.for_all.lengths, rules.for_all.results))
-    return LoopsOver(family, frames_at, box, zeros, OnAverage(chain) if rules.at_random else None)
+    if not rules.at_random:
+        return LoopsOver(family, frames_at, box, zeros)
+    lost = losses_at_random(rules.drawing, values) if rules.messages else {}
+    chain = cache(partial(chain_of, rules.for_all.lengths, rules.for_all.results, lost=lost))
+    if alike:
+        middle = family(tuple(box.mean(0).tolist()))
+        found = middle.graph, middle.weights(0.0, 0.0)[0]
+        return LoopsOver(family, frames_at, box, zeros, OnAverage(lambda _: found))
+    return LoopsOver(family, frames_at, box, zeros, OnAverage(chain))
 
 
 def decided_over(rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:

@@ -28,7 +28,10 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False) -
     itself; its sentence says within which limits of its blocks it is linear.
     """
     varied = {} if nominal else {axis.path: _values(axis) for axis in spec.changing}
-    order = "in any order, or at random (mean_square)" if varied and spec.for_all.at_random else "in any order"
+    asked, order = None if nominal else spec.for_all, "in any order"
+    if asked and asked.at_random:
+        alone = asked.loss or (spec.drawing and spec.drawing.at_random)
+        order = f"{'' if alone else 'in any order, or '}at random (mean_square)"
     if spec.drawing:
         found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} {order}" for path, each in varied.items()]
         frames += [] if nominal else [*_unknown(spec, swept), *_messages(spec, swept)]
@@ -36,6 +39,7 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False) -
         return "; ".join(frames + ([f"linear while {', '.join(found)}; simulate goes beyond"] if found else []))
     read, values = keys_of_page(spec.values), spec.values
     parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order)]
+    parts += [f"results lost with probability {asked.loss:g}"] if asked and asked.loss else []
     if DELAY in read and not varied:
         delay, ratio = values[DELAY], values["rates.ratio"]
         within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
@@ -67,7 +71,7 @@ def _frames_that_vary(spec, varied, read, order) -> Iterator[str]:
         yield f"frames of {varied['rates.ratio']} ticks {order}"
     if DELAY in read:
         late = varied.get(DELAY, spec.values[DELAY])
-        in_ticks = f"delay of {late} tick{'s' * (late != 1)}{' in any order' * (DELAY in varied)}"
+        in_ticks = f"delay of {late} tick{'s' * (late != 1)}{f' {order}' * (DELAY in varied)}"
         yield (
             'results in place with the next frame (delay = "frame")'
             if spec.delay_of_frame and DELAY not in varied
