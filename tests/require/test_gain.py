@@ -337,6 +337,30 @@ def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(seed
             assert any(row.low < value < row.high for row in rows) == (radius < 1 and gain < level)
 
 
+def test_a_number_that_a_controller_has_at_zero_is_swept_as_any_other():
+    """Without Kp the position of pmw drifts."""
+    tables = {"controller": {"kind": "pmw"}, "rates": {"ratio": 3}, "environment": {"K_VE": 500, "delay": 1}}
+    sweep = {"along": "Kp", "Kp": {"start": 1, "stop": 60}, "require": bounded("f_h", "x", 0.03)}
+    (row,) = wavesweep.stability_region(wavesweep.load(tables | {"sweep": sweep})).itertuples()
+    assert (row.certified, row.low, row.high) == (True, 1, 60)
+
+
+def test_a_drawn_hand_has_a_force_a_position_and_what_it_feels():
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 100.0},
+        "block": {"p": {"type": "mass", "mass": 0.1, "damping": 1.5}, "w": {"type": "hold", "every": 3}},
+        "wire": {"w.u": "K*p.x", "p.f": "hand - w.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "p.x", "reaction": "w.y"}},
+    }
+    sweep = {"along": "K", "K": {"start": 50, "stop": 60}}
+    rows = [
+        wavesweep.stability_region(wavesweep.load(tables | {"sweep": sweep | {"require": bounded("hand", signal, 20.0)}}))
+        for signal in ("f_m", "w.y", "x")
+    ]
+    assert [row.certified.all() and tuple(row.high) for row in rows] == [(60,)] * 3
+
+
 GAIN = "sweep.require.gain"
 NAMES = "radius, settling, damping_ratio, bounded, gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
 

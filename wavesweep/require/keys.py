@@ -154,9 +154,11 @@ def build(request: Request) -> Require | None:
         if len(ends) == 2 and None not in ends and ends[0] >= ends[1]:
             mistakes.refuse(band, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False)
     if request.drawing:
-        for name, ports in (("gain.from", "inputs"), ("gain.to", "outputs")):
+        hand = (request.drawing.hand or ())[:1]
+        for name, ports, others in (("gain.from", "inputs", hand), ("gain.to", "outputs", ("x", "f_m") if hand else ())):
             path = f"{PATH}.{name}"
-            request.refuse_unknown_ends(path, [leaves[name].value] if path in request.belongs.keys else (), ports)
+            asked = [leaves[name].value] if path in request.belongs.keys else []
+            request.refuse_unknown_ends(path, [each for each in asked if each not in others], ports)
     gain = None if {"from", "to", "at_most"} - gain.keys() else GainBound(gain.pop("from"), gain.pop("to"), **gain)
     return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
 

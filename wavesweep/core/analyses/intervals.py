@@ -146,7 +146,7 @@ def _searches(
     """
     parts: dict = {}
     path, require = asked.axis.path, asked.require
-    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=_divided(path, require)):
+    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)):
         bound = require and require.bound.over(frames_of(loops))
         parts.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
@@ -157,9 +157,9 @@ def _searches(
     return Searches(tuple(searches))
 
 
-def _divided(path, require):
-    """The path along which a drawing has the longest tick: none if a gain is asked for, of signals in its own ticks."""
-    return "" if require and require.bound.gain else path
+def _varied(spec, path, require):
+    """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is asked for, in its own ticks."""
+    return "" if spec.drawing and require and require.bound.gain else path
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
@@ -182,7 +182,7 @@ def job_over(grid: Grid, axis: Axis, *, require: Asked | None = None) -> Job:
         refuse_singular(spec, spec.drawing)
     index = some_loops(grid)
     changes = grid.loop_values(index)
-    own = _divided(axis.path, require)
+    own = _varied(spec, axis.path, require)
     parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=own)]
     for loops in parts:
         if require and name_of(axis.path) in loops.drawing.rating:
