@@ -29,10 +29,14 @@ def copy_without(names, folder):
     ).stdout.splitlines()
     gone = tuple(f"{top}/{name}/" for name in names for top in ("wavesweep", "tests"))
     gone += tuple(spec for spec, needed in SPECS.items() if needed in names)
+    compiled = f".{sys.implementation.cache_tag}.pyc"  # which the time of its source goes with
     for name in listed:
         if not name.startswith((*gone, *WHOLE)) and (ROOT / name).is_file():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(ROOT / name, folder / name)
+            place = (ROOT / name).parent / "__pycache__" / f"{Path(name).stem}{compiled}"
+            for each in (ROOT / name, *([place] if place.is_file() else [])):
+                there = folder / each.relative_to(ROOT)
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(each, there)
     listing = folder / "wavesweep" / "capabilities.py"
     listing.write_text(without_lines(listing.read_text(encoding="utf-8"), names), encoding="utf-8")
 
@@ -49,17 +53,17 @@ def without_lines(text, names):
     return "".join(lines)
 
 
-def run(folder, *arguments):
-    """Run Python in a copy, which it imports the package from."""
-    environment = {**os.environ, "PYTHONPATH": str(folder), "WAVESWEEP_WITHOUT": "some"}
+def run(folder, package, *arguments):
+    """Run Python in a folder with the package of a checkout or of a copy."""
+    environment = {**os.environ, "PYTHONPATH": str(package), "WAVESWEEP_WITHOUT": "some"}
     return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, check=False)
 
 
-def tables_of(folder):
-    """The bytes of the tables of the paper's specs, as the package in a folder writes them."""
+def tables_of(folder, package):
+    """The bytes of the tables of the paper's specs, as the package of a checkout or of a copy writes them into a folder."""
     paper, options = ROOT / "sweeps" / "paper", ["--no-plot", "--quiet", "--overwrite"]
     calls = [[command, f"{paper / name}.toml", "--out", f"results/{name}", *options] for command, name in ASKED]
-    run(folder, "-c", f"from wavesweep.core.cli import main\nfor words in {calls!r}:\n    main(words)")
+    run(folder, package, "-c", f"from wavesweep.core.cli import main\nfor words in {calls!r}:\n    main(words)")
     found = {name: [*(folder / "results" / name).glob("*.csv")] for _, name in ASKED}
     return {(name, path.name): path.read_bytes() for name, paths in found.items() for path in paths}
 
@@ -75,11 +79,13 @@ def main(arguments):
         return 2
     with tempfile.TemporaryDirectory() as made:
         folder, whole = Path(made) / "left", Path(made) / "whole"
+        whole.mkdir()
         copy_without(names, folder)
-        code = run(folder, "-m", "pytest", "-q", "-n", "2", "--dist", "worksteal", "-p", "no:cacheprovider", *more).returncode
+        code = run(
+            folder, folder, "-m", "pytest", "-q", "-n", "2", "--dist", "worksteal", "-p", "no:cacheprovider", *more
+        ).returncode
         if names == NAMES:
-            copy_without((), whole)
-            left, there = tables_of(folder), tables_of(whole)
+            left, there = tables_of(folder, folder), tables_of(whole, ROOT)
             different = [key for key in there.keys() | left.keys() if there.get(key) != left.get(key)]
             print(
                 "tables of the paper's specs:",
