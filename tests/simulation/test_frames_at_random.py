@@ -33,16 +33,16 @@ WALL = {
 
 @pytest.mark.slow
 def test_frames_are_drawn_as_often_as_the_shares_say():
-    found = frames_in_turn(load(WALL), 400_000, Effects(seed=1))
-    assert 400_000 <= sum(each.ticks for each in found) < 400_033
+    found = frames_in_turn(load(WALL), 150_000, Effects(seed=1))
+    assert 150_000 <= sum(each.ticks for each in found) < 150_033
     pairs = Counter((a.ticks, b.ticks) for a, b in pairwise(found))
     for row, before in zip(CHAIN, LENGTHS, strict=True):
         seen = np.array([pairs[before, length] for length in LENGTHS])
-        assert seen / seen.sum() == pytest.approx(np.array(row) / sum(row), abs=0.02)
+        assert seen / seen.sum() == pytest.approx(np.array(row) / sum(row), abs=0.035)
     for length, shares in zip(LENGTHS, WALL["for_all"]["environment.delay"]["shares"], strict=True):
         own = Counter(each.delay for each in found if each.ticks == length)
         seen = np.array([own[delay] for delay in (1, 9, 16, None)]) / own.total()
-        assert seen == pytest.approx([*(0.8 * np.array(shares) / sum(shares)), 0.2], abs=0.02)
+        assert seen == pytest.approx([*(0.8 * np.array(shares) / sum(shares)), 0.2], abs=0.035)
     assert {each.delay for each in found if each.lost} == {None}
 
 

@@ -469,13 +469,13 @@ def _side(loop, start, end, limit):
         beyond = [end + step * np.sign(way) * max(abs(end), 1e-6 * abs(way)) for step in BEYOND]
         fails = next((float(x) for x in beyond if abs(x - start) <= abs(way) and loop.refuted(x)), np.nan)
         goal -= np.sign(way) * min(NEAREST * (abs(end) + 1e-3 * abs(way)), LEAST_AWAY * abs(end - start))
-    stretches, at, step = [], start, goal - start
+    stretches, at, step, failed = [], start, goal - start, False
     while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
         if loop.proves(P, min(at, to), max(at, to)):
             stretches.append(Stretch(min(at, to), max(at, to), Norms(P, loop.graph)))
-            at, step = to, 2 * step
+            at, step, failed = to, step if failed else 2 * step, False
         else:
-            step /= 2
+            step, failed = step / 2, True
     return float(at), fails, stretches
