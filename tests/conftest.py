@@ -33,7 +33,7 @@ workers.PROCESSES = 1  # tests are many processes already: those that are about 
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
 THERE = {each.name for each in CAPABILITIES}
-THOROUGH = {"judged"}  # fixtures that take many seconds, whichever test asks for them first
+THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
 
 
 def pytest_collection_modifyitems(items):

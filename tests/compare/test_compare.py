@@ -146,7 +146,7 @@ def limits_of(figure):
     return {tuple(vertex) for path in paths for vertex in path.vertices.tolist()}
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_boundaries_of_the_figure_go_through_the_ends(compare, figures):
     assert compare("--quiet")[0] == 0
     table = results.read("results/waves+direct/compare.csv")

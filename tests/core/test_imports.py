@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,7 @@ def capability_of(module):
     return room if room in NAMES else ""
 
 
+@cache
 def imports_of(source):
     """Dotted names of what a file imports of ours, wherever in the file it does so; a text may be the name of a module too."""
     found = set()

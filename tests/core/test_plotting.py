@@ -24,7 +24,7 @@ def test_a_figure_of_the_library_is_that_of_the_command():
     assert figure._repr_png_() == plots.zwidth(table.columns, table.facts)._repr_png_()
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "call"),
     [

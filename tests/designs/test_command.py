@@ -363,7 +363,7 @@ I = [0.02, 0.04]
 """
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.asks("passive", "check")
 def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_path):
     (tmp_path / "mine.toml").write_text(JOINT)

@@ -59,7 +59,7 @@ def loops(spec, number):
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("within", [False, True])
 def test_a_search_that_is_stopped_says_once_what_is_kept(within, tmp_path, monkeypatch):
@@ -96,7 +96,7 @@ def test_whole_numbers_between_that_make_no_loop_are_left_out():
 
 @pytest.mark.slow
 @pytest.mark.asks("passive")
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_wishes_of_a_controller_drawn_as_blocks_are_its_own(kind):
     wished = {"z_width": {"at_least": 1, "B_VE": [0, 2]}, "felt": {"at_least": 1, "B_VE": [0, 2]}}

@@ -143,7 +143,7 @@ def test_another_plane_is_found_by_proved_columns_at_once_if_the_wall_is_up(clie
     assert proved["unknown"] == []
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_plane_without_the_walls_numbers_is_filled_as_in_a_figure(client):
     """It had 65 single columns, and nothing between them."""
     plane = {"x": "controller.b", "y": "device.mass", "x_span": [2.5, 250], "y_span": [0.01, 1.0]}
@@ -290,7 +290,7 @@ def test_the_command_saves_and_does_not_overwrite(tmp_path, monkeypatch, capfd):
     assert data_of((tmp_path / "mine.html").read_text())["sliders"] != data_of(first)["sliders"]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_page_has_what_was_measured_and_so_have_its_figures(tmp_path):
     (tmp_path / "walls.csv").write_text("B_VE,K_VE,stable\n1,500,1\n1,3000,0\n")
     (tmp_path / "response.csv").write_text("frequency_hz,admittance_re,admittance_im\n1,0,-2\n")

@@ -247,7 +247,7 @@ def test_the_command_ends_when_its_page_is_closed(tmp_path):
     process.stderr.close()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_command_ends_with_ctrl_c(tmp_path):
     process, _, _ = started(tmp_path)
     os.kill(process.pid, signal.SIGINT)

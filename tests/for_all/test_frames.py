@@ -260,7 +260,7 @@ def test_what_is_no_frame_is_refused():
 
 
 @pytest.mark.sample(1)
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("b", "cutoff"), [(10.0, 8.0), (9.0, 6.5)])
 def test_designs_rank_by_short_patterns_near_to_what_is_proved(b, cutoff):
     """From above, within a third; at constant frames the first stands walls more than twice as stiff as what is proved."""

@@ -253,7 +253,7 @@ def test_a_slow_block_that_runs_later_steps_by_the_frame_before(k):
     assert decays(Rules.of(loaded).on_average().family(dict(loaded.values), "")) == ("proved" if stable else "refuted")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_frames_that_alternate_are_stable_as_their_product_is():
     (found,) = found_of(built_in("pmw", [16, 33], next=[[0, 1], [1, 0]]), "environment.K_VE", 1200.0)
 
@@ -301,7 +301,7 @@ def test_moments_are_those_of_many_runs():
         assert abs(own.mean() - moments[node]) < 5 * own.std() / np.sqrt(runs)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_rows_stand_beside_those_in_any_order_and_check_says_both():
     spec = built_in("dc-slow", [16, 33], shares=[3, 1])
     rows = wavesweep.zwidth(spec).set_index("guarantee")

@@ -110,7 +110,7 @@ def test_an_order_that_is_forbidden_may_be_what_grows():
 
 
 @pytest.mark.sample(1)
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(6))
 def test_no_short_word_grows_where_decay_is_proved(seed):
     rng = np.random.default_rng(seed)

@@ -212,7 +212,7 @@ def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
             assert np.abs(np.linalg.eigvals(own)).max() == pytest.approx(growth([other], [0]), abs=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("kind", "box"),
     [

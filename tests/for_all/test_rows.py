@@ -74,7 +74,7 @@ def test_a_range_of_what_decides_how_a_loop_is_built_is_of_whole_numbers():
         for_all(FIG4, **{"rates.fast_hz": {"start": 999.5, "stop": 1000.5}})
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_worst_device_under_a_hand_that_may_let_go():
     ranges = {"device.mass": {"start": 0.08, "stop": 0.125}, "operator.stiffness": {"start": 0, "stop": 1000}}
     (_,), (row,) = for_all(FIG4, **ranges)
@@ -157,7 +157,7 @@ def test_results_that_fail_to_come_are_held():
     assert row["fails_from"] < 801
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_drawn_loop_may_have_frames_of_any_length():
     """PD held over a period that changes in any order: the limit is no higher than that of the longer one for ever."""
     (_,), (row,) = for_all(PD, n={"values": [5, 10], "varying": True})

@@ -53,7 +53,7 @@ def test_a_spec_that_every_command_accepts_and_a_table_with_its_figure(wavesweep
     assert wavesweep("verify", str(folder))[0] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.asks("simulation")
 def test_that_no_constant_force_was_fitted_is_said(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

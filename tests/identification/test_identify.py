@@ -81,7 +81,6 @@ def test_two_masses_move_as_in_a_march_with_matrix_exponentials(sensor):
 
 @pytest.mark.slow
 def test_a_load_on_a_shaft_is_found_from_the_motors_side_and_goes_into_a_spec(tmp_path):
-    """A log that does not reach the resonance of 137 Hz is refused."""
     path = written(tmp_path / "drive.csv", *log_of_drive(0.02), "time,torque,speed")
     table = of_identify.identify(str(path), two_masses=True)
     for name, truth in zip((*OF_DRIVE, "delay"), (*DRIVE, 1.3), strict=True):
@@ -93,7 +92,12 @@ def test_a_load_on_a_shaft_is_found_from_the_motors_side_and_goes_into_a_spec(tm
     ranges = {axis.path: (axis.start, axis.stop) for axis in wavesweep.load(spec).for_all.axes if not axis.values}
     assert ranges["numbers.k"] == tuple(table.facts["parameters"]["coupling_stiffness"][end] for end in ("low", "high"))
     assert wavesweep.compile(spec).spectral_radius() < 1
-    written(path, *log_of_drive(0.5, top=20.0), "time,torque,speed")
+
+
+@pytest.mark.thorough
+def test_a_log_that_does_not_reach_the_resonance_of_a_shaft_is_refused(tmp_path):
+    """It is at 137 Hz."""
+    path = written(tmp_path / "drive.csv", *log_of_drive(0.5, top=20.0), "time,torque,speed")
     with pytest.raises(UsageError, match=r"resonance of (the )?two masses"):
         wavesweep.identify(path, two_masses=True)
 
@@ -249,7 +253,7 @@ def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     assert verdict.explained
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.asks("simulation")
 def test_a_log_in_which_no_resonance_would_show_cannot_tell():
     """A good one shows one in some band, in which that of a quarter of the mass is."""
@@ -355,20 +359,27 @@ def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.sample(1)
+@pytest.mark.parametrize(
+    ("force_by", "position_by", "time_by", "said"),
+    [
+        (1000, 1, 1, r"found a mass of 60 kg \(usual: 0.001 to 20\); are time, force and position in s, N and m"),
+        (1, 1000, 1, r"in s, N and m\? It would be 0.0[56]\S* with --scale position=0.001\. --scale"),
+        (1, 1, 1000, r"in s, N and m\? It would be 0.0[56]\S* with --scale time=0.001\. --scale"),
+    ],
+)
+def test_other_units_are_asked_about(force_by, position_by, time_by, said, tmp_path):
+    force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 600)) / RATE)
+    places = read(moved(0.06, 0.8, force), 1e-5, np.random.default_rng(1))
+    log = written(tmp_path / "log.csv", force_by * force, position_by * places, period=time_by / RATE)
+    with pytest.raises(UsageError, match=said):
+        wavesweep.identify(log)
+
+
+@pytest.mark.slow
 def test_units_and_names_of_columns_can_be_told(tmp_path):
     force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 600)) / RATE)
     places = read(moved(0.06, 0.8, force), 1e-5, np.random.default_rng(1))
-    wrong = written(tmp_path / "millinewton.csv", 1000 * force, places)
-    with pytest.raises(
-        UsageError, match=r"found a mass of 60 kg \(usual: 0.001 to 20\); are time, force and position in s, N and m"
-    ):
-        wavesweep.identify(wrong)
-    small = written(tmp_path / "millimetres.csv", force, 1000 * places)
-    with pytest.raises(UsageError, match=r"in s, N and m\? It would be 0.0[56]\S* with --scale position=0.001\. --scale"):
-        wavesweep.identify(small)
-    slow = written(tmp_path / "milliseconds.csv", force, places, period=1000 / RATE)
-    with pytest.raises(UsageError, match=r"in s, N and m\? It would be 0.0[56]\S* with --scale time=0.001\. --scale"):
-        wavesweep.identify(slow)
     named = written(tmp_path / "counts.csv", force, np.round(places / 1e-5), "t,force_N,enc")
     found = wavesweep.identify(named, columns={"position": "enc", "time": "t"}, scales={"position": 1e-5})
     mass = found.attrs["summary"]["parameters"]["mass"]

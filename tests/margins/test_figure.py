@@ -52,6 +52,7 @@ def far_from(points, line):
     return np.linalg.norm(points - a - share[..., None] * along, axis=-1).min(0)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("width", [85 / 25.4, 180 / 25.4])
 def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     table = margins(wavesweep.load(drive()), "s.y")
@@ -98,6 +99,7 @@ def test_a_resonance_is_smooth_and_the_margins_are_where_they_are_set(width):
     assert max(box.x1 for box in boxes) <= figure.bbox.x1
 
 
+@pytest.mark.thorough
 def test_a_family_over_a_number_has_a_curve_for_each_value_and_one_legend():
     spec = drive() | {"for_all": {"kp": {"start": 10, "stop": 900}}}
     figure = wavesweep.compile(spec).plot_margins("s.y")

@@ -37,6 +37,7 @@ def files_of(folder):
     return {file.name for file in folder.iterdir()}
 
 
+@pytest.mark.thorough
 def test_a_row_per_combination_in_every_file(wavesweep, filters, tmp_path):
     code, out, err = wavesweep("passivity", filters)
     assert (code, out) == (0, "")
@@ -72,6 +73,7 @@ def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):
     assert "no order up to 8 is enough at 25 Hz" in err
 
 
+@pytest.mark.thorough
 def test_cutoffs_that_the_rates_cannot_have_are_left_out(wavesweep, filters, tmp_path):
     lower = [f"filters.{name}.cutoff_hz=5" for name in ("lp1", "hp", "lp2")]
     settings = [

@@ -54,7 +54,7 @@ def test_a_drawn_loop_has_the_guarantees_of_the_built_in_one(ratio, hand, port):
     assert found["certified"].tolist() == expected["certified"].tolist() == [True]
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_box_of_hands_is_proved_for_a_drawn_loop_too():
     found, expected = (rows_of(spec, "box", BOX) for spec in (drawn(20, "device.v"), built_in(20, "exact")))
     for name in ("high", "high_hand_mass", "high_hand_damping", "high_hand_stiffness"):

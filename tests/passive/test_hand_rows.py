@@ -86,7 +86,7 @@ def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind,
     assert np.all(middle <= (needed(K[0], B[0]) + needed(K[1], B[1])) / 2 * (1 + 1e-7) + 1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_no_wall_for_every_passive_hand_is_in_doubt_and_none_with_a_passive_port_is_proved():
     spec = spec_of("pmw", B_VE=[1.0]).with_values({"rates.ratio": 2})
     run = intervals(spec, hands=hands_of(["passive", "port"]))
@@ -140,7 +140,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_progress_counts_all_hands_together():
     seen = []
     intervals(spec_of(B_VE=[0.0, 1.0]), hands=hands_of("port"), progress=lambda *now: seen.append(now[:2]))

@@ -44,7 +44,7 @@ def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp
 
 
 @pytest.mark.sample(1)
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
 def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, held, tmp_path):
     code, out, err = wavesweep(kind, held, "--for-hands", "passive", "--for-hands", "port")

@@ -84,7 +84,7 @@ def test_a_proof_refutes_a_finder_that_overlooks_a_hole(values):
     assert 17.4 < within < 19.1
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_channel_ends_where_its_norm_says(values):
     v, path = values("pmw", **WAVES, **{"filters.lp1.order": 2}), "filters.lp1.cutoff_hz"
     found = channel_ranges(held(v, path), path, (1.0, 20.0), 1e-3)

@@ -60,6 +60,7 @@ def test_quiet_says_nothing_and_the_table_of_statements_reads_back_and_names_all
     assert not (tmp_path / "there/fig4.png").exists()
 
 
+@pytest.mark.thorough
 def test_a_dash_writes_the_statements_to_stdout_and_no_file(wavesweep, tmp_path):
     code, out, _ = wavesweep("paper", "--out", "-")
     assert code == 0

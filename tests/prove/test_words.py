@@ -20,7 +20,7 @@ LOOPS = [
 
 
 @pytest.mark.slow
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("word", "span"), LOOPS, ids=[word["type"] for word, _ in LOOPS])
 def test_words_have_the_proved_intervals_that_doubles_certify(prove, word, span):
     K = "g" if word["type"] == "mean" else "K"

@@ -120,6 +120,7 @@ def test_the_commands_of_a_report_give_its_tables_and_the_report(axis, tmp_path,
     assert Path("results/axis/report.html").read_text(encoding="utf-8") == page
 
 
+@pytest.mark.thorough
 def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
     sweep = {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}}
     spec = PD | sweep | {"for_all": {"J": {"start": 0.009, "stop": 0.011}}}
@@ -129,7 +130,7 @@ def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
     assert "for every J from 0.009 to 0.011?" in text
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("spec", "changes", "said"),
     [

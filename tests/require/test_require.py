@@ -112,7 +112,7 @@ def turned(tables, name, value):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("draw", [random_tables, random_feedback])
 @pytest.mark.parametrize("seed", range(16))
 def test_eigenvalues_have_the_damping_ratio_inside_and_not_outside(seed, draw):

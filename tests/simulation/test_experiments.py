@@ -82,7 +82,7 @@ def test_what_acts_on_a_device_from_outside_is_none_of_the_controllers(tmp_path)
     np.testing.assert_allclose(host(tmp_path)["ws_load_x"], seen, rtol=1e-9, atol=1e-11)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", range(40))
 def test_messages_in_c_are_late_and_lost_as_in_a_march(seed, tmp_path):
     """Vectors of C are those of the simulation, and these are those of a march that shares no code."""

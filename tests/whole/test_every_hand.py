@@ -148,7 +148,7 @@ ALONE = [  # force on the device, what the log reads, its factor, a spring, and 
 ]
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("every", "force", "log", "a", "spring", "proved"),

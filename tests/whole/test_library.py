@@ -79,7 +79,7 @@ def turning(path, **more):
     return tables | more
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_hand_of_a_loop_that_turns_has_torques_and_angles():
     """The numbers are those of the same loop that slides: only the units differ."""
     turned, slid = turning(WHEEL), turning(WHEEL)

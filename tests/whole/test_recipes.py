@@ -60,7 +60,7 @@ def ends(name, **fixed):
     return list(zip(rows.low, rows.high, strict=True))
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.toml")), ids=lambda path: path.stem)
 def test_a_recipe_runs_with_the_command_that_it_names(path, tmp_path, monkeypatch, capsys):
@@ -176,7 +176,7 @@ def test_an_arm_whose_commands_are_lost():
     assert {"352.2", "355.5"} <= numbers_of("lost-commands")
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_messages_that_are_late_by_other_times():
     """A message in time and one that is r h late, in turn, for ever: the matrices of both, by hand."""
     rows = whole_table("late-messages")

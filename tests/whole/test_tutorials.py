@@ -25,6 +25,8 @@ AT_LENGTH = (
     "check touch.toml --set",
     "simulate shaft.toml",
     "identify run/simulate.csv",
+    "identify sweeps/examples/pushed.csv --resolution 2e-5 --out",
+    "check sweeps/for-all/dc-slow.toml",
     "stability-region arm.toml --set 'block.speed=",
     "bode sweeps/templates/drive.toml",
     "margins sweeps/templates/drive.toml",

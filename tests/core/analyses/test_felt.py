@@ -109,7 +109,7 @@ ALONG = {"Kp": (0, 50), "b": (2, 150), "device.mass": (0.02, 2), "K_VE": (0, 500
 
 
 @pytest.mark.sample(1)
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ALONG)
 def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
     """Responses of rates that divide share nothing with it; ends where a frame has an eigenvalue 1 are left out."""

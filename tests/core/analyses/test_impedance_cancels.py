@@ -86,7 +86,7 @@ def test_a_spectral_radius_is_right_or_missing():
     assert np.isnan(hidden) or hidden == pytest.approx(truth, rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.whole
 def test_a_margin_at_the_port_is_right_or_missing():
     def margin(b):

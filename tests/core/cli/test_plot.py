@@ -182,6 +182,7 @@ def test_a_page_does_not_replace_its_spec(wavesweep, spec):
     assert "which is read" in err
 
 
+@pytest.mark.thorough
 @pytest.mark.whole
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("command", ["zwidth", "bode", "compare", "why", "check --plot"])

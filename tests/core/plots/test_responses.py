@@ -32,6 +32,7 @@ def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
     assert set(np.diff(phase.get_yticks())) <= {45.0, 90.0}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("every", "whole"), [(1, True), (20, False)])
 def test_phases_that_jump_often_go_on_as_far_as_frequencies_tell_how(responses, every, whole):
     one = {name: column[:400:every] for name, column in responses.items()}
@@ -66,6 +67,7 @@ def test_the_static_limit_is_a_mark_at_the_left_edge():
     assert mark.get_ydata() == 1e3 * columns["admittance_abs"][0]
 
 
+@pytest.mark.thorough
 def test_one_frequency_is_drawn_over_the_axis_that_varies():
     columns, figure = figure_of(bode={"frequency_hz": [5.0], "b": {"start": 5, "stop": 200, "num": 40, "scale": "log"}})
     axes = figure.axes[0]
@@ -76,7 +78,7 @@ def test_one_frequency_is_drawn_over_the_axis_that_varies():
     assert "At 5 Hz" in figure.get_supxlabel()
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("impedances", [[10.0, 20.0], [10.0]])
 @pytest.mark.parametrize("frequencies", [[3.0, 4.0], [3.0, 3.1], [1.0, 25.0]])
 def test_a_phase_that_hardly_varies_has_two_ticks_at_least(frequencies, impedances):
@@ -86,6 +88,7 @@ def test_a_phase_that_hardly_varies_has_two_ticks_at_least(frequencies, impedanc
         assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 2
 
 
+@pytest.mark.thorough
 def test_more_than_a_dozen_curves_have_a_scale_of_colours():
     for count, legend in ((12, 13), (13, 2)):
         _, figure = figure_of(bode={"frequency_hz": [0.1, 1.0, 30.0], "b": {"start": 5, "stop": 200, "num": count}})
@@ -118,6 +121,7 @@ def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentenc
     assert said == ["figure of spec: shown: 20 of 40 values of b"] * 2
 
 
+@pytest.mark.thorough
 def test_a_spec_without_an_axis_of_the_others_is_one_curve(responses):
     """Its values of that axis are missing, and a missing one is unequal to itself."""
     rows = {name: column[responses["spec"] == responses["spec"][0]] for name, column in responses.items()}
@@ -130,6 +134,7 @@ def test_a_spec_without_an_axis_of_the_others_is_one_curve(responses):
     assert [text.get_text() for text in figure.legends[0].get_texts()].count("other") == 1
 
 
+@pytest.mark.thorough
 def test_stable_and_unstable_curves_are_named_apart_beside_a_scale_of_colours():
     """Of 14 curves only the second is stable."""
     _, figure = figure_of(

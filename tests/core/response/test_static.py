@@ -90,6 +90,7 @@ HEAVY = {  # a soft wave line before a heavy device: a row of the frame at rest 
 SOFT = {"controller": {"kind": "pmw", "b": 0.01}, "device": {"mass": 10.0}, "rates": {"fast_hz": 1e4, "ratio": 2}}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.whole
 @pytest.mark.parametrize(("tables", "K_VE", "wanted"), [(HEAVY, 2000.0, 82.8842235610805), (SOFT, 500.0, 1.2495749922671)])

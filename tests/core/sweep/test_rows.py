@@ -37,7 +37,7 @@ def test_borders_of_chunks_leave_no_trace(mixed, whole, same, deep, wide):
 
 
 @pytest.mark.sample(1)
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("along", ["b", "Kp", "B_VE", "device.mass"])
 def test_they_leave_none_along_other_axes(same, along):
     spec = load({

@@ -117,6 +117,7 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     assert said.count("\n") == 1
 
 
+@pytest.mark.thorough
 def test_a_tracker_of_joblib_that_is_killed_is_replaced_without_a_word():
     """The new one does not know what is shared already, and would say so in tracebacks."""
     script = """

@@ -42,7 +42,7 @@ def cluster():
             yield running.scheduler_address
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
     """A pool of ours that joblib takes for its own has none of its attributes."""
     joblib = pytest.importorskip("joblib")
@@ -74,7 +74,7 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, s
     same(run.columns, long_table)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_dask_worker_that_dies_has_its_chunks_done_again(long, long_table, same, cluster, monkeypatch, tmp_path):
     monkeypatch.setattr(workers, "timed", DieOnce(tmp_path / "died"))
     same(intervals(long, backend="dask", scheduler=cluster).columns, long_table)

@@ -96,7 +96,7 @@ def test_frequencies_that_nobody_gives_end_at_half_the_rate_of_the_ticks(hz, sto
     assert load(slower.tables()).frequency_hz[-1] == min(stop, hz / 8)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_run_of_a_drawn_loop_and_its_figures(run):
     short = ("--set", "simulate.duration_s=3", "--set", "ports.hand.reaction=kp*net.y")
     code, text, results = run("simulate", "arm.toml", "--plot", *short)

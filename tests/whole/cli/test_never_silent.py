@@ -32,6 +32,7 @@ def mine(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(SPEC)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.usefixtures("mine")
 @pytest.mark.parametrize("command", COMMANDS)

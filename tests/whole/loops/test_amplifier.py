@@ -22,6 +22,7 @@ def values(kind, late, seconds=0.0, **more):
     return values_of(kind, **more) | {"device.delay": late, "device.dead_time": seconds}
 
 
+@pytest.mark.sample(6)
 @pytest.mark.slow
 @pytest.mark.parametrize(("late", "seconds"), [(1, 0.0), (7, 0.0), (0, 0.0003), (2, 0.0017)])
 @pytest.mark.parametrize("kind", KINDS)

@@ -112,7 +112,7 @@ def test_every_statement_has_a_row_and_a_line_on_how_it_is_judged(judged):
     assert counted(judged) in table
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_study_holds_every_combination_once(choices):
     assert list(choices) == [field.name for field in FIELDS]
     names = ("integration", "velocity", "delay", "b", "lp1_order", "lp1_cutoff_hz")
@@ -120,7 +120,7 @@ def test_the_study_holds_every_combination_once(choices):
     assert len(combinations) == len(choices["b"]) == 3 * 2 * 3 * 3 * 3 * 3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_no_choice_of_the_study_serves_all_figures(choices):
     near = np.abs(choices["K_at_1"] - 800) <= 8
     assert near.any()

@@ -90,6 +90,7 @@ def test_roles_are_given_in_order_and_what_is_left_out_is_said():
     assert (lay_out({"b": range(4)}, {}).x, lay_out({"b": range(4)}, {}).family) == (None, "b")
 
 
+@pytest.mark.thorough
 def test_the_figure_of_a_large_sweep_goes_through_the_best_design(panels):
     felt = np.where((panels["b"] == 70) & (panels["K_LM"] == 700) & (panels["B_VE"] == 3), 9000.0, panels["felt_high"])
     figure = plots.zwidth({**panels, "felt_high": felt}, {})
@@ -108,6 +109,7 @@ def test_short_axes_are_bars_of_all_their_combinations():
     assert "n at 10 alone" in held.left_out
 
 
+@pytest.mark.thorough
 def test_the_bars_of_a_recipe_show_every_row():
     """Two panels of six bars each, and a stroke for each end that stability sets."""
     source = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps" / "recipes" / "policy.toml"
@@ -162,6 +164,7 @@ def texts_of(canvas):
     return [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
+@pytest.mark.thorough
 def test_the_legend_is_low_above_one_column_and_beside_the_panels_of_two(family, panels):
     felt = family | {"felt_low": family["low"] / 2, "felt_high": family["high"] / 2}
     figure = plots.zwidth(felt, {})
@@ -301,6 +304,7 @@ def test_a_number_that_varies_smoothly_is_along_the_figure_however_few_values_it
     assert (figure.get_supxlabel(), figure.get_supylabel()) == ("kd", "kp")
 
 
+@pytest.mark.thorough
 def test_space_that_is_not_swept_does_not_pass_for_unstable():
     """No interval reaches 5 N*s/m: the axis begins there, and a design of 50 N*s/m beyond its end has no cross."""
     source = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps" / "examples" / "impedance.toml"
@@ -332,6 +336,7 @@ def test_a_margin_of_an_unstable_loop_does_not_pass_for_passive(values):
     assert "unstable, not passive" not in texts_of(figure)
 
 
+@pytest.mark.thorough
 def test_a_comparison_has_the_figures_of_both_tables():
     """Above what `zwidth` draws of one spec, below what `bode` draws."""
     spec = {
