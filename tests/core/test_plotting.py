@@ -56,6 +56,7 @@ def crosses(figure):
     return [(*line.get_xdata(), *line.get_ydata()) for axes in figure.axes for line in axes.lines if line.get_marker() == "x"]
 
 
+@pytest.mark.thorough
 def test_the_own_design_lies_at_its_own_value_of_the_axis_that_is_drawn():
     """[sweep] names another axis than `zwidth` takes."""
     spec = {

@@ -373,7 +373,7 @@ def test_a_design_that_is_direct_coupling_itself_has_no_error():
     assert found["transparency"].certified.all()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_what_is_felt_over_a_band_is_the_least_that_the_stiffest_wall_adds_to_free_motion():
     band = {"band_hz": [0.1, 3.0]}
     wish = {"felt": {"B_VE": [1], **band}, "z_width": {"B_VE": [1]}, "free_motion": {"at_most": 1, **band}}

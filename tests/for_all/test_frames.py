@@ -224,7 +224,7 @@ TABLE = [
 
 
 @pytest.mark.sample(2)
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "frames", "proved", "refuted"), TABLE)
 def test_brackets_to_a_hundredth(kind, frames, proved, refuted):
     """Between a number that is proved and one that a pattern refutes, which random patterns do not contradict."""

@@ -189,7 +189,7 @@ def test_the_model_stops_and_starts_within_a_tick():
     assert readings(Model(friction=True), theta, force, 1 / RATE) == pytest.approx(expected, abs=1e-6 * np.ptp(expected))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_force_before_the_log_is_not_needed():
     """A chirp that does not begin at 0 and is 3.4 ticks late."""
     time = np.arange(-0.01, 1.0, 1e-3)
@@ -348,7 +348,7 @@ def test_jitter_of_the_times_is_said(tmp_path):
     assert any("times jitter by up to" in each and "equal steps of 1 ms" in each for each in notices)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.asks("simulation")
 def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
     """A slow push of a device in syrup."""

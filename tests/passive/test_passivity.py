@@ -104,7 +104,7 @@ def test_a_channel_is_known_at_any_rates_and_in_any_drawing():
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("kind", "given"),
     [

@@ -52,7 +52,7 @@ def test_the_largest_passive_wall_at_one_rate_is_that_of_a_closed_form(values, d
     assert found.high[0] == pytest.approx(wanted, rel=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", [pytest.param(case, marks=[pytest.mark.thorough] * (case != "wall")) for case in CASES])
 def test_a_scan_by_python_control_sees_the_same_intervals(values, case):
     kind, path, span, others = CASES[case]

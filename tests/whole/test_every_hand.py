@@ -77,7 +77,7 @@ def test_a_drawn_loop_has_the_walls_of_the_one_that_it_draws():
     np.testing.assert_allclose([drawn["high"], drawn["fails_from"]], [built_in["high"], built_in["fails_from"]], rtol=2e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_ranges_of_the_device_count_at_their_least_damping_and_other_values_one_by_one():
     ranges = {"device.mass": {"start": 0.05, "stop": 0.2}, "device.damping": {"start": 4, "stop": 6}}
     rows = passive(spec_of(for_all={**ranges, "environment.delay": {"values": [0, 1]}}), "K_VE")

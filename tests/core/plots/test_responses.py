@@ -58,6 +58,7 @@ def test_magnitudes_have_decibels_at_the_right(responses):
             assert place == pytest.approx(10 ** (number / 20))
 
 
+@pytest.mark.thorough
 def test_the_static_limit_is_a_mark_at_the_left_edge():
     columns, figure = figure_of(bode={"frequency_hz": [0.0, 0.1, 1.0, 10.0, 25.0]})
     axes = figure.axes[0]

@@ -203,7 +203,7 @@ def rubbed(push, friction=0.26, parts=100, ticks=2000):
     return np.array(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize(("push", "rests"), [(0.5, True), (1.0, False)])
 def test_friction_brings_an_unstable_loop_to_rest_after_a_small_push(push, rests):
     tables = RUBBING | {"simulate": {"friction": 0.26, "input": "pulse", "amplitude": push, "duration_s": 2.0}}

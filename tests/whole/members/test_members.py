@@ -17,10 +17,10 @@ SAMPLE = [
     ("built_in", 12),
     ("drawn_alone", 6),
     ("mean_square", 7),
-    ("mean_square", 8),
+    pytest.param("mean_square", 8, marks=pytest.mark.thorough),
     ("box_margins", 9),
     pytest.param("two_ports", 10, marks=pytest.mark.thorough),  # one port in place of two is found here
-    ("built_in_words", 4),
+    pytest.param("built_in_words", 4, marks=pytest.mark.thorough),
     ("every_hand_damping", 136),  # delays in ticks that were taken for "frame" are found here
 ]
 
