@@ -9,9 +9,10 @@ from support.messages import marched, random_loop, spec_of
 import wavesweep
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
-from wavesweep.for_all.checking import Norms, shrink_on_average
+from wavesweep.for_all.checking import Norms, shrink_on_average, shrink_over
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import brackets_on_average, chances, decays
+from wavesweep.for_all.polynomials import Polynomials
 
 
 def recursion(a, missing="zero", **channel):
@@ -41,6 +42,19 @@ def test_the_check_takes_probabilities_and_norms_alone(P, weight, holds):
     graph = Graph(np.zeros(2, int), np.arange(2), np.zeros(2, int))
     E, weight = np.array([[[-1.0]], [[1.0]]]), np.array(weight)
     assert shrink_on_average(Norms(np.full((1, 1, 1), P), graph), weight, E, np.zeros_like(E)) is holds
+
+
+@pytest.mark.parametrize(
+    ("weight", "holds"),
+    [([0.78, 0.22], True), ([0.77, 0.23], False), ([0.78 - 1e-9, 0.22], False)],
+)
+def test_the_check_over_a_range_is_of_its_worst_number(weight, holds):
+    """`x+ = 0` or `(2 + 0.1 s) x` with probability p, for s from -1 to 1: `p 2.1^2 < 1`, in the form 1."""
+    graph = Graph(np.zeros(2, int), np.arange(2), np.zeros(2, int))
+    terms, form = np.zeros((3, 2, 1, 1)), np.zeros((3, 1, 1, 1))
+    terms[0, 1], terms[1, 1], form[0] = 2.0, 0.1, 1.0
+    A, P = Polynomials(terms, np.zeros((2, 1, 1)), 1, 2), Polynomials(form, np.zeros((1, 1, 1)), 1, 2)
+    assert shrink_over(P, graph, A, None, np.array(weight))[0] is holds
 
 
 def chain(spec, along="", **values):
