@@ -138,3 +138,17 @@ def test_functions_of_delays_are_positive_off_the_arc_alone(frames, ways):
     assert (signs(arc * rng.choice([0.99, 1.01], 500)) > 0).any(0).all()
     past = -np.exp(1j * rng.uniform(frames * theta + 0.01, 2 * np.pi - 0.01, 500))
     assert (signs(past) > 0).any(0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_a_range_of_a_dead_time_of_several_ticks_has_the_margins_of_its_worst_value():
+    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": 300.0, "B_VE": 0.5}}
+    device = {"mass": 0.1, "damping": 1.5, "velocity": "difference", "dead_time": 0.0016}
+    own = {each.name: each.value for each in margins_of(broken_at(load(tables | {"device": device}), "velocity.y"))[0]}
+    ranges = {"device.dead_time": {"start": 0.0002, "stop": 0.0016}}
+    found = {each.name: each for each in margins_for_all(load(tables | {"device": device, "for_all": ranges}), "velocity.y")}
+    for name in ("gain_up", "disk"):
+        assert found[name].settled
+        assert found[name].refuted == pytest.approx(own[name], rel=1e-9)
+        assert 0.95 * own[name] < found[name].value < own[name]

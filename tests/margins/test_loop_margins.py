@@ -15,7 +15,7 @@ from support.drawn import ARM
 from wavesweep import UsageError, load
 from wavesweep.core.api import compile as compiled
 from wavesweep.core.stability.certificate import words
-from wavesweep.margins.broken_loops import broken_at
+from wavesweep.margins.broken_loops import broken_at, cuts_of
 from wavesweep.margins.lifted_margins import margins_of
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
@@ -267,3 +267,32 @@ def test_a_wrong_signal_is_answered_by_the_names_that_wires_use():
     spec = load({"rates": {"tick_hz": 1000}, "block": {"m": m, "line": line}, "wire": wire})
     with pytest.raises(UsageError, match=r"\(m\.x, line\.y1, line\.y2\), found 'line\.y3'; did you mean `line\.y"):
         broken_at(spec, "line.y3")
+
+
+@pytest.mark.parametrize("late", [0.0002, 0.001, 0.0016])
+def test_a_force_that_arrives_between_two_ticks_has_the_margins_of_its_own_delay(late):
+    """The phase at the crossover follows from a plant that is sampled with a hold that is divided in two."""
+    K, B, m, d, T = 300.0, 0.5, 0.1, 1.5, 1e-3
+    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": K, "B_VE": B}}
+    spec = load(tables | {"device": {"mass": m, "damping": d, "velocity": "difference", "dead_time": late}})
+    assert next(iter(cuts_of(spec))) == "command.y"
+    ticks = int(np.ceil(late / T - 1e-9))
+    first = ticks - late / T  # share of a tick in which the newer force acts
+
+    plant = np.array([[0, 1], [0, -d / m]]), np.array([[0], [1 / m]]), np.eye(2), np.zeros((2, 1))
+
+    def loop(w):
+        z, steps = np.exp(1j * w * T), []
+        for share in (late / T - ticks + 1, first):
+            A, b, *_ = cont2discrete(plant, share * T)
+            steps.append((A, b[:, 0]))
+        (A, b), (A2, b2) = steps
+        x = np.linalg.solve(z * np.eye(2) - A2 @ A, (A2 @ b) * z**-ticks + b2 * z ** (1 - ticks))[0]
+        return (K + B * (1 - 1 / z) / T) * x
+
+    crossing = brentq(lambda w: abs(loop(w)) - 1, 20, 100)
+    found = {margin.name: margin for margin in margins_of(broken_at(spec, "command.y"))[0]}
+    assert found["phase"].value == pytest.approx(np.degrees(np.angle(-loop(crossing))), rel=1e-8)
+    assert found["phase"].omega == pytest.approx(crossing, rel=1e-8)
+    with pytest.raises(UsageError, match=r"found 'amplifier\.y'"):
+        broken_at(spec, "amplifier.y")

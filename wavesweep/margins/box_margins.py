@@ -8,7 +8,7 @@ peak inside. Delays are no factors of a frame: see `Arc`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
@@ -18,6 +18,7 @@ from wavesweep.capabilities import modules
 from wavesweep.core.analyses.open_loops import ANY
 from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.core.loops.dead_time import pieces_of, timing
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.monodromy.circle import inverse, on_circle
 from wavesweep.core.monodromy.rounding import balance
@@ -82,13 +83,24 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]
     each = product(*map(boxes.values_of_range, listed))
-    cases = [_Case(spec, cut, ranges, dict(zip((axis.path for axis in listed), values, strict=True))) for values in each]
+    fixed = (dict(zip((axis.path for axis in listed), values, strict=True)) for values in each)
+    cases = [case for some in fixed for case in _cases(spec.with_values(some) if some else spec, cut, ranges, some)]
     unstable = next((point for case in cases for point in case.unstable()), None)
     if unstable is not None:
         text = boxes.numbers_in_words(unstable)
         return [BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True) for name in cases[0].names]
     found = [_for_all_cases([(case, *case.margin(name)) for case in cases], name) for name in cases[0].names]
     return [row for margin in found for row in (_with_gain_and_phase(margin) if margin.name == "disk" else [margin])]
+
+
+def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
+    """Yield the case of a spec, or one for each part of a range in which dead times have the same whole ticks."""
+    drawing = with_gain(spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges)), cut)
+    timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
+    pieces = pieces_of(drawing, spec.values, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
+    for (low, high), whole in pieces:
+        some = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges if axis.path in drawing.reads]
+        yield _Case(spec, cut, Loops(drawing, {**spec.values, path_of(GAIN): 1.0, **whole}), some, fixed)
 
 
 def _for_all_cases(found, name) -> BoxMargin:
@@ -134,20 +146,20 @@ def _with_gain_and_phase(disk: BoxMargin) -> Iterator[BoxMargin]:
 
 
 class _Case:
-    """Loops broken at a signal, whose numbers have ranges; fixed: the others' values among those that are listed."""
+    """Loops broken at a signal, whose numbers have ranges.
 
-    def __init__(self, spec: Spec, cut: str, ranges: Sequence[Axis], fixed: Mapping[str, object]):
-        self.spec, self.cut, self.fixed = spec.with_values(fixed) if fixed else spec, cut, fixed
-        values = dict(self.spec.values)
-        drawing = self.spec.drawing or loop_drawing(values, tuple(axis.path for axis in ranges))
-        ranges = [axis for axis in ranges if axis.path in drawing.reads]
+    loop: with a gain at the signal. fixed: the values of the others among those that are listed.
+    """
+
+    def __init__(self, spec: Spec, cut: str, loop: Loops, ranges: Sequence[Axis], fixed: Mapping[str, object]):
+        self.spec, self.cut, self.fixed = spec, cut, fixed
         self.ranged, self.known = [axis.path for axis in ranges], {}
         self.box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
-        self.loop = Loops(with_gain(drawing, cut), values | {path_of(GAIN): 1.0}).read
+        self.loop = loop.read
         own = broken_at(self.spec, cut)
         self.period = own.period
         self.names = [name for name in ENDS if name != "delay" or isinstance(own, BrokenLoop)]
-        self.rated = any(name_of(path) in drawing.rating for path in self.ranged)
+        self.rated = any(name_of(path) in loop.drawing.rating for path in self.ranged)
         if not ranges:
             return
         paths = [path_of(GAIN), *self.ranged]

@@ -127,16 +127,21 @@ def cuts_of(spec: Spec) -> list[str]:
     pairs = {(port.rpartition(".")[0], name.rpartition(".")[0]) for port, terms in joined for name, _ in terms}
     for through in [block.name for block in loop.drawing.blocks]:  # what depends on what, by S. Warshall's method
         pairs |= {(reader, source) for reader, a in pairs if a == through for b, source in pairs if b == through}
-    acting = {name for reader, name in wires if reader in plants}
+    late = {name for plant in loop.drawing.plants for _, name in plant.arriving}
+    acting = {name for reader, name in wires if reader in plants | late}
     found = {name: times for name, times in _times_per_frame(loop).items() if times <= MOST_TIMES}
     found = {name: times for name, times in found.items() if (name.rpartition(".")[0],) * 2 in pairs}
     return sorted(found, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, found[name]))
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:
-    """How often each output that a wire reads is made in a frame, without those that a dead time reads between two ticks."""
+    """How often each output that a wire reads is made in a frame.
+
+    Those that dead times bring to plants, or read of them, between two ticks are left out: a gain there would be in the tick.
+    """
     drawn, plants, read = loop.drawn(), loop.drawing.plants, {name for _, terms in loop.drawing.wires for name, _ in terms}
     read -= {name for plant in plants for name, _ in plant.sensed}
+    read -= {f"{name}.y" for plant in plants for _, name in plant.arriving}
     runs = [(each.block, int(each.runs(drawn.ticks).sum())) for each in drawn.placed]
     found = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
     of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read]
