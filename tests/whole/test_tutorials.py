@@ -36,9 +36,10 @@ AT_LENGTH = (
     "zwidth random.toml",
     "zwidth touch.toml",
     "margins arm.toml --cut camera.y --set 'for_all",
-    "passivity sweeps/examples/two-channel.toml --along g",
+    "passivity sweeps/examples/two-channel.toml",
     "margins design/best/servo-01.toml",
     "check drive.toml",
+    "check device.toml",
 )
 
 
