@@ -31,6 +31,7 @@ def test_a_range_of_a_dead_time_is_held_in_each_of_its_pieces_of_a_tick(low):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_intervals_along_a_dead_time_of_several_ticks_hold_for_all_masses():
     row = row_of(loop(), "device.dead_time", 0.0027, mass=(0.08, 0.12))
     ends = [

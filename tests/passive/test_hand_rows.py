@@ -169,3 +169,18 @@ def test_what_cannot_be_answered_is_refused(spec, hand, said):
 def test_an_empty_box_is_refused():
     with pytest.raises(UsageError, match=r"mass expected 0 <= low <= high, found \(0.5, 0.1\)"):
         hands_of("box:mass=0.5..0.1")
+
+
+@pytest.mark.slow
+def test_rows_along_a_dead_time_of_several_ticks_end_where_its_damping_is_needed():
+    """`d/T = K (1/2 + r) + K^2 T r (1 - r)/(4 d)` at r ticks, below one; beyond one even the free device is unstable."""
+    K, T, d = 1200.0, 1e-3, 1.5
+    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": K, "B_VE": 0.0}}
+    tables |= {"device": {"damping": d, "velocity": "difference", "dead_time": 0.0002}}
+    tables |= {"sweep": {"along": "device.dead_time", "device.dead_time": {"start": 0.0, "stop": 0.002}}}
+    row = {name: column[-1] for name, column in intervals(load(tables), hands=hands_of("passive"), jobs=1).columns.items()}
+    c = K**2 * T / (4 * d)
+    r = (K + c - np.sqrt((K + c) ** 2 - 4 * c * (d / T - K / 2))) / (2 * c)
+    assert (row["hand"], row["low"]) == ("passive", 0)
+    assert row["high"] == pytest.approx(r * T, rel=1e-5)
+    assert row["certified"]

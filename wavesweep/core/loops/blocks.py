@@ -216,7 +216,7 @@ def held(A, B, period, sizes=None):
     of_E, of_G = (np.abs(E), np.abs(G)) if sizes is None else _series(*(size * np.abs(T) * step for size in sizes))
     eye, known = np.eye(E.shape[-1]), np.ones(halvings.shape, bool)
     with np.errstate(over="ignore", invalid="ignore"):
-        for turn in range(int(halvings.max())):
+        for turn in range(int(halvings.max(initial=0))):
             more, size, one = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
             terms = 2 * np.abs(G) + size @ np.abs(G)
             of_G = np.where(more, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms, of_G)
