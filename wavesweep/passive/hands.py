@@ -53,6 +53,11 @@ class PassiveGuarantee(Guarantee):
         return 2 * [*METHODS].index(self.kind)
 
     @property
+    def own_ticks(self) -> bool:
+        """Whether forces are held over the spec's own ticks."""
+        return self.kind in ("port", "ports")
+
+    @property
     def replaces(self) -> bool:
         """Whether other hands are in the place of the spec's operator."""
         return self.kind == "passive"

@@ -65,8 +65,9 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
     drawn, batch = loop.drawn(), loop.batch
     port = loop.port(drawn)
     M = port.kind.size
-    if M > LONGEST:
-        raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {M}")
+    if M * port.axes > LONGEST:
+        found = f"{M}" if port.axes == 1 else f"{M} of {port.axes} axes"
+        raise UsageError(f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {found}")
     found = _margins(port, batch, decide)
     unsure = np.isnan(port.maps[0][0]).all((-1, -2)).reshape(-1)
     for at in np.flatnonzero(unsure).tolist() if batch else ():
@@ -80,7 +81,7 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
 
 def _margins(port, batch, decide) -> PortMargin:
     """The margins of a flat batch, with angles in rad per frame in place of frequencies."""
-    given = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, batch)
+    given = TickMaps.of([(E, B, C[..., : port.axes, :], D[..., : port.axes, :]) for E, B, C, D in port.maps], port.kind, batch)
     ticks = given.in_even_units()
     lifted = ticks.lifted()
     E, mean = lifted.E, lifted.mean
@@ -109,7 +110,7 @@ def _margins(port, batch, decide) -> PortMargin:
     at_rest = few.smallest(np.arange(kept.size), np.zeros(kept.size))
     # Beside a peak at rest the response is the same but for rounding, and less well known.
     theta = np.where(at_rest <= margin + SLACK * (np.abs(margin) + scale), 0.0, theta)
-    if port.position is not None:  # something holds the scene, so a constant force moves nothing
+    if port.drifts < port.axes:  # something holds the scene, so a constant force, of some direction, moves nothing
         theta, margin = np.where(margin > 0, 0.0, theta), np.minimum(margin, 0.0)
     known, below = np.ones(kept.size, bool), margin < -TOLERANCE * scale
     open_ = np.flatnonzero(~below) if decide else np.arange(kept.size)
@@ -117,7 +118,7 @@ def _margins(port, batch, decide) -> PortMargin:
         at = kept[open_]
         known[open_], below[open_] = _beyond_rounding(given.at(at), port, at, peak.theta[open_], margin[open_], scale[open_])
     margin = np.where(known & np.isfinite(margin), np.where(below | (margin > FAINT * scale), margin, 0.0), np.nan)
-    free = port.position is None and ticks.kind.size > 1
+    free = port.drifts == port.axes and ticks.kind.size > 1
     at = np.flatnonzero(free & (margin >= -TOLERANCE * scale) & (~below | (theta == 0)))
     if at.size:
         rest = _dragged(given.at(kept[at]), port, kept[at], scale[at])
@@ -153,33 +154,38 @@ def _beyond_rounding(ticks, port, loops, theta, margin, mean):
 def _dragged(ticks, port, loops, mean):
     """The margin at rest of ports that it shows not to be passive, however little, otherwise 0, `(loops,)`.
 
-    A motion at a multiple of the slow rate may drag along what a constant force e does not move. At rest the Hermitian part S
+    A motion at a multiple of the slow rate may drag along what a constant force e, in one of the directions of the axes that do
+    not act on each other at rest, does not move. At rest the Hermitian part S
     has then a 0 for e, and a coupling p of it to other forces: its least eigenvalue is `-p' (S + e e')^-1 p`, to first order in
     that, and negative however small p is, where rounding would hide an eigenvalue.
     """
-    M = ticks.kind.size
-    e = np.full((M, 1), M**-0.5)
+    constant = np.kron(np.full((ticks.kind.size, 1), ticks.kind.size**-0.5), np.eye(port.axes))
 
-    def at_rest(some):
-        lifted = some.in_even_units().lifted(measured=False)
+    def at_rest(some, e):
+        lifted, back = some.in_even_units().lifted(measured=False), np.swapaxes(e, -1, -2)
         X = solve(-lifted.E, lifted.G)
-        both = (lifted.T @ e + lifted.O @ (X @ e) + np.swapaxes(e.T @ lifted.T + (e.T @ lifted.O) @ X, -1, -2)) / 2
-        return lifted.T + lifted.O @ X if some is ticks else None, e.T @ both, both - e @ (e.T @ both)
+        both = (lifted.T @ e + lifted.O @ (X @ e) + np.swapaxes(back @ lifted.T + (back @ lifted.O) @ X, -1, -2)) / 2
+        return lifted.T + lifted.O @ X if some is ticks else None, back @ both, both - e @ (back @ both)
 
-    with np.errstate(all="ignore"):
-        (H, still, p), (*_, again) = at_rest(ticks), at_rest(_shaken(ticks, port, loops))
+    def along(e):
+        (H, still, p), (*_, again) = at_rest(ticks, e), at_rest(shaken, np.tile(e, (SHAKES, 1, 1)))
         size, moved = np.linalg.norm(p, axis=(-1, -2)), np.linalg.norm(again.reshape(SHAKES, *p.shape) - p, axis=(-1, -2))
-        S = (H + np.swapaxes(H, -1, -2)) / 2 + mean[:, None, None] * e @ e.T
+        S = (H + np.swapaxes(H, -1, -2)) / 2 + mean[:, None, None] * e @ np.swapaxes(e, -1, -2)
         rest = -(np.swapaxes(p, -1, -2) @ solve(S, p))[:, 0, 0]
         dragged = (np.abs(still[:, 0, 0]) <= TOLERANCE * mean) & (moved.max(0) <= SHARE * size)
-    return np.where(dragged, np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny), 0.0)
+        return np.where(dragged, np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny), 0.0)
+
+    with np.errstate(all="ignore"):
+        shaken, still = _shaken(ticks, port, loops), np.nan_to_num(at_rest(ticks, constant)[1])
+        directions = constant @ np.linalg.eigh((still + np.swapaxes(still, -1, -2)) / 2)[1]
+        return np.minimum.reduce([along(directions[..., k : k + 1]) for k in range(port.axes)])
 
 
 def _shaken(ticks, port, loops):
     """The ticks of some loops SHAKES times, one after the other, each time with other roundings of their entries."""
     maps, batch = [], ticks.loops
     for number, (parts, sizes) in enumerate(zip(ticks.maps, port.sizes, strict=True)):
-        rows, moved = (sizes[0], sizes[1], sizes[2][..., :1, :], sizes[3][..., :1, :]), []
+        rows, moved = (sizes[0], sizes[1], sizes[2][..., : port.axes, :], sizes[3][..., : port.axes, :]), []
         for which, (part, size) in enumerate(zip(parts, rows, strict=True)):
             sizes_of = size.reshape(-1, *size.shape[-2:])
             error = np.finfo(float).eps * (sizes_of[loops] if len(sizes_of) > 1 else sizes_of)

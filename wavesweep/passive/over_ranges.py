@@ -20,9 +20,8 @@ from wavesweep.core.energy.held_loop import HeldLoop, device_keys
 from wavesweep.core.energy.hinf import SOFT, Peak, angles, peak_by_levels, tick
 from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.core.loops.domain import guards_at
-from wavesweep.core.loops.from_drawing import POSITION
 from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.loops.ports import Ports
+from wavesweep.core.loops.ports import axes_of
 from wavesweep.core.monodromy.circle import inverse, on_circle, solve
 from wavesweep.core.monodromy.open_ticks import facts_of
 from wavesweep.core.monodromy.periodic import ticks_of
@@ -35,6 +34,7 @@ SWEEPS = 12  # of balancing
 NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop
 SLACK, SURE = 1e-11, 1e-9  # of the mean eigenvalue: accuracy of the smallest one, and what is surely not rounding
 NOISE = 2e-12  # of the largest eigenvalue, in which the smallest one may drown if a mode is slow
+SKEW = 1e-9  # relative, of a compliance that counts as symmetric
 TERMS = 16.0  # errors of the entries of a map of a frame, in roundings of the sizes of their terms
 
 ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
@@ -48,16 +48,18 @@ Maps = Callable[[np.ndarray], tuple[LiftedMap, np.ndarray]]
 
 def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     """The maps from the held force to the displacement at the hand along a number, apart at rest where a spring holds it."""
-    drift = loop.changed({path: inner_numbers(span)}).drift((POSITION,))
-    hand = Ports(loop.drawing.hand[0], POSITION)
+    hand = axes_of(loop.drawing)
+    drift = loop.changed({path: inner_numbers(span)}).drift(hand.signals)
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
         with np.errstate(all="ignore"):
             port = port_of(drawn := at.drawn(), hand, drift)
-            ticks = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, p.shape)
+            ticks = TickMaps.of(
+                [(E, B, C[..., : port.axes, :], D[..., : port.axes, :]) for E, B, C, D in port.maps], port.kind, p.shape
+            )
             lifted = ticks.lifted(measured=False)
-            lifted = lifted if port.position is None else apart_at_rest(lifted, port.position)
+            lifted = lifted if port.drifts == port.axes else apart_at_rest(lifted, port.position, port.held)
         return lifted, pivots_of(at, path, drawn, p.shape)
 
     return remembered(maps)
@@ -119,20 +121,27 @@ def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndar
     )
 
 
-def apart_at_rest(lifted: LiftedMap, position: np.ndarray) -> LiftedMap:
+def apart_at_rest(lifted: LiftedMap, position: np.ndarray, held: np.ndarray) -> LiftedMap:
     """The map of a port whose position returns, without the zero that its Hermitian part has at rest.
 
-    position: `(loops, 1, n)`, the row of the position among the states. A constant force e moves nothing in the end, and the
-    displacements of a frame add up to the movement of the position, so e is in the null space of the Hermitian part at w = 0.
-    In the direction of e the forces are multiplied by `1/(1/z - 1)` and the displacements by `1/(z - 1)`, which leaves the
-    signs of the Hermitian part at all other angles. With the rest state r under e, and P the projection that takes e away,
+    position: `(loops, axes, n)`, the rows of the position among the states; held: `(axes, directions)`, those in which it
+    returns. Constant forces e, a column for each direction, move nothing in the end, and the displacements of a frame add up to
+    the movement of the position, so e is in the null space of the Hermitian part at w = 0.
+    In the directions of e the forces are multiplied by `1/(1/z - 1)` and the displacements by `1/(z - 1)`, which leaves the
+    signs of the Hermitian part at all other angles. With the rest states r under e, and P the projection that takes e away,
 
-        V = P T P + P O r e' + e c r e'/2 + (P O + e c) (w - E)^-1 (G P + (I + E) r e'),   c = position/sqrt(M).
+        V = P T P + P O r e' + e c r e'/2 + (P O + e c) (w - E)^-1 (G P + (I + E) r e'),   c = held' position/sqrt(M).
+
+    The compliance c r has to be symmetric, as that of springs and walls is; the map is NaN where it is not, since a port that a
+    slow motion in circles takes energy from is not passive.
     """
-    M = lifted.T.shape[-1]
-    e = np.full((M, 1), M**-0.5)
-    P, c, r = np.eye(M) - e @ e.T, position * M**-0.5, -solve(lifted.E, lifted.G @ e)
-    direct = P @ lifted.T @ P + (P @ lifted.O @ r) @ e.T + e @ (c @ r) @ e.T / 2
+    M = lifted.T.shape[-1] // len(held)
+    e = np.kron(np.full((M, 1), M**-0.5), held)
+    P, c, r = np.eye(len(e)) - e @ e.T, held.T @ position * M**-0.5, -solve(lifted.E, lifted.G @ e)
+    compliance = c @ r
+    skew = np.abs(compliance - np.swapaxes(compliance, -1, -2)).max((-1, -2)) > SKEW * np.abs(compliance).max((-1, -2))
+    direct = P @ lifted.T @ P + (P @ lifted.O @ r) @ e.T + e @ compliance @ e.T / 2
+    direct = np.where(skew[:, None, None], np.nan, direct)
     return LiftedMap(lifted.E, direct, P @ lifted.O + e @ c, lifted.G @ P + (r + lifted.E @ r) @ e.T)
 
 

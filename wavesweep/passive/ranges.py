@@ -168,7 +168,7 @@ class _Ranges:
     def _passive(self, p):
         low, high = np.array(self.stable).reshape(-1, 2, 1).swapaxes(0, 1)
         found = ((low <= p) & (p <= high)).any(0)
-        for way in self.ways:
+        for way in self.ways if found.any() else ():
             found[found] = way.passive(p[found])
         return found
 

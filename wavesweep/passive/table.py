@@ -42,14 +42,15 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[Options])
     of `run`.
     """
     from wavesweep.core.sweep.running import Work, run
-    from wavesweep.passive.job import certified_slices, jobs_of
+    from wavesweep.passive.job import certified_slices, jobs_of, not_computed
 
     _refuse_tolerance(tolerance)
     axes = tuple(axis for axis in spec.sweep if axis.values)
     found = run(jobs_of(spec, axes), Work.of(work))
     grid = found.jobs["port"].grid
     counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(found)}
-    facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes], nominal=True)
+    methods = METHODS | ({"damping_needed": "not computed"} if not_computed(grid) else {})
+    facts = facts_of(spec, methods, counts, found.timings, _notices(grid), [axis.path for axis in axes], nominal=True)
     facts |= {"warnings": found.warnings, "tolerance": tolerance}
     return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget, rows=found.rows)
 

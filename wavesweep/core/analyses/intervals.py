@@ -43,7 +43,8 @@ class Guarantee:
     """Intervals that hold for more than the spec's own loop, such as for hands; a frozen dataclass of a capability is one.
 
     kind: the word of its rows. dtype: of its records, which have the fields of RECORD and those of its own columns. method: how
-    they are found, in a line. Of those for hands, word: what --for-hands has for it; order: of the rows in a table; replaces:
+    they are found, in a line. own_ticks: whether forces are held over the ticks of the spec, which are then not divided out. Of
+    those for hands, word: what --for-hands has for it; order: of the rows in a table; replaces:
     whether other hands are in the place of the spec's operator.
     """
 
@@ -54,6 +55,7 @@ class Guarantee:
     word = ""
     order = 0
     replaces = False
+    own_ticks = False
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
         """The intervals of one loop along a number, as records of slice 0."""
@@ -100,7 +102,8 @@ def _task(job, chunk):
     if asked.guarantee is None:
         return searches_of(job, chunk).records
     changes = job.loop_values(chunk)
-    parts = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=path))
+    own = "" if job.grid.spec.drawing and asked.guarantee.own_ticks else path
+    parts = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=own))
     return partial(loop_by_loop, parts, path, asked.span, asked.guarantee)
 
 

@@ -133,6 +133,7 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
     bodies = [block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"]
     velocities = [f"{block.name}.{port}" for block in bodies for port in block.ports[1][len(block.ports[1]) // 2 :]]
     ends = [(where, end) for where, end in (("hand", drawing.hand), ("environment", drawing.environment)) if end]
+    ends += [("hand", (force, terms)) for _, force, terms in drawing.further]
     for where, force, signal, gain in ((where, end[0], *term) for where, end in ends for term in end[1]):
         name = signal.rpartition(".")[0] or signal
         if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:

@@ -24,8 +24,13 @@ WAVE_ENDS = ("wave", "avatar", "local_model")  # types of blocks at the ends of 
 ENVIRONMENT = ("environment.force", "environment.displacement")  # the input and the output that are a second port
 
 
+FURTHER = ("hand.force.", "hand.displacement.")  # begin the names of inputs and outputs that are further axes of the hand
+
+
 def path_of_port(side: str, name: str) -> str:
     """Return the path of one of the inputs or outputs of [ports]."""
+    if name.startswith(FURTHER):
+        return f"ports.{name.rpartition('.')[0]}"
     return f"ports.{name}" if name in ENVIRONMENT else f"ports.{side}.{name}"
 
 
@@ -112,6 +117,13 @@ class Drawing:
         """The port of the environment, in the form of that of the hand."""
         force = [signal for name, signal, _ in self.inputs if name == ENVIRONMENT[0]]
         return next(((force[0], terms, None) for name, terms, _ in self.outputs if force and name == ENVIRONMENT[1]), None)
+
+    @property
+    def further(self) -> tuple[tuple[str, str, Terms], ...]:
+        """The further axes of the hand: name of the output, signal of the force, and displacement of each."""
+        seen = {name: terms for name, terms, _ in self.outputs if name.startswith(FURTHER[1])}
+        forces = {name.replace(*FURTHER): signal for name, signal, _ in self.inputs if name.startswith(FURTHER[0])}
+        return tuple((name, forces[name], terms) for name, terms in seen.items() if name in forces)
 
     @property
     def signals(self) -> list[str]:

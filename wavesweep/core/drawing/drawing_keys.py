@@ -42,6 +42,7 @@ class KeyReader:
         self.own: dict[str, float | int] = {}
         self.mistakes = Mistakes()
         self.leaves: dict[str, Leaf] = {}
+        self.lists: dict[str, Leaf] = {}  # of the hand's axes, as they are given
         self.read: set[str] = set()  # names in trees
         self.numbers: tuple[str, ...] = ()
         self.signals: set[str] = set()

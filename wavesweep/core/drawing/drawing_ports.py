@@ -60,7 +60,27 @@ class PortReader(KeyReader):
                 table = next(iter(ports[side].values())).place.parent()
                 self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
         found = {side: self.named(side, parts) if side in NAMED else parts for side, parts in ports.items()}
-        return self.with_environment(found)
+        return self.with_further(self.with_environment(found))
+
+    def with_further(self, ports: Ports) -> Ports:
+        """Add the axes of the hand but the first, of lists of forces and displacements, to the inputs and outputs."""
+        hand = ports["hand"]
+        pairs = [(part, hand[part]) for part in PORTS["hand"][:2] if part in hand]
+        listed = [(part, leaf) for part, leaf in pairs if isinstance(leaf.value, list)]
+        if not listed:
+            return ports
+        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(each, str) for each in leaf.value)]
+        if len(texts) < 2 or len(texts[0]) != len(texts[1]) or ports["environment"] or "reaction" in hand:
+            expected = "as many names of forces as displacements, in two lists, without reaction and environment"
+            self.refuse(listed[0][1], f"ports.hand.{listed[0][0]}", expected, show(listed[0][1].value), of_key=False)
+        for part, leaf in listed:
+            values = leaf.value if isinstance(leaf.value, list) and leaf.value else [""]
+            self.lists[f"ports.hand.{part}"] = leaf
+            hand[part] = Leaf(values[0], leaf.place)
+            for number, value in enumerate(values[1:], 2):
+                side = "inputs" if part == "force" else "outputs"
+                ports[side][f"hand.{part}.{number}"] = {"signal": Leaf(value, leaf.place)}
+        return ports
 
     def with_environment(self, ports: Ports) -> Ports:
         """Add the environment's force to the inputs and its displacement to the outputs."""
@@ -100,6 +120,7 @@ class PortReader(KeyReader):
             terms = self.read_terms(path, parts["signal"])
             if terms is not None:
                 outputs.append((name, terms, self.word(f"{path}.unit", parts.get("unit"))))
+        self.leaves |= self.lists
         return hand, wall, tuple(inputs), tuple(outputs)
 
     def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:

@@ -11,9 +11,9 @@ from wavesweep.core.controllers import HAND
 from wavesweep.core.drawing.drawing import AT, Drawing, scalars
 from wavesweep.core.drawing.expressions import ONE
 from wavesweep.core.loops.dead_time import built, shares
-from wavesweep.core.loops.from_drawing import POSITION, assembled, twins
+from wavesweep.core.loops.from_drawing import assembled, twins
 from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.loops.ports import Ports
+from wavesweep.core.loops.ports import axes_of
 from wavesweep.core.loops.values import values_of
 from wavesweep.core.monodromy.drift import TickDrift, drift_of_drawn
 from wavesweep.core.response.port import Port, port_of
@@ -83,12 +83,13 @@ class HeldLoop:
             return _drift(*twins(self.drawing, self.values), tuple(watched))
 
     def port(self, drawn: MultirateLoop | None = None) -> Port:
-        """Return the loops from the hand's force to the displacement in the tick.
+        """Return the loops from the hand's forces to the displacements in the tick.
 
         drawn: the blocks of the loops, if they are known.
         """
         with np.errstate(all="ignore"):
-            return port_of(drawn or self.drawn(), Ports(self.drawing.hand[0], POSITION), self.drift((POSITION,)))
+            ports = axes_of(self.drawing)
+            return port_of(drawn or self.drawn(), ports, self.drift(ports.signals))
 
 
 _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
@@ -100,7 +101,7 @@ def device_of(drawing: Drawing) -> str | None:
 
     Nothing else acts on it continuously.
     """
-    if drawing.hand is None:
+    if drawing.hand is None or drawing.further:
         return None
     force, displacement, _ = drawing.hand
     pushed = [(port, dict(terms)[force]) for port, terms in drawing.wires if force in dict(terms)]

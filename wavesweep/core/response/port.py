@@ -25,14 +25,15 @@ class NoPositionError(UsageError):
 class Port:
     """Loops seen from their port, a map per kind of tick; states that drift are left out, and the others counted from them.
 
-    Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift, the
-    change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C
-    `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. kind: of each tick
-    of the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs of
-    the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: gives what a constant
-    force does in the end, if the structure decides it (see `static`). between: the first output is a signal itself and not a
-    displacement; see `port_between`. Of two ports the maps go from both forces to both displacements, position has two rows
-    also if both drift, and drifts is the number of ways in which they do so.
+    Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift,
+    the change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(...,
+    outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. kind: of each tick of
+    the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs
+    of the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: gives what a
+    constant force does in the end, if the structure decides it (see `static`). between: the first output is a signal itself
+    and not a displacement; see `port_between`. Of several ports or axes the maps go from all forces to all displacements,
+    position has a row for each also if all drift, and drifts is the number of ways in which they do so; moves: by how much
+    each shift moves the position.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -45,11 +46,30 @@ class Port:
     rest: object = None
     between: bool = False
     drifts: int = 0
+    moves: np.ndarray | None = None
 
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
         return np.broadcast_shapes(*(part.shape[:-2] for each in self.maps for part in each))
+
+    @property
+    def axes(self) -> int:
+        """Number of forces."""
+        return self.maps[0][1].shape[-1]
+
+    @property
+    def held(self) -> np.ndarray:
+        """The directions in which no shift moves the position, `(axes, directions)`, orthogonal columns.
+
+        Errors: UsageError if they are not the same in all loops.
+        """
+        if not self.drifts:
+            return np.eye(self.axes)
+        first = self.moves.reshape(-1, *self.moves.shape[-2:])[0]
+        if np.abs(self.moves - first).max() > STILL * np.abs(first).max():
+            raise UsageError("expected a hand that is held in the same directions for all values of the number")
+        return np.linalg.svd(first)[0][:, self.drifts :]
 
     @property
     def outputs(self) -> int:
@@ -100,9 +120,10 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
                 rows.append((along @ E[..., shifts.leads, :], along @ B[..., shifts.leads, :]))
             found.append(shifts.counted((E, B), rows, (each.E, each.B[..., force]) if of_sizes else ()))
     moving = shifts.move(reads)
-    position = None if moving and not ports.other else reads[..., shifts.kept]
-    drifts = int(np.linalg.matrix_rank(shifts.seen(reads), rtol=STILL).max()) if moving else 0
-    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, position), drifts=drifts)
+    position = None if moving and not ports.others else reads[..., shifts.kept]
+    seen = shifts.seen(reads)
+    drifts = int(np.linalg.matrix_rank(seen, rtol=STILL).max()) if moving else 0
+    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, position), drifts=drifts, moves=seen)
 
 
 def port_between(drawn: MultirateLoop, source: str, signal: str, drift: TickDrift) -> Port:

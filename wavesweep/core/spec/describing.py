@@ -30,7 +30,7 @@ _TABLES = {
     "signals from outside, of the same tick; prev(...) is a signal as it was before the tick; terms between plants act "
     "continuously, all others at a plant are held over a tick",
     "ports": "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
-    "passivity and simulate; it turns if they are a torque and an angle; "
+    "passivity and simulate; it turns if they are a torque and an angle; of several axes, both are lists; "
     "environment = { force = NAME, displacement = expression }, a second port that passivity takes together with the hand's; "
     "wall = { stiffness = number, damping = number } for zwidth; "
     "inputs = { NAME = signal }, signals from outside that wires read, and outputs = { NAME = expression }, each perhaps "

@@ -72,9 +72,11 @@ def _controlled(definitions: Schema) -> Schema:
 def _drawn(definitions: Schema) -> Schema:
     number = _tables(dict.fromkeys(NUMBER_PARTS, TEXT) | {"value": {"type": ["number", "string"]}})
     end = {"anyOf": [TERMS, _tables({"signal": TERMS, "unit": TEXT}, required=["signal"])]}
+    axes = _either({"type": "array"}, {"type": "array", "items": TEXT, "minItems": 1}, TEXT)
+    texts = {"hand.force": axes, "hand.displacement": axes}
     ports = {
         name: _tables(
-            {part: {"type": "boolean"} if part == "turns" else TEXT for part in parts},
+            {part: {"type": "boolean"} if part == "turns" else texts.get(f"{name}.{part}", TEXT) for part in parts},
             required=[part for part in parts if part not in OPTIONAL],
         )
         for name, parts in OF_PORTS.items()

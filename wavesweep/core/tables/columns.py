@@ -123,6 +123,11 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
         text = f"{{}} at the environment's port: {port['force']}, {port['displacement']}"
         inputs["environment.force"] = Field("environment.force", "number", "N", text.format("force, held over the tick,"))
         outputs["environment.displacement"] = Field("environment.displacement", "number", "m", text.format("position"))
+    hand = spec.get("ports", {}).get("hand", {})
+    for part, unit, found in (("force", "N", inputs), ("displacement", "m", outputs)):
+        for number, signal in enumerate(hand[part] if isinstance(hand.get(part), list) else (), 1):
+            name = f"hand.{part}.{number}"
+            found[name] = Field(name, "number", unit, f"{part} of the hand, axis {number}: {signal}")
     return inputs | {name: field for name, field in named.items() if name not in inputs} | outputs
 
 
