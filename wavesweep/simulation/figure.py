@@ -65,8 +65,9 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     from matplotlib.transforms import blended_transform_factory
 
     spans = _spans(columns, facts)
-    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts), *_frames(facts), *_messages(columns, facts)]
-    columns = {**columns, FRAME: _lengths(columns)}
+    frames = _frames(facts)
+    rows = [*_ports(columns, facts), *_at_the_hand(columns, facts), *frames, *_messages(columns, facts)]
+    columns = {**columns, FRAME: _lengths(columns)} if frames else columns
     with figure(TWO_COLUMNS, (1.7 if is_narrow() else 1.6) * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
         for row, (title, signals) in zip(grid, rows, strict=True):
