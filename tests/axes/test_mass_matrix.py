@@ -122,6 +122,32 @@ def test_coordinates_that_move_with_the_axes():
     assert np.allclose(wavesweep.zwidth(given)[["low", "high"]], expected[["low", "high"]], rtol=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.thorough
+@pytest.mark.asks("for_all")
+def test_hands_with_a_mass_and_a_damping_per_axis():
+    """What is proved for a box of hands holds for members of it, and next to what the refuted one has."""
+    M, D = np.array([[0.2, 0.03], [0.03, 0.1]]), np.diag([0.5, 0.8])
+    normal, B, n = np.array([0.6, 0.8]), 1.0, 2
+    spec = device(M.tolist(), D.tolist(), [[20.0, 0.0], [0.0, 30.0]], normal, B, n)
+    spec["numbers"] |= {"heavy": 0.0, "slow": 0.0}
+    spec["block"]["device"] |= {"mass": [["0.2 + heavy", 0.03], [0.03, 0.1]], "damping": [[0.5, 0.0], [0.0, "0.8 + slow"]]}
+    ranges = {"heavy": {"start": 0, "stop": 0.3}, "slow": {"start": 0, "stop": 1}}
+    rows = wavesweep.zwidth(spec | {"for_all": ranges, "sweep": {"K": {"start": 1, "stop": 5000}}})
+    row = rows[rows.guarantee == "for_all"].iloc[0]
+    assert row.settled
+    assert row.fails_from < 1.02 * row.high
+
+    def least(K):
+        return max(
+            radius(M + np.diag([hand, 0]), D + np.diag([0, slow]), np.diag([20.0, 30.0]), normal, B, n, 0, K)
+            for hand in np.linspace(0, 0.3, 7)
+            for slow in np.linspace(0, 1, 7)
+        )
+
+    assert least(row.high) < 1 < least(1.001 * row.fails_from)
+
+
 @pytest.mark.asks("simulation")
 def test_the_simulation_marches_the_same_matrices():
     case = drawn(5)
