@@ -7,6 +7,7 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep.core.errors import SpecError, UsageError
 
+pytestmark = pytest.mark.asks("axes")  # for its walls
 T = 1e-3
 ANGLES = np.concatenate([np.geomspace(1e-3, 0.5, 20), np.linspace(0.55, np.pi, 40)])
 
