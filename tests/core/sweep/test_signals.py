@@ -150,6 +150,29 @@ except WavesweepError:
     assert (run.stdout, run.stderr) == ("died\n", "")
 
 
+def test_workers_that_are_killed_while_they_send_a_result_are_an_error():
+    program = """
+import os, signal
+from multiprocessing.connection import Connection
+from wavesweep.core.errors import WavesweepError
+from wavesweep.core.sweep.pools import in_parallel
+ids = {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
+receive = Connection._recv
+def cut_short(self, size, *more):
+    if size > 10**6:
+        for each in ids:
+            os.kill(each, signal.SIGKILL)
+    return receive(self, size, *more)
+Connection._recv = cut_short
+try:
+    list(in_parallel("loky", 2, [(bytes, 10**7)] * 2))
+except WavesweepError:
+    print("died")
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300)
+    assert (run.stdout, run.stderr) == ("died\n", "")
+
+
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):

@@ -8,7 +8,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from wavesweep.core.reproducibility import versions
 SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
 IDLE = 60  # s after which the processes end if nothing follows
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
-WATCH = 0.5  # s between two looks at the parent
+WATCH = 0.5  # s between two looks at the parent, and at the workers
+LOOKS = 6  # after which a worker that has died should have been noticed
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
 
 
@@ -93,7 +94,7 @@ def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tu
     except OSError as error:  # no processes, no /dev/shm
         raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
     try:
-        with warnings.catch_warnings(), _no_word_of_loky(), closing(answers):
+        with warnings.catch_warnings(), _no_word_of_loky(), _cut_short_results_end(), closing(answers):
             # Closing the iterator says so of the tasks that it ends.
             warnings.filterwarnings("ignore", ".* tasks which were still being processed", UserWarning)
             yield from answers
@@ -110,6 +111,35 @@ def _no_word_of_loky() -> Iterator[None]:
         yield
     finally:
         threading.excepthook = before
+
+
+@contextmanager
+def _cut_short_results_end() -> Iterator[None]:
+    """End the wait for the rest of a result whose worker was killed while it sent it, which loky itself does not see."""
+    from multiprocessing.connection import wait
+
+    from joblib.externals.loky import reusable_executor
+
+    over = threading.Event()
+
+    def watch():
+        looks = 0
+        while not over.wait(WATCH):
+            pool = reusable_executor._executor  # noqa: SLF001 - there is no other way to it
+            workers = [*((pool and pool._processes) or {}).values()]  # noqa: SLF001
+            looks = looks + 1 if wait([each.sentinel for each in workers], 0) else 0
+            if looks > LOOKS:
+                for each in workers:
+                    with suppress(ProcessLookupError):
+                        os.kill(each.pid, signal.SIGKILL)
+                pool._result_queue._writer.close()  # noqa: SLF001 - nobody is left who could write: the reader is at the end
+                return
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        over.set()
 
 
 @contextmanager
