@@ -21,11 +21,11 @@ suppress_warnings = ["myst.xref_missing"]  # links to files beside the site; a t
 def setup(app):
     """Fill the pages as they are read; those with marks are read at every build, since the code may have changed.
 
-    With the tag `sample` only each fourth figure of the gallery is drawn, as for a test of the pages.
+    With the tag `sample` only each eighth figure of the gallery is drawn, as for a test of the pages.
     """
     if app.tags.has("sample"):
         numbers = count()
-        reference.MADE["picture"] = lambda name: "" if next(numbers) % 4 else reference.picture(name)
+        reference.MADE["picture"] = lambda name: "" if next(numbers) % 8 else reference.picture(name)
     app.connect("source-read", lambda _, __, source: source.insert(0, reference.filled(source.pop())))
     marked = [path.stem for path in reference.HERE.glob("*.md") if reference.MARK.search(path.read_text("utf-8"))]
     app.connect("env-get-outdated", lambda *_: marked)

@@ -171,6 +171,7 @@ def test_no_damping_is_felt_as_none(kind):
 
 @pytest.mark.slow
 @pytest.mark.asks("prove")
+@pytest.mark.thorough
 def test_a_range_ends_where_the_spec_takes_no_more():
     """A cutoff of 30 Hz is followed up to half its rate, 200 Hz, and not up to 300 Hz."""
     tables = {

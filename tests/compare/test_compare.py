@@ -63,6 +63,7 @@ def test_a_spec_that_cannot_be_compared_is_refused_before_any_work(ports, compar
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_it_writes_two_tables_and_their_figures(compare):
     code, out, err = compare()
     assert (code, out) == (0, "")

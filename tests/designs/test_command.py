@@ -56,6 +56,7 @@ def run(tmp_path, monkeypatch, capfd):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_front_is_that_of_the_other_commands(run):
     code, text, results = run("--no-plot", "--set", "design.population=8", "--set", "design.generations=1")
     assert code == 0
@@ -173,6 +174,7 @@ def test_a_value_that_is_not_certified_is_not_said_to_be_missing():
     )
 
 
+@pytest.mark.thorough
 def test_all_bounds_give_the_design_that_keeps_them_best(run):
     code, text, results = run(
         "--no-plot", "--set", "design.wish={z_width={at_least=200, B_VE=[1]}, felt={at_least=100, B_VE=[1]}}"
@@ -217,6 +219,7 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_of_whole_numbers_all_between_the_ends_are_checked():
     """With trapezoidal integration and delays of 0 and 20 ticks some walls are stable; with 15 ticks none is."""
     tables = {"controller": {"kind": "pmw", "Kp": 40.0}, "environment": {"integration": "trapezoidal"}}

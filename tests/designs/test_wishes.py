@@ -186,6 +186,7 @@ def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_transparency_sees_a_resonance_between_its_nodes_or_says_that_it_is_not_certified():
     designs = {"controller.b": np.array([25.0])}
     for damping, walls, known in ((0.12, [100], True), (0.05, [100], False)):  # with 0.05 direct coupling is not damped at all
@@ -292,6 +293,7 @@ def test_points_are_the_product_with_the_designs_slowest():
 
 @pytest.mark.slow
 @pytest.mark.asks("passive")
+@pytest.mark.thorough
 def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
     spec, random = load(TABLES), np.random.default_rng(5)
     points = {

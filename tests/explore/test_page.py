@@ -101,6 +101,7 @@ def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_loop_without_a_hand_has_its_step_response_and_its_margins(serving):
     client, kp = serving(DRIVE), 0.3
     loop = wavesweep.compile(DRIVE).with_(kp=kp)
@@ -217,6 +218,7 @@ def data_of(text):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_saved_page_has_the_sweep_in_it():
     heard = []
     data = data_of(saved_page(load(HOLE), lambda *report: heard.append(report)))

@@ -233,6 +233,7 @@ def started(tmp_path, *options):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_command_ends_when_its_page_is_closed(tmp_path):
     process, port, token = started(tmp_path)
     page = http.client.HTTPConnection("127.0.0.1", port, timeout=300)

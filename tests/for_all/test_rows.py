@@ -166,6 +166,7 @@ def test_a_drawn_loop_may_have_frames_of_any_length():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_drawn_loop_may_have_a_range_beside_frames_of_any_length():
     """The same; products of its frames in random orders decay up to what is proved, which `check` says too."""
     ranges = {"n": {"values": [5, 10], "varying": True}, "kd": {"start": 3.6, "stop": 4.4}}

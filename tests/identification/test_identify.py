@@ -80,6 +80,7 @@ def test_two_masses_move_as_in_a_march_with_matrix_exponentials(sensor):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_load_on_a_shaft_is_found_from_the_motors_side_and_goes_into_a_spec(tmp_path):
     path = written(tmp_path / "drive.csv", *log_of_drive(0.02), "time,torque,speed")
     table = of_identify.identify(str(path), two_masses=True)
@@ -166,6 +167,7 @@ def test_intervals_of_95_per_cent_contain_the_truth(kind):
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "missing"), [("friction left out", "friction"), ("two masses, 30 Hz", "resonance")])
+@pytest.mark.thorough
 def test_a_model_that_lacks_an_effect_is_not_called_enough(kind, missing):
     assert {each[2] for each in study(kind, 2)} == {missing}
 
@@ -242,6 +244,7 @@ def test_friction_and_a_spring_are_found_if_they_are_asked_for():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_constant_force_against_a_motion_one_way_is_not_told_from_friction():
     force = 0.6 + 0.5 * np.sin(0.05 * np.arange(600))
     position = read(moved(0.1, 1.0, force, friction=0.05), 1e-5, np.random.default_rng(0))
@@ -377,6 +380,7 @@ def test_other_units_are_asked_about(force_by, position_by, time_by, said, tmp_p
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_units_and_names_of_columns_can_be_told(tmp_path):
     force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 600)) / RATE)
     places = read(moved(0.06, 0.8, force), 1e-5, np.random.default_rng(1))

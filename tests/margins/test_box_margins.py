@@ -85,6 +85,7 @@ def test_values_are_proved_one_by_one_and_the_worst_counts():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_disk_whose_proof_ends_early_has_neither_margin_nor_gain_nor_phase(monkeypatch):
     monkeypatch.setattr(box_margins, "FRAMES", 2)
     found = for_all(LAG, "plant.y", a=BOX["a"])

@@ -56,6 +56,7 @@ def test_a_row_per_combination_in_every_file(wavesweep, filters, tmp_path):
     assert "no damping of the device makes it passive in 3 rows" in err
 
 
+@pytest.mark.thorough
 def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):
     code, _, err = wavesweep("passivity", filters, "--filters")
     assert code == 0

@@ -73,6 +73,7 @@ def test_a_box_goes_along_any_number(number):
 
 @pytest.mark.slow
 @pytest.mark.asks("for_all")
+@pytest.mark.thorough
 def test_what_a_hand_cannot_hold_is_refused():
     sampled = drawn(4, "device.v")
     with pytest.raises(UsageError, match=r"expected that nothing reads device\.v"):

@@ -89,6 +89,7 @@ def test_the_columns_of_hands_have_units():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_free_and_guaranteed_results_lie_side_by_side_and_those_for_other_hands_are_not_lost(wavesweep, held):
     free = ["zwidth", held, "--no-plot", "--set", "sweep.B_VE=[1]", "--out", "results/held"]
     passive, both = [*free, "--for-hands", "passive"], [*free, "--for-hands", "passive", "--for-hands", "port"]

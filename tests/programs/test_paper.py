@@ -77,6 +77,7 @@ def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
     assert (tmp_path / "there/fig4.csv").read_text() == "mine\n"
 
 
+@pytest.mark.thorough
 def test_the_verdicts_as_json_are_one_object_on_stdout(wavesweep):
     code, out, err = wavesweep("paper", "--no-plot", "--json")
     assert (code, err) == (0, "")

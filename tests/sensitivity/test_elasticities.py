@@ -157,6 +157,7 @@ def test_closed_forms():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_controller_as_blocks_has_the_same_derivatives():
     values = load({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit"}}).values
     drawn, built = (wavesweep.compile(each).sensitivity("K_VE", (0, 20000)) for each in (as_blocks(values), nested(values)))

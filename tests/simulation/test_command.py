@@ -57,6 +57,7 @@ def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_other_forces_have_no_response_and_leave_none_behind(simulate):
     simulate(plot=True)
     code, _, err = simulate("input=step")

@@ -44,7 +44,9 @@ AT_LENGTH = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", SHOWN)
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, marks=pytest.mark.thorough) if page in ("margins.md", "sweeps.md") else page for page in SHOWN]
+)
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_a_page_runs_from_its_beginning_to_its_end(page, whole, tmp_path, monkeypatch, capsys):
     from wavesweep.core.cli import main

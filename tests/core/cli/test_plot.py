@@ -83,6 +83,7 @@ def test_a_new_figure_beside_the_table_is_entered_in_the_package(wavesweep, spec
 
 
 @pytest.mark.whole
+@pytest.mark.thorough
 def test_figures_say_what_made_them(wavesweep, spec, tmp_path):
     import wavesweep as package
 

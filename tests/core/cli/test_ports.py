@@ -23,6 +23,7 @@ def run(tmp_path, monkeypatch, capfd):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(run):
     code, text, results = run("bode", "drive.toml", "--set", "bode.frequency_hz=[1, 20]", "--out", "results/drive")
     assert (code, "8 curves of 2 frequencies" in text) == (0, True)

@@ -34,6 +34,7 @@ def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
 
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(("every", "whole"), [(1, True), (20, False)])
+@pytest.mark.thorough
 def test_phases_that_jump_often_go_on_as_far_as_frequencies_tell_how(responses, every, whole):
     one = {name: column[:400:every] for name, column in responses.items()}
     turned = one["admittance_deg"] - 360 * 0.2 * one["frequency_hz"]  # late by 0.2 s: ten turns at 50 Hz
@@ -156,6 +157,7 @@ def test_the_slow_nyquist_frequency_is_that_of_the_slow_rate_where_rates_do_not_
     assert "slow Nyquist frequency, 30 Hz" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+@pytest.mark.thorough
 def test_axes_at_the_hand_have_the_units_of_a_loop_that_turns():
     from wavesweep.core.tables.responses import responses
 

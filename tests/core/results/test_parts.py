@@ -46,6 +46,7 @@ def names(folder):
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["zwidth", "stability-region", "bode", "passivity"])
+@pytest.mark.thorough
 def test_parts_read_as_the_single_file_does(home, same, command):
     import pandas
 

@@ -133,6 +133,7 @@ def test_no_more_workers_are_used_than_there_are_processors(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_nothing_of_the_current_folder_is_run(tmp_path):
     for name in ("joblib", "multiprocessing", "numpy", "random"):
         (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'a').close()\nraise SystemExit(1)\n")

@@ -113,6 +113,7 @@ def banks():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_the_table_has_every_design_and_its_norm(banks):
     assert list(banks) == [field.name for field in FIELDS]
     assert len(banks["design"]) == len(DESIGNS) == len(set(DESIGNS))

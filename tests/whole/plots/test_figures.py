@@ -357,6 +357,7 @@ def test_a_comparison_has_the_figures_of_both_tables():
     assert own == above
 
 
+@pytest.mark.thorough
 def test_numbers_below_a_narrow_panel_do_not_touch():
     with figure(7.0, 1.5) as canvas:
         for axes in canvas.subplots(1, 3).flat:
@@ -379,6 +380,7 @@ def test_a_width_and_a_style_that_are_asked_for(plane, tmp_path):
     assert usual.get_figwidth() == plots.zwidth(plane, {}).get_figwidth() == 3.5
 
 
+@pytest.mark.thorough
 def test_nothing_is_transparent_which_an_eps_could_not_show(bars, responses):
     drawn = plots.zwidth(bars, {}), plots.bode(responses, {})
     assert not any(canvas.findobj(lambda part: part.get_visible() and (part.get_alpha() or 1) < 1) for canvas in drawn)
@@ -396,6 +398,7 @@ def test_an_eps_is_the_same_each_time(tmp_path, bars):
     assert "%%BoundingBox: 0 0 252 " in text
 
 
+@pytest.mark.thorough
 def test_a_comparison_follows_the_ends_between_the_values_of_a_table():
     """Between 0 and 5 N*s/m a hole closes, which two values do not show."""
     lp1 = {"lp1": {"order": 1, "cutoff_hz": 8.57}}
