@@ -82,8 +82,9 @@ def serving():
         return Client(server, page)
 
     yield start
-    for server, thread in opened:
+    for server, _ in opened:
         server.open_page(-1)
+    for _, thread in opened:
         thread.join(10)
         assert not thread.is_alive()
 
