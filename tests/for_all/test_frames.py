@@ -7,6 +7,7 @@ from scipy.signal import butter
 from support.frames import frames_of_controller, frames_of_drawing
 from support.specs import INTEGRATIONS, values_of
 
+import wavesweep
 from wavesweep.core.analyses.open_loops import wall_cut
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
@@ -57,6 +58,26 @@ def test_one_length_for_ever_is_the_loop_of_that_ratio(kind, integration, ticks,
     E = closed_frame(assembled(drawing, read), drift_of_drawn(*twins(drawing, read)))
     expected, found = (large(np.linalg.eigvals(each)) for each in (np.eye(len(E)) + E, frames.at(35.0)[0]))
     np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("varies", [{"rates": {"ratio": {"values": [4, 7], "varying": True}}}, {"lost": 1}])
+def test_a_mean_as_long_as_a_frame_is_refused_where_frames_vary(varies):
+    tables = {"controller": {"kind": "pmw-mean"}, "rates": {"ratio": 5}, "sweep": {"B_VE": [1.0]}, "for_all": varies}
+    with pytest.raises(UsageError, match="pmw-mean, whose mean is as long as a frame"):
+        wavesweep.zwidth(tables)
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "pmw-mean"])
+def test_a_result_comes_with_the_next_frame_of_a_ratio_that_is_not_known(kind):
+    tables = {
+        "controller": {"kind": kind},
+        "environment": {"integration": "explicit", "delay": "frame"},
+        "sweep": {"B_VE": [1.0]},
+    }
+    found = wavesweep.zwidth({**tables, "for_all": {"rates": {"ratio": [18, 25]}}}).set_index("guarantee").loc["for_all"]
+    alone = [wavesweep.zwidth({**tables, "rates": {"ratio": ratio}}).high.max() for ratio in (18, 25)]
+    assert found.certified
+    assert found.high == pytest.approx(min(alone), rel=1e-9)
 
 
 def marched(values, K, pattern, repeats, nominal=None):

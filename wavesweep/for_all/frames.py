@@ -93,9 +93,13 @@ class Slow:
 def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = ()) -> Drawing:
     """Return the loop of a built-in controller, in which results have a separate hold whatever its ratio and its delay are.
 
-    gains: numbers that count as other than 0.
+    gains: numbers that count as other than 0. Errors: SpecError for one whose filters depend on the ratio.
     """
-    return loop_drawing({**values, RATIO: 20, DELAY: 1}, gains)
+    drawing = loop_drawing({**values, RATIO: 20, DELAY: 1}, gains)
+    if any(block.type == "mean" for block in drawing.blocks):
+        expected = "a controller whose filters do not depend on the ratio, where frames, delays or results vary"
+        refuse("controller.kind", expected, f"{values['controller.kind']}, whose mean is as long as a frame")
+    return drawing
 
 
 def plan_of(

@@ -19,6 +19,7 @@ from wavesweep.core.spec.studies import K_VE_SPAN
 from wavesweep.core.stability.certificate import CONTRADICTION, NONE, SEARCH
 from wavesweep.core.sweep.grid import Loops, loops_of, own_loop
 from wavesweep.core.tables.row_kinds import counterexample_in_words
+from wavesweep.for_all.frames import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
 from wavesweep.for_all.mean_square import brackets_on_average, parts_that_decay
@@ -183,6 +184,8 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     for each in product(*map(values_of_range, listed)):
         fixed = dict(zip((axis.path for axis in listed), each, strict=True))
         own = values | fixed
+        if rules.drawing is None and rules.with_frame and RATIO in fixed:
+            own[DELAY] = own[RATIO]
         drawing = rules.drawing or loop_drawing(own, (along, *gains))
         timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
         pieces = pieces_of(drawing, own, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
