@@ -16,7 +16,7 @@ import numpy as np
 from wavesweep.core.monodromy.circle import inverse
 from wavesweep.core.monodromy.rounding import balance
 from wavesweep.core.stability.frames import Frames
-from wavesweep.core.stability.positive import Box, Cover, positive
+from wavesweep.core.stability.positive import Box, Cover, Resolved, positive
 
 PAIR, ONE, MINUS_ONE = 0, 1, 2  # the functions: a complex pair, z = 1, z = -1
 LARGEST_ENTRY = 1e150  # of an entry; products of two eigenvalues overflow beyond
@@ -228,13 +228,16 @@ def _last_but_one(q, reach):
     return phase, np.where(phase == 0, -690.0, log), np.where(lost | (phase == 0), np.inf, total)
 
 
-def cover(frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: int) -> Cover:
+def cover(
+    frames: Callable[[np.ndarray], Frames], box: Box, bounds: Box, most: int, resolution: Resolved | None = None
+) -> Cover:
     """Prove that all loops of a box are stable, except in the parts that are left open; stop at the first unstable loops.
 
     frames: from points `(n, numbers)`, real or complex, to their `Frames`. box: a number whose two ends are equal is no
     dimension of it. bounds: the range of each number in which the loops are analytic. most: frames to compute at most.
+    resolution: see `positive`.
     """
-    return positive(GuardianMaps(frames), box, bounds, most)
+    return positive(GuardianMaps(frames), box, bounds, most, resolution)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

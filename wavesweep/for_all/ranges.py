@@ -90,7 +90,8 @@ def _tried(frames_at, part, follows, work, narrow):
     if part.frames is None:
         frames = frames_at(box)
         if isinstance(frames, int):
-            return [replace(part, box=half) for half in _halves(box, frames)], 10 * CALLS, ()
+            narrow = box[1, frames] - box[0, frames] <= narrow[frames]
+            return None if narrow else [replace(part, box=half) for half in _halves(box, frames)], 10 * CALLS, ()
         part, used = replace(part, frames=frames), 10 * CALLS
     wide = np.flatnonzero(box[0] < box[1])
     if part.known is None:

@@ -13,6 +13,7 @@ from wavesweep.core.analyses.interval_records import TINY
 from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.analyses.loops import drift_of, radii_of
 from wavesweep.core.loops.domain import domain
+from wavesweep.core.loops.resolution import Resolution, Side
 from wavesweep.core.reading.axes import Axis
 from wavesweep.core.stability.positive import Cover, largest_free
 from wavesweep.core.sweep.grid import Loops, distinct
@@ -187,7 +188,8 @@ class Case:
         paths = [*filter(None, [self.along]), *(axis.path for axis in self.ranges)]
         bounds = np.array([domain(*self.loop, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]).T
         frames = partial(frames_over, self.loop, paths, drift_over(self.loop, paths, box))
-        found = cover(frames, box, bounds, self.left)
+        resolution = Resolution(*self.loop, [Side(path) for path in paths])
+        found = cover(frames, box, bounds, self.left, resolution)
         self.left -= found.used
         return found
 

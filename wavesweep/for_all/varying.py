@@ -14,6 +14,7 @@ from wavesweep.core.drawing.drawing import Drawing, name_of
 from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.errors import SpecError
 from wavesweep.core.loops.domain import domain
+from wavesweep.core.loops.resolution import Resolution, Side, to_divide
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.frames import (
@@ -39,7 +40,7 @@ from wavesweep.for_all.plan import Plan
 from wavesweep.for_all.words import is_refuted
 from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import Loops as LoopsOver
-from wavesweep.for_all.worst import as_numbers, bracket_over, decide_over
+from wavesweep.for_all.worst import as_numbers, as_sides, bracket_over, decide_over
 
 FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
@@ -231,8 +232,15 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     def family(point):
         return rules.family({**values, **dict(zip(paths, point, strict=True))}, along)
 
+    numbers = [*filter(None, [along]), *paths]
+    sides = [Side(path) if np.isnan(zero) else Side(path, zero, 1.0) for path, zero in zip(numbers, zeros, strict=True)]
+    resolution, ranged = Resolution(*own, sides), as_sides(box, zeros[len(numbers) - len(paths) :])
+
     def frames_at(part, units=None):
-        return over([*filter(None, [along]), *paths], lambda sides: as_numbers(sides, zeros), part, units)
+        unresolved = resolution.unresolved(part)
+        if unresolved.any():
+            return to_divide(unresolved, part, np.column_stack([part[:, : len(numbers) - len(paths)], ranged]))
+        return over(numbers, lambda sides: as_numbers(sides, zeros), part, units)
 
     if not rules.at_random:
         return LoopsOver(family, frames_at, box, zeros)

@@ -20,6 +20,7 @@ from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.dead_time import pieces_of, timing
 from wavesweep.core.loops.domain import domain
+from wavesweep.core.loops.resolution import Resolution, Side
 from wavesweep.core.monodromy.circle import inverse, on_circle
 from wavesweep.core.monodromy.rounding import balance
 from wavesweep.core.spec import Axis, Spec
@@ -247,13 +248,13 @@ class _Case:
             functions = boxes.GuardianMaps(lambda x: self.closed(np.exp(turn * x[:, 0]), x[:, 1:]))
         else:
             functions = Turned(self.closed, lambda p, sign: (np.exp(sign * turn * p), np.ones(p.shape)), 1)
-        return positive(functions, *self._beside([[low, high]]), FRAMES)
+        return positive(functions, *self._beside([[low, high]], FRAMES))
 
     def _disk(self, radius) -> Cover:
         """The proof of a disk; where the signal comes back within a tick, of all smaller ones too, which may have poles."""
         pivots = np.array([self.closed(np.full(len(self._corners), k), np.array(self._corners)).pivots for k in ANY])
         low = radius if (pivots[0] == pivots[1]).all() else 0.0
-        return positive(Turned(self.closed, _rim, 2), *self._beside([[low, radius], [0.0, np.pi]]), FRAMES)
+        return positive(Turned(self.closed, _rim, 2), *self._beside([[low, radius], [0.0, np.pi]], FRAMES))
 
     def _delay(self, frames) -> Cover:
         """The proof that so many frames of delay, and fewer, leave the loop stable."""
@@ -262,16 +263,17 @@ class _Case:
         parts += [(half, edge, (*Arc.WAYS[:2], "beyond"))] if half < edge else []
         parts += [(0.0, half, (*Arc.WAYS[:2], "past", "before"))] if half > 0 else []
         for low, high, ways in parts:
-            found = any_positive([Arc(self.closed, frames, way) for way in ways], *self._beside([[low, high]]), FRAMES_OF_DELAY)
+            found = any_positive([Arc(self.closed, frames, way) for way in ways], *self._beside([[low, high]], FRAMES_OF_DELAY))
             if len(found.open):
                 break
         return found
 
-    def _beside(self, sides):
-        """The box with further sides before its own, and the limits of all."""
+    def _beside(self, sides, most):
+        """The box with further sides before its own, the limits of all, so many frames at most, and the numbers' resolution."""
         sides = np.array(sides, float).T
-        free = np.full(sides.shape, np.inf) * [[-1.0], [1.0]]
-        return np.column_stack([sides, self.box]), np.column_stack([free, self.limits])
+        free, own = np.full(sides.shape, np.inf) * [[-1.0], [1.0]], [*[Side()] * sides.shape[1], *map(Side, self.ranged)]
+        limits = np.column_stack([free, self.limits])
+        return np.column_stack([sides, self.box]), limits, most, Resolution(*self.loop, own)
 
     def closed(self, k, x) -> Frames:
         """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal, `(n,)`."""

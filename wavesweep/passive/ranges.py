@@ -15,6 +15,7 @@ from wavesweep.core.controllers import HAND
 from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.domain import domain
+from wavesweep.core.loops.resolution import Resolution, Side
 from wavesweep.core.stability.positive import largest_free, positive
 from wavesweep.core.stability.spectrum import is_stable
 from wavesweep.core.sweep.grid import Loops
@@ -231,10 +232,10 @@ def cover_of(loop: HeldLoop, path: str) -> Covering:
     """What covers boxes of a number of the loop, and of an angle; a box with a loop that has no solution has no cover."""
 
     def cover(functions, box, most):
-        bounds = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1)
+        bounds, sides = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1), [Side(path), *[Side()] * (len(box[0]) - 1)]
         try:
             bounds[:, 0] = domain(loop.drawing, loop.values, path, (box[0][0], box[1][0]))
-            return positive(functions, box, bounds, most)
+            return positive(functions, box, bounds, most, Resolution(loop.drawing, loop.values, sides))
         except IllPosedLoopError:
             return None
 

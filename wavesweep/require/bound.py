@@ -73,21 +73,22 @@ class Bound:
             np.stack([np.log(self.radius_of(period)), np.maximum(spiral, np.log(GONE))], -1) + 1j * (omega * period)[..., None]
         )
 
-    def intervals(self, frames, errors, span, columns: int, period, bounds) -> Intervals:
+    def intervals(self, frames, errors, span, columns: int, period, bounds, resolved) -> Intervals:
         """The intervals in which every mode has the damping ratio, or is bounded in a loop that conserves."""
         from wavesweep.require.by_discs import along_by_discs
         from wavesweep.require.discs import Circle, Spiral
 
         place = Circle() if self.bounded else Spiral(self.damping_ratio)
-        return along_by_discs(frames, errors, span, columns, period, bounds, place)
+        return along_by_discs(frames, errors, span, columns, period, bounds, resolved, place)
 
-    def within_gain(self, loops, along: str, span, period, bounds, stable: Intervals) -> Intervals:
+    def within_gain(self, loops, along: str, span, period, bounds, resolved, stable: Intervals) -> Intervals:
         """The intervals in which the gain is small enough, looked for where the loops may be stable."""
         from wavesweep.require.gains import along_gain
         from wavesweep.require.signals import routed
 
         drawing, route = routed(loops.drawing, *self.gain[:2])
-        return along_gain(loops._replace(drawing=drawing), along, span, period, bounds, route, self.gain, stable)
+        loops = loops._replace(drawing=drawing)
+        return along_gain(loops, along, span, period, bounds, resolved, route, self.gain, stable)
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""

@@ -17,12 +17,12 @@ ENDS = Accuracy(EXACT, 256.0, EXACT * NEAR_ZERO, 1e-9)  # eigenvalues may move a
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
 
 
-def along_by_discs(frames, errors, span, columns: int, period, bounds, place: Spiral | Circle) -> Intervals:
+def along_by_discs(frames, errors, span, columns: int, period, bounds, resolved, place: Spiral | Circle) -> Intervals:
     """All intervals of a number p within span = (low, high) in which all eigenvalues are in their place, per column.
 
     frames(column, p): `Frames` of these columns at these values, real or complex, of which the pivots are read. errors(column,
     p): frames less identity, perhaps in other states, and bounds on the errors of their entries. period: of the frame, s,
-    `(columns,)`. bounds: p beyond them has no loop, two arrays `(columns,)`. place: of the eigenvalues, see `discs`.
+    `(columns,)`. bounds, resolved: see `along_panels`. place: of the eigenvalues, see `discs`.
 
     All of a panel of p is in an interval, or none of it, if that follows from Gershgorin discs of the frames in the
     eigenvectors of that in the middle. The entries there are bounded by the frames on a circle about the panel, as they are
@@ -30,7 +30,7 @@ def along_by_discs(frames, errors, span, columns: int, period, bounds, place: Sp
     `panels`. Diagonal blocks go apart.
     Accuracy: ENDS. Errors: UsageError if no loop can have its eigenvalues there.
     """
-    return along_panels(*_loops_of(frames, errors, span, columns, place), span, period, bounds, ENDS)
+    return along_panels(*_loops_of(frames, errors, span, columns, place), span, period, bounds, resolved, ENDS)
 
 
 def _loops_of(frames, errors, span, columns, place):

@@ -58,10 +58,12 @@ AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the 
 LARGEST = 100  # states of a map: a pencil of these takes half a second for each panel, of which there are hundreds
 
 
-def along_gain(loops: Loops, along: str, span, period, bounds, route, wanted: GainBound, stable: Intervals) -> Intervals:
+def along_gain(
+    loops: Loops, along: str, span, period, bounds, resolved, route, wanted: GainBound, stable: Intervals
+) -> Intervals:
     """All intervals of a number in which the gain of loops stays below a level, within those in which they may be stable.
 
-    route: the input and the signal. period: of the frame, s, `(columns,)`. bounds: see `along_panels`. The omegas of ends are
+    route: the input and the signal. period: of the frame, s, `(columns,)`. The next: see `along_panels`. The omegas of ends are
     those at which the gain is largest, with a minus: no mode is on the circle there. A gain at rest that is the level at all
     values is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT.
     Errors: UsageError if the signal moves without end, and for a band or a loop that the gain cannot be had of.
@@ -95,7 +97,7 @@ def along_gain(loops: Loops, along: str, span, period, bounds, route, wanted: Ga
     at_rest = (off <= AT_REST * gain.level).reshape(size, -1).all(-1) & (gain.arc[:, 0] == 0)
     columns = [np.flatnonzero(at_rest == touching) for touching in (False, True)]
     judges = [replace(gain, columns=some, at_rest=bool(at_rest[some[0]])) for some in columns if some.size]
-    found = along_panels(judges, np.ones(size, bool), span, step, bounds, Accuracy(EXACT, 64.0, EXACT, EXACT))
+    found = along_panels(judges, np.ones(size, bool), span, step, bounds, resolved, Accuracy(EXACT, 64.0, EXACT, EXACT))
     return _attached(
         replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega), stable, NEAR_ZERO * (span[1] - span[0])
     )

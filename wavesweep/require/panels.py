@@ -52,15 +52,16 @@ class Judge(Protocol):
         """What decides at values of a column, on the unit circle or near it, less 1, and by how much it is outside."""
 
 
-def along_panels(judges, known, span, period, bounds, accuracy: Accuracy) -> Intervals:
+def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accuracy) -> Intervals:
     """All intervals of a number p within span = (low, high) in which all judges find GOOD, per column.
 
     known: columns of which anything is known, `(columns,)`. period: of the frame, s, `(columns,)`. bounds: p beyond them has no
-    loop, two arrays `(columns,)`. What is left are the ends, each in a gap as narrow as ends are exact, and panels in doubt.
+    loop, two arrays `(columns,)`. resolved(column, low, high): whether loops have no narrow features there. What is left are
+    the ends, each in a gap as narrow as ends are exact, and panels in doubt.
     """
     panels = [[(np.full(1, span[0]), np.full(1, GOOD if some else LOST))] for some in known]
     for each in judges:
-        owner, low, label = _panels(each, span, [part[each.columns] for part in bounds], accuracy)
+        owner, low, label = _panels(each, span, [part[each.columns] for part in bounds], resolved, accuracy)
         for at, column in enumerate(each.columns.tolist()):
             own = owner == at
             order = np.argsort(low[own])
@@ -75,15 +76,17 @@ def along_panels(judges, known, span, period, bounds, accuracy: Accuracy) -> Int
     return Intervals(**{name: np.array(part, kind) for name, part, kind in zip(names, parts, kinds, strict=True)})
 
 
-def _panels(judge, span, bounds, accuracy):
+def _panels(judge, span, bounds, resolved, accuracy):
     """Panels that cover the span: their columns, low ends and labels."""
     edges, count = np.linspace(*span, PANELS + 1), len(judge.columns)
     column, low, high = np.repeat(np.arange(count), PANELS), np.tile(edges[:-1], count), np.tile(edges[1:], count)
     many, tried, done, width = judge.many, np.zeros(count, int), [], span[1] - span[0]
     few = max(1, ENTRIES // (2 * RIM.size * judge.order**2))
     while column.size:
-        parts = [slice(first, first + few) for first in range(0, column.size, few)]
-        label = np.concatenate([judge.label(column[some], low[some], high[some], bounds) for some in parts])
+        at = np.flatnonzero(resolved(judge.columns[column], low, high))
+        label, parts = np.full(column.size, OPEN), [at[first : first + few] for first in range(0, at.size, few)]
+        for some in parts:
+            label[some] = judge.label(column[some], low[some], high[some], bounds)
         narrow = accuracy.finest * (high - low) <= accuracy.of((low + high) / 2, width)
         narrow |= high - span[0] <= accuracy.least * width
         open_ = np.bincount(column, minlength=count)

@@ -17,6 +17,7 @@ from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.domain import bends_at_zero, domains, guards_at
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, rate_of, scalar_place
+from wavesweep.core.loops.resolution import ResolvedAlong
 from wavesweep.core.monodromy.drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.core.monodromy.open_ticks import OpenTicks, facts_of
 from wavesweep.core.monodromy.periodic import ticks_of
@@ -35,13 +36,13 @@ if TYPE_CHECKING:
 
 def by_dominance(search: "Search", loops: Loops, size: int) -> Intervals:
     """The intervals of `size` slices, from frames whose diagonal dominates; stretches in doubt are asked of balls."""
-    period, batch, bounds = _asked(search, loops, size)
+    period, batch, bounds, resolved = _asked(search, loops, size)
     batch = replace(batch, radius=search.bound and search.bound.radius_of(period))
     variable = FROM_ZERO if search.span[0] == 0 and bends_at_zero(loops.drawing, search.along) else ""
     variable = BENT if search.along in WALL and search.span[0] >= 0 else variable
     provers = modules("prover") if search.prove and not search.bound else ()
     balls = next((each.ball_prover(loops, search.along, period) for each in provers), None)
-    found = stable_along_any(batch.frames, search.span, size, period, bounds, variable, batch.errors, balls)
+    found = stable_along_any(batch.frames, search.span, size, period, bounds, variable, batch.errors, balls, resolved)
     if search.span[0] <= 0 <= search.span[1]:
         found = _meeting_one_at_zero(search, found, loops)
     return _in_own_time(search, found, loops)
@@ -52,8 +53,8 @@ def by_lines(search: "Search", loops: Loops, size: int) -> Intervals:
     late = max(loops.values.get(f"block.{name}.ticks", 0) for name in loops.drawing.dead_times)
     if search.bound or late < LONG:
         return by_dominance(search, loops, size)
-    _, batch, bounds = _asked(search, loops, size)
-    unstable = unstable_counts(batch.frames, batch.errors, search.span, size, np.stack(bounds))
+    _, batch, bounds, resolved = _asked(search, loops, size)
+    unstable = unstable_counts(batch.frames, batch.errors, search.span, size, np.stack(bounds), resolved)
     column, others = np.flatnonzero(unstable >= 0), np.flatnonzero(unstable < 0)
     stable, nowhere = unstable[column] == 0, np.full(column.size, np.nan)
     ends, zero = (np.where(stable, end, np.nan) for end in search.span), np.zeros(column.size, int)
@@ -63,24 +64,24 @@ def by_lines(search: "Search", loops: Loops, size: int) -> Intervals:
 
 def by_bound(search: "Search", loops: Loops, size: int) -> Intervals:
     """The intervals in which a bound holds that has a search of its own."""
-    period, batch, bounds = _asked(search, loops, size)
-    found = search.bound.intervals(batch.frames, batch.errors, search.span, size, period, bounds)
+    period, batch, bounds, resolved = _asked(search, loops, size)
+    found = search.bound.intervals(batch.frames, batch.errors, search.span, size, period, bounds, resolved)
     return _in_own_time(search, found, loops)
 
 
 def by_gain(search: "Search", loops: Loops, stable: Intervals) -> Intervals:
     """Those of some intervals in which the gain is small enough; stable: of every slice."""
     size = 1 + int(stable.column.max())
-    drawn, bounds = loops.drawn(), domains(*loops, search.along, search.span, size)
-    period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-    return common([stable, search.bound.within_gain(loops, search.along, search.span, period, bounds, stable)])
+    period, _, bounds, resolved = _asked(search, loops, size)
+    return common([stable, search.bound.within_gain(loops, search.along, search.span, period, bounds, resolved, stable)])
 
 
 def _asked(search, loops, size):
-    """The period of the frames, `(size,)`, the loops as frames along the number, and the bounds of its values with loops."""
-    drawn = loops.drawn()
+    """The period of the frames, `(size,)`, the loops as frames along the number, the bounds of its values with loops, and
+    between which of them all expressions of a loop are resolved."""
+    drawn, along = loops.drawn(), FramesAlong.of(loops, search.along, search.span)
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-    return period, FramesAlong.of(loops, search.along, search.span), domains(*loops, search.along, search.span, size)
+    return period, along, domains(*loops, search.along, search.span, size), ResolvedAlong(*loops, search.along)
 
 
 def _in_own_time(search, found, loops):

@@ -1,7 +1,7 @@
 """Where a loop that a spec draws is an analytic function of one of its numbers, and which numbers make no loop."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.core.drawing.conditions import conditions, faults
 from wavesweep.core.drawing.drawing import RATE, Drawing, name_of, scalars
-from wavesweep.core.drawing.expressions import degree, names_in, singular
+from wavesweep.core.drawing.expressions import Tree, degree, names_in, singular
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.values import numbers_of, values_of
 from wavesweep.core.reading.checking import computable
@@ -179,20 +179,25 @@ def _guards(drawing):
     """Yield the path of a key, a tree that must not vanish, and the root or power that it is the argument of."""
     for path, tree in drawing.trees():
         yield from ((path, *guard) for guard in singular(tree))
-    yield RATE, drawing.tick_hz, None
+    yield from ((path, tree, None) for path, tree in divisors(drawing))
+
+
+def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
+    """Yield the path of a key and a tree that the equations of a block divide by, or take a root of."""
+    yield RATE, drawing.tick_hz
     for block in drawing.blocks:
         keys = dict(block.keys)
         for name, key in TYPES[block.type].keys.items():
             if name in keys and key.above_low:  # what must be positive may be divided by
-                yield f"block.{block.name}.{name}", keys[name], None
+                yield f"block.{block.name}.{name}", keys[name]
         for name in TYPES[block.type].below_half:
             twice = ("*", ("number", 2.0, 0), ("*", keys[name], block.every, 0), 0)
-            yield f"block.{block.name}.{name}", ("-", drawing.tick_hz, twice, 0), None
+            yield f"block.{block.name}.{name}", ("-", drawing.tick_hz, twice, 0)
         if block.type in ("tf", "pid"):
             path = f"block.{block.name}.{'den' if block.type == 'tf' else 'tau'}"
-            yield path, dict(block.core(drawing.tick_hz).keys)["den"][0], None
+            yield path, dict(block.core(drawing.tick_hz).keys)["den"][0]
         if block.type == "local_model":
-            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz), None
+            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz)
 
 
 def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:

@@ -28,17 +28,19 @@ ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their pane
 
 
 def stable_along_any(
-    frames, span, columns: int, period, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None
+    frames, span, columns: int, period, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None, resolved=None
 ) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
     period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
     """
-    found = regions_along_any(frames, span, columns, bounds, variable, errors, balls)
+    found = regions_along_any(frames, span, columns, bounds, variable, errors, balls, resolved)
     return intervals_of(found, doubts_of(found, np.full(columns, NONE)), period)
 
 
-def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None) -> Regions:
+def regions_along_any(
+    frames, span, columns: int, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None, resolved=None
+) -> Regions:
     """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
 
     frames(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
@@ -51,6 +53,8 @@ def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), vari
     not be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is that of p if high > WIDE low > 0,
     as masses, impedances and cutoffs act by their ratios, or else p.
     balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
+    resolved(column, low, high, offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
+    if scale is 0, with t from low to high, `(n,)` all; see `loops.resolution`. By default they have none anywhere.
 
     The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
     these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
@@ -64,11 +68,12 @@ def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), vari
         low = EXACT * NEAR_ZERO * high
     if variable == BENT:
         unit, slope = (high - low) / TURN, lambda t: unit * np.exp(t)
+        offset, scale = low - unit, unit
         into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
     elif low > 0 and high > WIDE * low:
-        unit, into, out, slope = low, np.log, np.exp, None
+        unit, into, out, slope, offset, scale = low, np.log, np.exp, None, 0.0, 1.0
     else:
-        unit, into, out, slope = np.inf, _same, _same, np.ones_like
+        unit, into, out, slope, offset, scale = np.inf, _same, _same, np.ones_like, 0.0, 0.0
     ends = into(low), into(high)
     with np.errstate(all="ignore"):  # of the logarithm of what has none
         bounds = np.stack([np.zeros(columns) + end for end in bounds])
@@ -83,7 +88,8 @@ def regions_along_any(frames, span, columns: int, bounds=(-np.inf, np.inf), vari
     few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
     parts = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
     own = balls and _in_variable(balls, into, out)
-    found = Regions.join([_regions(*through, ends, names, bounds[:, names], slack, own) for names in parts])
+    narrow = resolved and (lambda column, low, high: resolved(column, low, high, offset, scale))
+    found = Regions.join([_regions(*through, ends, names, bounds[:, names], slack, own, narrow) for names in parts])
     # The range's own ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
     lows, highs = (
@@ -122,7 +128,7 @@ def _rounded(frames, column, p):
     return E, 4 * EPS * np.abs(E)
 
 
-def _regions(frames, errors, span, names, bounds, slack, balls) -> Regions:
+def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Regions:
     """The regions of some columns in the variable; slack: how far an end may be off; the others: see `regions_along_any`."""
 
     def of_errors(column, t):
@@ -147,7 +153,8 @@ def _regions(frames, errors, span, names, bounds, slack, balls) -> Regions:
 
         of_frames = lambda column, t: replace(found := plain(column, t), E=scaled(found.E, column, t))  # noqa: E731
         of_errors = lambda column, t: tuple(scaled(part, *np.broadcast_arrays(column, t)) for part in rough(column, t))  # noqa: E731
-    panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds)
+    narrow = resolved and (lambda column, low, high: resolved(names[column], low, high))
+    panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds, narrow)
     parts = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
     for some, kept in panels.without_forgotten() if panels is not None else ():
         own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731

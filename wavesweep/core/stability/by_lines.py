@@ -16,10 +16,10 @@ ROUNDED = 64 * np.finfo(float).eps  # of the terms of a sum, and so much for eac
 ROUNDS = 6  # of finding weights
 
 
-def unstable_counts(frames, errors, span, columns: int, bounds) -> np.ndarray:
+def unstable_counts(frames, errors, span, columns: int, bounds, resolved=None) -> np.ndarray:
     """Return the number of unstable eigenvalues of each column all over a span of a number, `(columns,)`; -1 if not known.
 
-    frames, errors, bounds: as for `panels_of`. An eigenvalue z on the circle is where `S = z - A - C L(z) B` is singular: A, B
+    The others are as for `panels_of`. An eigenvalue z on the circle is where `S = z - A - C L(z) B` is singular: A, B
     and C of the states that no delay line has, closed by the lines L, which are of any length. Over an arc of the circle and a
     part of the range no entry of S changes by more than D. If `|S^-1| D` takes some weights to less, S is nonsingular there.
     """
@@ -31,7 +31,8 @@ def unstable_counts(frames, errors, span, columns: int, bounds) -> np.ndarray:
             lines = DelayLines.of(E) if np.isfinite(E).all() else DelayLines(np.arange(len(E)), ())
             if lines.delayed.size < max(LONG, E.shape[-1] / 2):
                 continue
-            panels, lost = panels_of(*own, span, 1, bounds[:, column : column + 1])
+            narrow = resolved and (lambda at, low, high, column=column: resolved(at + column, low, high))
+            panels, lost = panels_of(*own, span, 1, bounds[:, column : column + 1], narrow)
             if panels is not None and not lost[0].size and all(_is_clear(lines, panels, at) for at in range(panels.low.size)):
                 count, clear = count_outside(E[1:2])
                 found[column] = count[0] if clear[0] else -1

@@ -92,10 +92,11 @@ def _remembered(entries):
         kept = kept[~gone]
 
 
-def panels_of(frames, errors, span, columns: int, bounds) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
+def panels_of(frames, errors, span, columns: int, bounds, resolved=None) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
     """Return panels on which the frames are followed, and the parts of the spans that are not: column, low, high, overflown.
 
-    frames, errors, bounds: see `stable_along_any`. A panel that is not followed is halved.
+    frames, errors, bounds: see `stable_along_any`. resolved(column, low, high): whether frames have no narrow features there.
+    A panel that is not followed is halved.
 
     The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided by the polynomial q that
     vanishes there, is analytic where f is. So on the panel, where |q| <= 1, it is at most as large as on the rim of an ellipse
@@ -112,6 +113,8 @@ def panels_of(frames, errors, span, columns: int, bounds) -> tuple[Panels | None
         inside = (middle - EXTENT * half >= bounds[0][column]) & (middle + EXTENT * half <= bounds[1][column])
         good, overflown, hopeless = np.zeros((3, column.size), bool)
         some = np.flatnonzero(inside)
+        if resolved is not None and some.size:
+            some = some[resolved(column[some], left[some], right[some])]
         if some.size:
             parts = column[some], low[some], high[some], middle[some], half[some]
             with np.errstate(all="ignore"):

@@ -58,13 +58,24 @@ class Cover:
     used: int
 
 
-def positive(functions: Functions, box: Box, bounds: Box, most: int) -> Cover:
+class Resolved(Protocol):
+    """Which boxes are narrow enough for the samples that are taken of functions, see `loops.resolution`."""
+
+    used: int
+
+    def unresolved(self, box: Box) -> np.ndarray:
+        """Along which numbers a box may have to be divided, a mask `(numbers,)`; none of them if it is narrow enough."""
+
+
+def positive(functions: Functions, box: Box, bounds: Box, most: int, resolution: Resolved | None = None) -> Cover:
     """Prove that functions are positive on a box; the points `unstable` are those where one is surely negative.
 
     box: a number whose two ends are equal is no dimension of it. bounds: the range of each number in which the functions are
-    analytic. most: points to compute at most.
+    analytic. most: points to compute at most. resolution: asked about each part of the box; None if the functions have no
+    narrow features.
     """
-    box, pieces = np.asarray(box, float), _Pieces(functions, np.asarray(bounds, float))
+    box = np.asarray(box, float)
+    pieces = _Pieces(functions, box, np.asarray(bounds, float), resolution)
     queue, negative = [box], np.zeros((0, box.shape[1]))
     while queue and pieces.used < most and not len(negative):
         piece = queue.pop(0)
@@ -74,9 +85,12 @@ def positive(functions: Functions, box: Box, bounds: Box, most: int) -> Cover:
     return Cover(np.array(queue).reshape(-1, *box.shape), negative, pieces.used)
 
 
-def any_positive(alternatives: Sequence[Functions], box: Box, bounds: Box, most: int) -> Cover:
+def any_positive(
+    alternatives: Sequence[Functions], box: Box, bounds: Box, most: int, resolution: Resolved | None = None
+) -> Cover:
     """Prove that at every point of a box one of these is positive, except in the parts that are left open; see `positive`."""
-    box, pieces = np.asarray(box, float), [_Pieces(each, np.asarray(bounds, float)) for each in alternatives]
+    box, bounds = np.asarray(box, float), np.asarray(bounds, float)
+    pieces = [_Pieces(each, box, bounds, resolution) for each in alternatives]
     queue = [box]
     while queue and sum(each.used for each in pieces) < most and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any():
         piece, negatives, rest = queue.pop(), [], None
@@ -110,8 +124,9 @@ def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> t
 class _Pieces:
     """Functions on the pieces of a box, with a count of the points at which they were computed."""
 
-    def __init__(self, functions, limits):
-        self.functions, self.limits, self.used = functions, limits, 0
+    def __init__(self, functions, box, limits, resolution):
+        self.functions, self.limits, self.resolution, self.used = functions, limits, resolution, 0
+        self.whole = np.where(np.ptp(box, 0) > 0, np.ptp(box, 0), 1.0)
 
     def judged(self, piece):
         """The unstable points found in a piece, and its parts that are not proved."""
@@ -125,6 +140,8 @@ class _Pieces:
         outside = (middle - EXTENT * half < self.limits[0]) | (middle + EXTENT * half > self.limits[1])
         if not np.isfinite(log).all() or outside[wide].any():
             return self._none, _divided(piece, wide, half[wide] * (outside[wide] | ~outside[wide].any()))
+        if (unresolved := self._unresolved(piece)[wide]).any():
+            return self._none, _divided(piece, wide, unresolved * (half / self.whole)[wide])
         trend = _trend(log, grid)
         peak = (log - trend @ grid.T).max(1)
         least = np.exp((log - trend @ grid.T).min(1) - peak)
@@ -138,6 +155,14 @@ class _Pieces:
             steep = np.isfinite(counts).all() and steps.max() > STEEP
             return self._none, _divided(piece, wide, steps if steep else counts)
         return self._within(piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far)
+
+    def _unresolved(self, piece):
+        if self.resolution is None:
+            return np.zeros(piece.shape[1], bool)
+        before = self.resolution.used
+        found = self.resolution.unresolved(piece)
+        self.used += self.resolution.used - before
+        return found
 
     @property
     def _none(self):
