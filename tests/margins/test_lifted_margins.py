@@ -246,3 +246,54 @@ def test_a_signal_whose_samples_are_not_all_read_has_the_margins_of_what_reads_i
     for name in ("gain_up", "gain_down", "phase", "disk"):
         assert often["value"][name] == pytest.approx(seldom["value"][name], rel=1e-7), name
         assert often["hz"][name] == pytest.approx(seldom["hz"][name], rel=1e-6, nan_ok=True), name
+
+
+def peaks_on_a_grid(loop):
+    """The largest singular values of S and S - 1, from H at 4000 angles and near the largest one."""
+    E, T, O, G = (part[0] for part in (loop.returned.E, loop.returned.T, loop.returned.O, loop.returned.G))
+
+    def sizes(theta, less):
+        H = T + O @ np.linalg.solve((np.exp(1j * theta) - 1)[:, None, None] * np.eye(len(E)) - E, G + 0j)
+        return np.linalg.norm(np.linalg.inv(np.eye(len(T)) - H) - less * np.eye(len(T)), 2, (-2, -1))
+
+    found = []
+    for less in (0, 1):
+        theta = np.concatenate([np.geomspace(1e-4, 0.1, 1000), np.linspace(0.1, np.pi, 3000)])
+        for _ in range(4):
+            size = sizes(theta, less)
+            best = int(np.argmax(size))
+            theta = np.linspace(theta[max(best - 1, 0)], theta[min(best + 1, len(theta) - 1)], 1000)
+        found.append((size[best], theta[0]))
+    return found
+
+
+DRIFTS = [  # a position that nothing opposes with Kp = 0, by constant factors, or by factors that the signal changes
+    ("command.y", {"rates": {"ratio": 5}, "device": {"velocity": "difference", "dead_time": 0.0009}}, []),
+    ("lp1.y", {"rates": {"ratio": 5}, "device": {"velocity": "difference"}}, ["controller.kind=pmw-mean"]),
+    ("encoder.out", {"rates": {"ratio": 5}, "device": {"velocity": "difference"}}, ["controller.kind=pmw-lm"]),
+    ("device.x", {"rates": {"ratio": 5}, "device": {"velocity": "difference"}}, ["controller.kind=pmw-mean"]),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("signal", "tables", "changes"), DRIFTS)
+def test_what_drifts_hides_no_peak(signal, tables, changes):
+    tables = tables | {"environment": {"K_VE": 70, "B_VE": 4, "delay": 5}, "controller": {"kind": "pmw", "b": 3}}
+    loop = broken_at(load(tables | {"filters": {"lp1": {"order": 0}}}, changes), signal)
+    found = {margin.name: margin for margin in margins_of(loop)[0]}
+    for name, (size, theta) in zip(("sensitivity", "complementary"), peaks_on_a_grid(loop), strict=True):
+        assert found[name].value == pytest.approx(size, rel=1e-6 if theta < 2e-4 else 1e-9), name
+        assert not found[name].doubt
+    if signal == "command.y":
+        assert [round(found[name].value, 6) for name in ("sensitivity", "complementary")] == [1.100277, 1.001291]
+        assert [round(found[name].omega, 1) for name in ("sensitivity", "complementary")] == [146.3, 6.1]
+
+
+@pytest.mark.slow
+def test_a_signal_that_moves_what_drifts_has_peaks_without_a_limit_and_a_disk_that_is_met():
+    tables = {"rates": {"ratio": 5}, "device": {"velocity": "difference"}, "environment": {"K_VE": 0, "B_VE": 4, "delay": 5}}
+    spec = load(tables | {"controller": {"kind": "dc-slow"}})
+    found = {margin.name: margin for margin in margins_of(broken_at(spec, "device.x"))[0]}
+    assert not (found["sensitivity"].limited or found["complementary"].limited)
+    assert found["disk"].value == pytest.approx(1.23757105, rel=1e-8)
+    agrees(spec, "device.x", found.values())

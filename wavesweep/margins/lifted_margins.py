@@ -22,11 +22,22 @@ from wavesweep.core.monodromy.open_ticks import OpenTicks
 from wavesweep.core.stability.along_any import stable_along_any
 from wavesweep.core.stability.certificate import FAST, NONE, SEARCH
 from wavesweep.core.stability.frames import Frames
-from wavesweep.margins.loop_margins import BESIDE, SPANS, BrokenLoop, Margin, disk_margins, limited_or_not, scalar_margins
+from wavesweep.margins.loop_margins import (
+    BESIDE,
+    SPANS,
+    BrokenLoop,
+    Margin,
+    disk_margins,
+    limited_or_not,
+    peak_margin,
+    scalar_margins,
+)
 
 EXACT = 2e-9  # relative error of an end of `stable_along_any`
 GAP = 1e-8  # relative, between a disk that is proved and one that is met at some frequency
 GRID = 10_000  # samples of a frame at all angles at which the spectral radius is looked at before its peaks are refined
+STILL = 1e-8  # of the sizes of its terms, below which what is seen of a drift is rounding
+MET = 1e-6  # of a mode, from the place on the circle where it should be
 ROUNDS = 4  # of the search for a disk: each proof that fails shows the angle of a larger peak
 
 
@@ -86,19 +97,49 @@ class LiftedLoop:
         return -(sine.conj() * (O @ solve(A, G @ sine) + T @ sine)).mean((-2, -1))
 
     def _sensitivity_at(self, theta):
-        E, B, C, D = (part[0] for part in self.sensitivity().maps[0])
+        E, B, C, D = (part[0] for part in self.sensitivity.maps[0])
         A = on_circle(np.asarray(theta, float))[..., None, None] * np.eye(len(E)) - E
         return D + C @ solve(A, B + 0 * A[..., :1])
 
-    def sensitivity(self, less: float = 0.0) -> TickMaps:
-        """Return the map `S = 1/(1 - H)`, less a number."""
+    @cached_property
+    def sensitivity(self) -> TickMaps:
+        """The map `S = 1/(1 - H)`, in states of even units.
+
+        The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v w`, if S does not have it: `C v w B`
+        is 0. Otherwise S has no bound at 0 rad/s. A drift by constant factors has `C v = 0`, and any w will do.
+        """
         E, T, O, G = (part[0] for part in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
         left = np.linalg.inv(np.eye(len(T)) - T)
-        return TickMaps.of([(E + G @ left @ O, G @ left, left @ O, left - less * np.eye(len(T)))], np.zeros(1, int), ())
+        E, B, C = E + G @ left @ O, G @ left, left @ O
+        for lead, others in [*self.drift.moved, *((state, ()) for state in self.drift.unread)]:
+            E[:, lead] -= np.eye(len(E))[lead]
+            for state, factor in others:
+                E[state, lead] -= factor
+        parts = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units().maps[0]
+        if count := len(self.drift.folded):
+            E, B, C, _ = (part[0] for part in parts)
+            U, _, V = np.linalg.svd(E)
+            v, w = V[-count:].T, U[:, -count:].T
+            v = v @ np.linalg.inv(w @ v)
+            if (np.abs(C @ v @ w @ B) <= STILL * (np.abs(C) @ np.abs(v) @ np.abs(w) @ np.abs(B))).all():
+                parts = ((E - v @ w)[None], *parts[1:])
+        return TickMaps((parts,), np.zeros(1, int))
 
     def radius(self, theta) -> np.ndarray:
-        """Return the spectral radius of `S - 1/2` at the angles theta."""
-        return np.abs(np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5).max(-1)
+        """Return the spectral radius of `S - 1/2` at the angles theta.
+
+        Next to a drift that moves the signal rounding of S hides its small eigenvalues: 0 if no mode of the frame is there with
+        the factor that the largest one gives.
+        """
+        theta = np.asarray(theta, float)
+        found = np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5
+        size = np.abs(found).max(-1)
+        if self.drift.folded:
+            largest = np.take_along_axis(found, np.abs(found).argmax(-1)[..., None], -1)[..., 0].ravel()
+            with np.errstate(all="ignore"):
+                modes = np.linalg.eigvals(np.nan_to_num(self.frames((2 * largest + 1) / (2 * largest - 1)).E))
+            size = np.where(np.abs(modes - on_circle(theta).reshape(-1, 1)).min(-1).reshape(theta.shape) <= MET, size, 0.0)
+        return size
 
     def frames(self, k) -> Frames:
         """Return the frames of the loop with the number k, `(n,)`, real or complex."""
@@ -192,10 +233,10 @@ def _phase(loop):
 def _peaks(loop) -> Iterator[Margin]:
     disk, theta, doubt = _disk(loop)
     yield from disk_margins(disk, theta / loop.period, GAP, doubt)
+    E, B, C, D = loop.sensitivity.maps[0]
     for name, less in (("sensitivity", 0.0), ("complementary", 1.0)):
-        peak = squared_norm(loop.sensitivity(less).in_even_units())
-        value, omega = float(np.sqrt(peak.value[0])), float(peak.theta[0]) / loop.period
-        yield Margin(name, value, omega, TOLERANCE, NONE if peak.certified[0] else SEARCH)
+        peak = squared_norm(TickMaps(((E, B, C, D - less * np.eye(loop.times)),), np.zeros(1, int)))
+        yield peak_margin(name, peak, loop.period, TOLERANCE)
 
 
 def _disk(loop):
@@ -203,7 +244,7 @@ def _disk(loop):
     from scipy.optimize import minimize_scalar
 
     few = max(100, GRID // loop.times)
-    poles = np.angle(1 + np.linalg.eigvals(loop.sensitivity().maps[0][0][0]))
+    poles = np.angle(1 + np.linalg.eigvals(loop.sensitivity.maps[0][0][0]))
     points = np.concatenate([START, SOFT, np.geomspace(1e-6, 1.0, few), np.linspace(0, np.pi, few), np.abs(poles)])
     points = np.unique(np.clip(points[np.isfinite(points)], BESIDE, np.pi))
     best, at = 0.0, 0.0

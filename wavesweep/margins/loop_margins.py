@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.energy.hinf import SOFT, START, angles, with_middles
+from wavesweep.core.energy.hinf import SOFT, START, Peak, angles, with_middles
 from wavesweep.core.energy.lifted_map import TOLERANCE, TickMaps, squared_norm
 from wavesweep.core.monodromy.circle import on_circle, solve
 from wavesweep.core.monodromy.cut import ERRORS, PARTS, Cut, open_in, with_batch
@@ -216,11 +216,19 @@ def _peaks(loop) -> Iterator[Margin]:
         beside = max(theta, BESIDE)  # an integrator has no response at 0
         S = 1 / (1 + complex(loop.response(beside)))
         bound = TOLERANCE + (abs(S) ** 2 * loop.slope_and_error(beside)[1] + abs(abs(S - less) - size)) / size
-        rest = theta / loop.period, bound, NONE if peak.certified[0] else SEARCH
         if name == "disk":
-            yield from disk_margins(1 / size, *rest)
+            yield from disk_margins(1 / size, theta / loop.period, bound, NONE if peak.certified[0] else SEARCH)
         else:
-            yield _margin(name, size, *rest)
+            yield peak_margin(name, peak, loop.period, bound)
+
+
+def peak_margin(name: str, peak: Peak, period: float, bound: float) -> Margin:
+    """Return the margin of the peak of a squared response; beyond MOST it has no limit, as next to a drift that it moves."""
+    doubt = NONE if peak.certified[0] else SEARCH
+    if peak.value[0] >= MOST**2:
+        return Margin.unlimited(name, MOST, NONE)
+    size = float(np.sqrt(peak.value[0])) if np.isfinite(peak.value[0]) else np.nan
+    return _margin(name, size, float(peak.theta[0]) / period, bound, doubt)
 
 
 def disk_margins(disk: float, omega: float, bound: float, doubt: int) -> Iterator[Margin]:

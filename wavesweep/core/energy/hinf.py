@@ -19,7 +19,7 @@ class Peak:
     """Per loop: the largest value, the angle (rad per frame) where it is taken, and whether no larger one can exist.
 
     certified: at every eigenvalue on the unit circle of the pencil of the level just above, and half-way between
-    neighbouring ones, the response is below that level.
+    neighbouring ones, the response is below that level, but for angles at which it is not known.
     """
 
     value: np.ndarray
@@ -55,7 +55,7 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, more=(), enough=np.in
         level = value[active] + slack(active, value[active])
         _raise(value, theta, value_at, active, with_middles(angles_at(active, level)))
         beaten = value[active] > level
-        certified[active[~beaten]] = True
+        certified[active[~beaten]] = np.isfinite(value[active[~beaten]])
         active = active[beaten]
     return Peak(value, theta, certified)
 
@@ -73,7 +73,8 @@ def _raise(value, theta, value_at, owners, candidates):
     if not row.size:
         return
     at = np.full(candidates.shape, -np.inf)
-    at[row, column] = value_at(owners[row], candidates[row, column], value[owners[row]])
+    found = value_at(owners[row], candidates[row, column], value[owners[row]])
+    at[row, column] = np.where(np.isnan(found), -np.inf, found)
     best = np.argmax(at, axis=-1)[:, None]
     found, where = (np.take_along_axis(part, best, -1)[:, 0] for part in (at, candidates))
     better = found > value[owners]
