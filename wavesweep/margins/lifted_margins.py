@@ -105,8 +105,8 @@ class LiftedLoop:
     def sensitivity(self) -> TickMaps:
         """The map `S = 1/(1 - H)`, in states of even units.
 
-        The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v w`, if S does not have it: `C v w B`
-        is 0. Otherwise S has no bound at 0 rad/s. A drift by constant factors has `C v = 0`, and any w will do.
+        The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v w`, if S does not have it:
+        `C v w B` is 0. Otherwise S has no bound at 0 rad/s. A drift by constant factors has `C v = 0`, and any w will do.
         """
         E, T, O, G = (part[0] for part in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
         left = np.linalg.inv(np.eye(len(T)) - T)
