@@ -7,20 +7,22 @@ import numpy as np
 
 from wavesweep.core.plots.members import Member, look_of
 from wavesweep.core.plots.regions import (
+    BAR,
     BEYOND,
     CARET,
     DOWN,
+    FELT,
     FELT_LINE,
+    LADDER,
     LEFT,
     RIGHT,
-    SHADE,
     UP,
     handles_of,
-    range_end,
 )
 from wavesweep.core.plots.shown import Shown
-from wavesweep.core.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting, paler
+from wavesweep.core.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
 from wavesweep.core.plots.words import unit, valued
+from wavesweep.core.stability.certificate import FELT_ALIKE
 from wavesweep.core.tables.planes import incomplete
 from wavesweep.core.tables.row_kinds import COMPUTED, row_kinds
 
@@ -36,36 +38,33 @@ LIMITS = {
 }
 
 
-def entries_of(shown: Shown, panels: Sequence[float]) -> tuple[list[Any], list[Any]]:
-    """The entries of the legend: the members of a family, the hands or the specs, and the marks."""
+def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """The entries of the legend: the members of a family, the hands or the specs, and the marks.
+
+    drawn: the axes of the panels. What is not in them has no entry.
+    """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     members, layout, entries = shown.members(shown.columns), shown.layout, []
-    if shown.whose or (layout.x is not None and layout.family is not None):
+    plane = layout.x is not None
+    if plane and (shown.whose or layout.family is not None):  # bars have their names
         names = [member.name for member in members]
         if not shown.whose:  # the first has name and unit, the others the value
             values = layout.members
             names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
-        names = [
-            name
-            + _extent(shown, member)
-            + " (at the dots)" * bool(member.joined and layout.x is not None and member.rows["intervals"].any())
-            for name, member in zip(names, members, strict=True)
-        ]
-        entries = [] if layout.x is None else handles_of(names, [member.look for member in members])  # bars have their names
-    if members and members[-1].proved:
-        rows, colour = members[-1].rows, members[-1].look.colour
-        if layout.x is not None and rows["intervals"].any():
-            entries[-1] = Patch(facecolor=paler(colour, SHADE), edgecolor=colour, label=entries[-1].get_label())
-        nowhere = layout.x is not None and not shown.columns["intervals"].any()
-        entries += [] if rows["settled"].all() or nowhere else [Patch(**UNKNOWN, label=NOT_KNOWN)]
-        carets = [
-            each for end, *each in (("from", RIGHT, UP), ("below", LEFT, DOWN)) if np.isfinite(rows[f"fails_{end}"]).any()
-        ]
-        if carets:
-            entries.append(Line2D([], [], marker=carets[0][layout.x is not None], **CARET, label=REFUTED))
-    return entries, _marks(shown, members, panels)
+        names = [name + _extent(shown, member) for name, member in zip(names, members, strict=True)]
+        entries = handles_of(names, [member.look for member in members], [member.at_values for member in members])
+    artists = [each for axes in drawn for each in (*axes.lines, *axes.patches, *axes.collections)]
+    ladders = [each for each in artists if each.get_label() == LADDER]
+    if ladders or any(each.get_hatch() == UNKNOWN["hatch"] for each in artists if hasattr(each, "get_hatch")):
+        entries.append(Line2D([], [], **BAR, color=UNKNOWN["edgecolor"]) if ladders else Patch(**UNKNOWN))
+        entries[-1].set_label(NOT_KNOWN)
+    markers = [each.get_marker() for each in artists if isinstance(each, Line2D)]
+    carets = [each for each in markers if each in (RIGHT, UP, LEFT, DOWN)]
+    if carets:
+        entries.append(Line2D([], [], marker=carets[-1], **CARET, label=REFUTED))
+    return entries, _marks(shown, members, panels, artists)
 
 
 def _extent(shown: Shown, member: Member) -> str:
@@ -77,31 +76,27 @@ def _extent(shown: Shown, member: Member) -> str:
     return ": whole range" if whole.all() else ""
 
 
-def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> list[Any]:
-    """The entries of the legend for single points and for lines that no member has alone."""
+def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]) -> list[Any]:
+    """The entries of the legend for single points and for lines that no member has alone; artists: what is drawn."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    plane, certain = shown.layout.x is not None, all(member.rows["certified"].all() for member in members)
+    certain = all(member.rows["certified"].all() for member in members)
+    hatches = {each.get_hatch() for each in artists if hasattr(each, "get_hatch")}
     handles = []
-    if plane and shown.felt:
+    if any(each.get_label() == FELT for each in artists):
         alone = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if shown.best:
         handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
     if shown.own_design(panels)[0]:
         handles.append(Line2D([], [], **OWN, label="nominal design"))
-    ended = [
-        (np.isfinite([each.rows["low_omega"], each.rows["high_omega"]]).any(0) | plane)
-        & ~each.rows["certified"]
-        & (each.rows["intervals"] > 0)
-        for each in members
-    ]
-    if any(rows.any() for rows in ended):
-        dashed = {"linestyle": "--", "label": "not certified"}
-        dotted = Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed)
-        handles.append(dotted if plane and len(members) == 1 and not shown.whose else Line2D([], [], color=DOUBTFUL, **dashed))
-    if range_end(shown.columns, "low") is not None or range_end(shown.columns, "high") is not None:
+    dashed = {"linestyle": "--", "label": "not certified"}
+    if UNPROVED["hatch"] in hatches:
+        handles.append(Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed))
+    elif any(_is_red(each) for each in artists):
+        handles.append(Line2D([], [], color=DOUBTFUL, **dashed))
+    if BEYOND["hatch"] in hatches:
         handles.append(Patch(**BEYOND, label="beyond the swept range"))
     limits = [LIMITS[name] for name in shown.limits_of_walls()]
     handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
@@ -110,29 +105,35 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float]) -> 
     return handles
 
 
+def _is_red(artist: Any) -> bool:
+    """Whether lines are drawn in the colour of what is not certified."""
+    from matplotlib.colors import same_color, to_rgba
+
+    if not hasattr(artist, "get_segments"):
+        return False
+    colours = artist.get_colors() if len(artist.get_segments()) else ()
+    return any(same_color(to_rgba(each), DOUBTFUL) for each in colours)
+
+
 def _best_in_words(shown: Shown, sure: str) -> str:
     """The largest value and, of a wall, the stiffness felt; sure: what to say of it if others are in doubt."""
     best, facts = shown.best, shown.facts
     kind = row_kinds()[best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else ""]
     sure = sure if best["certified"] and not kind.proved else ""
     sure += f", {kind.legend}" * (shown.whose == "hand")
-    title, over = kind.largest, "over " if np.isnan(best["high_omega"]) and not kind.proved else ""
-    felt = best.get("felt_high", np.nan)
-    if shown.along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
+    end = "low" if best["value"] == best["low"] else "high"
+    title, over = kind.largest, "over " if np.isnan(best[f"{end}_omega"]) and not kind.proved else ""
+    felt, value = best["merit"], f"{over}{best['value']:.5g}"
+    alike = abs(felt - best["value"]) <= 0.005 * best["value"]
+    if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):
         start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
-        return f"{title}{sure}: {over}{best['high']:.5g} {unit(shown.along, facts)}".rstrip() + start
+        return f"{title}{sure}: {value} {unit(shown.along, facts)}".rstrip() + start
     title = title.replace("largest", "stiffest felt") + (sure and ",") * (not sure.startswith(",")) + sure
-    return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {over}{best['high']:.5g} N/m"
+    return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {value} N/m"
 
 
 def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
     """The members above the only panel, and the marks above these; or all beside several panels, or above them."""
-    from matplotlib.patches import Patch
-
-    named = any(each.get_label() in (NOT_KNOWN, REFUTED) for each in members)  # what is narrow needs no entry
-    drawn = [each for axes in canvas.axes for each in (*axes.patches, *axes.collections)]
-    if not named and any(each.get_hatch() == UNKNOWN["hatch"] for each in drawn):
-        marks = [*marks, Patch(**UNKNOWN, label=NOT_KNOWN)]
     if beside and members + marks:
         canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return

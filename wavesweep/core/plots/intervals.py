@@ -1,7 +1,6 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,7 +12,17 @@ from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
 from wavesweep.core.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with
 from wavesweep.core.plots.members import HALF_BAR, Member, damping_of, draw_bars, member_curves, over_one_damping, specs_of
-from wavesweep.core.plots.regions import ALONE, draw_felt, draw_for_all, draw_for_all_bar, draw_region, mark_range, view_of
+from wavesweep.core.plots.regions import (
+    Bars,
+    draw_at_values,
+    draw_felt,
+    draw_for_all,
+    draw_for_all_bar,
+    draw_region,
+    draw_unknown_at_values,
+    mark_range,
+    view_of,
+)
 from wavesweep.core.plots.sampling import Blocks, blocks_of, note_values, rows_where
 from wavesweep.core.plots.scales import by_factors, is_logarithmic
 from wavesweep.core.plots.shown import Shown
@@ -23,19 +32,26 @@ from wavesweep.core.tables.columns import unlike_units
 from wavesweep.core.tables.planes import incomplete, region_of, smooth_axes
 
 _PANEL_HEIGHT = 2.3  # inches
-_APART = 1.6  # points between thin bars of two members
+_APART = 0.8  # points between bars of two members at a value of x
+_FILL, _THIN, _THICK = 0.6, 0.8, 4.0  # of the distance between two values of x, bars at most; and their width in points
+_PANEL_WIDTH = 0.8  # of its part of the figure
 _ROOM = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
+_HOW = {  # how stable sets are drawn, in the notes below the figure
+    "strokes": "Strokes point to the unstable side.",
+    "between": "Lines are computed between swept values too, to half a pixel.",
+    "bars": "Bars hold at their value of {} alone.",
+}
 
 
 def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     """Draw the stable intervals of a `zwidth` or `stability-region` table.
 
-    The intervals between two values of x are those of `tables.planes`; if these cannot be computed, thin bars show the values
-    of the table. A single region is filled, and so is what is proved under [for_all]. Several are outlined, with strokes to the
-    unstable side, so that none hides the hole of another. Boundaries are dashed red if not certified, and slices that are only
-    partly known are hatched outside of their intervals. One further axis is a family of lines, the next one gives panels
-    through the best design. What is guaranteed for hands or for [for_all] is known at the swept values, which have dots.
+    A line or an area lies between two values of x only if `tables.planes` has computed the intervals between them. What is
+    known at the values of the table alone, as what is guaranteed for hands or for [for_all], are bars at these values. A single
+    region is filled. Several are outlined, with strokes to the unstable side, so that none hides the hole of another.
+    Boundaries are dashed red if not certified, and slices that are only partly known are hatched outside of their intervals.
+    One further axis is a family of lines, the next one gives panels through the best design.
     """
     blocks, axes, best, several = blocks_of(table), {}, {}, False
     for block in blocks():
@@ -81,18 +97,13 @@ def _draw(shown: Shown) -> Any:
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) or is_narrow() else 3
     down = -(-len(panels) // across)
     usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
-    members, marks = entries_of(shown, panels)
-    beside = across > 1 and down > 1 and not is_narrow()  # the legend, if it is more than a row
-    beside = beside and rows_of(members + marks, wide(usual)) > 1
-    more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
-    legends = [] if beside else [members, marks] if across == 1 else [members + marks]
-    more += 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
-    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more
+    height = 2.5 if across == 1 else _PANEL_HEIGHT * down
+    height += 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
     with figure(usual, height) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
-        reached = list(shown.view)
+        reached, how = list(shown.view), set()
         for axes, value in zip(grid.flat, panels, strict=False):
-            reached += _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down))
+            reached += _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down), how)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         view = min(reached), max(reached)
@@ -104,24 +115,34 @@ def _draw(shown: Shown) -> Any:
             mark_range(axes, shown.columns, bars=layout.x is None)
             for walls in shown.walls:
                 walls.draw(axes)
-        _name_axes(shown, canvas)
+        members, marks = entries_of(shown, panels, grid.flat[: len(panels)])
+        # Beside the panels, if it is more than a row.
+        beside = across > 1 and down > 1 and not is_narrow() and rows_of(members + marks, wide(usual)) > 1
+        legends = [] if beside else [members, marks] if across == 1 else [members + marks]
+        more = 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
+        canvas.set_figheight(canvas.get_figheight() + more)
+        _name_axes(shown, canvas, how)
         draw_legends(canvas, grid, members, marks, beside)
     return canvas
 
 
-def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float]) -> list[float]:
-    """Draw a panel, and return how far boundaries go between the values of the table, with some room."""
+def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float], how: set[str]) -> list[float]:
+    """Draw a panel, and return how far boundaries go between the values of the table, with some room.
+
+    how: is added what of _HOW occurs.
+    """
     layout, reached = shown.layout, []
     columns = rows_with(shown.columns, {layout.panels: panel} if layout.panels else {})
-    members = shown.members(columns)
+    members, beside = shown.members(columns), {}
     if layout.x is None:
         draw_bars(axes, members)
     else:
-        reached = _draw_plane(shown, axes, columns, members, inches)
+        reached, beside = _draw_plane(shown, axes, columns, members, inches, how)
     if layout.panels is not None:
         axes.set_title(valued(layout.panels, panel, shown.facts))
     if shown.best and (layout.panels is None or shown.best[layout.panels] == panel):
-        axes.plot(*shown.place(shown.best, members), **BEST)
+        at = beside.get(shown.best.get(shown.whose, ""))
+        axes.plot(*shown.place(shown.best, members), **BEST, **({"transform": at.place(axes)} if at else {}))
     for place in shown.own_design([panel])[0]:
         axes.plot(*place, **OWN)
     for name, height in shown.limits_of_walls().items():
@@ -133,9 +154,11 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
 
 
 def _draw_plane(
-    shown: Shown, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float]
-) -> list[float]:
+    shown: Shown, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float], how: set[str]
+) -> tuple[list[float], dict[str, Bars]]:
+    """Draw a panel over x; gives how far boundaries go, and where the bars of the guarantees stand."""
     reached: list[float] = []
+    beside: dict[str, Bars] = {}
     x, (low, high) = shown.layout.x, (shown.layout.points[0], shown.layout.points[-1])
     if not (columns["intervals"] > 0).any():
         nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
@@ -145,29 +168,38 @@ def _draw_plane(
         by_factors(axes.xaxis, low, high)
     view = view_of(x, logarithmic, *inches, shown.by_factors)
     curves = member_curves(members, view, (low, high))
+    single = [not curve.gaps for curve in curves]  # of which there are bars alone
+    points = 72 * inches[0] * _PANEL_WIDTH
+    width = float(np.clip(_FILL * points * view.closest(shown.layout.points) / max(sum(single), 1), _THIN, _THICK))
     for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
-        region, shift = region_of(curve, view), _APART * (number - (len(members) - 1) / 2)
-        region = replace(region, unknown=[]) if member.joined else region  # nothing is computed between its dots
-        filled = member.proved or (len(members) == 1 and shown.whose != "spec")
-        draw_region(axes, region, member.look, filled, shift, len(members))
-        reached += [_ROOM * y for line in (*region.certain, *region.doubtful) for _, y in line]
+        region = region_of(curve, view)
+        at = Bars((width + _APART) * (sum(single[:number]) - (sum(single) - 1) / 2) * single[number], width)
+        filled = len(members) == 1 and shown.whose != "spec"
+        if member.at_values:
+            beside[member.guarantee] = at
+        else:
+            draw_region(axes, region, member.look, filled, len(members))
+        draw_at_values(axes, region.bars, member.look, at)
+        outline = [*region.certain, *region.doubtful]
+        reached += [_ROOM * y for line in outline for _, y in line]
+        how |= {"strokes"} if outline and not filled else set()
+        how |= ({"between"} if outline else set()) | ({"bars"} if region.bars else set())
         if shown.felt:
             draw_felt(axes, region, member.look)
         if member.proved and (columns["intervals"] > 0).any():  # without a stable loop nothing is open
-            draw_for_all(axes, x, member.rows, shown.span)
-        for end, limit in zip(("low", "high"), shown.span, strict=True) if member.joined else ():
-            far = np.abs(member.rows[end] - limit) > 0.01 * (shown.span[1] - shown.span[0])  # false where it is missing
-            if far.any():  # an empty line that is not clipped takes room below the panel
-                dots = member.rows[x][far], member.rows[end][far]
-                axes.plot(*dots, ".", color=member.look.colour, markersize=3.5, clip_on=False)
+            draw_for_all(axes, x, member.rows, shown.span, at)
+        elif member.at_values:
+            spans = [(place, *span) for place, (_, spans) in curve.columns.items() for span in spans]
+            draw_unknown_at_values(axes, [(place, *np.clip(span, *shown.view)) for place, *span in spans], shown.span, at)
     if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
-        more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
+        edge = max(_EDGE, (width + _APART) * sum(single) / 2 / points)
+        more, factor = edge * (high - low), (high / low) ** edge if logarithmic else 1.0
         low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)
     axes.set_xlim(low, high)
-    return [y for y in reached if y > shown.view[1]]
+    return [y for y in reached if y > shown.view[1]], beside
 
 
-def _name_axes(shown: Shown, canvas: Any) -> None:
+def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
     layout, facts, bars = shown.layout, shown.facts, shown.layout.x is None
     names = dict.fromkeys(shown.columns["along"].tolist())
     along = label(shown.along, facts)
@@ -182,11 +214,9 @@ def _name_axes(shown: Shown, canvas: Any) -> None:
     one = f"{kind}, {said}" if kind else said.capitalize()  # controller, wall, delay and velocity
     one = one if said and shown.whose != "spec" else ""
     missing = shown.own_design(layout.panel_values or (np.nan,))[1]
-    alone = any(each.get_gid() == ALONE for axes in canvas.axes for each in axes.collections)
-    between = "Nothing is known between thin lines." * alone
-    note_below(
-        canvas, required, layout.left_out, between, missing, *unmarked, one, axis=along if bars else label(layout.x, facts)
-    )
+    drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
+    along_x = along if bars else label(layout.x, facts)
+    note_below(canvas, required, layout.left_out, drawn, missing, *unmarked, one, axis=along_x)
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)

@@ -149,33 +149,41 @@ def best_row(columns: Columns) -> dict[str, Any]:
     """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable.
 
     If there are any, rows of what is promised, for all numbers or for hands, come first, then certified ones, then those with a
-    known stiffness felt.
+    known stiffness felt. Besides its columns it has `value`, the end of the interval that is the best one, `merit`, by which it
+    is, and `largest`, the largest high end of the rows that are promised and certified alike.
     """
     rows = columns["intervals"] > 0
     if not rows.any():
         return {}
-    merit, known = columns["high"], np.ones(rows.size, bool)
+    merit, value, known = columns["high"], columns["high"], np.ones(rows.size, bool)
     if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
-        known = ~np.isnan(columns["felt_high"])
-        merit = np.where(known, columns["felt_high"], merit)
+        low, high = columns["felt_low"], columns["felt_high"]
+        known = ~np.isnan(high)
+        falls = low > high + FELT_ALIKE * np.abs(high)
+        merit = np.where(known, np.where(falls, low, high), merit)
+        value = np.where(known & falls, columns["low"], value)
     whose, kinds = whose_column(columns), list(row_kinds())
     promise = np.zeros(rows.size, int)
     if whose in ("guarantee", "hand"):
         promise = np.array([0 if word in COMPUTED else len(kinds) - kinds.index(word) for word in columns[whose].tolist()])
-    ranks = (promise, columns["certified"], known)
+    ranks, largest = (promise, columns["certified"], known), 0.0
     for rank in ranks:
+        largest = columns["high"][rows].max() if rank is known else largest
         rows = rows & (rank == rank[rows].max())
     merit = np.where(rows, merit, -np.inf)
     most = merit.max()
     row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
     best = {name: column[row] for name, column in columns.items()}
-    return best | {"merit": merit[row], "rank": tuple(int(rank[row]) for rank in ranks)}
+    more = {"value": value[row], "merit": merit[row], "largest": largest}
+    return best | more | {"rank": tuple(int(rank[row]) for rank in ranks)}
 
 
 def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """The best of the best rows of some blocks, the first of those that are alike but for rounding."""
     candidates = [row for row in rows if row]
     first = max((row["rank"] for row in candidates), default=())
+    largest = max((row["largest"] for row in candidates if row["rank"][:2] == first[:2]), default=0.0)
     candidates = [row for row in candidates if row["rank"] == first]
     most = max((row["merit"] for row in candidates), default=0.0)
-    return next((dict(row) for row in candidates if row["merit"] >= most - FELT_ALIKE * abs(most)), {})
+    alike = (row for row in candidates if row["merit"] >= most - FELT_ALIKE * abs(most))
+    return next(({**row, "largest": largest} for row in alike), {})

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from textwrap import fill
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from wavesweep.core.columns import Columns, whose_column
 from wavesweep.core.plots.layout import rows_with, where
-from wavesweep.core.plots.style import DOUBTFUL, LINES, UNKNOWN, Look, distinct_look, family_looks, paler
+from wavesweep.core.plots.style import DOUBTFUL, LINES, UNKNOWN, UNPROVED, Look, distinct_look, family_looks, paler
 from wavesweep.core.plots.words import shortened, valued
 from wavesweep.core.tables.planes import KNOWN, Curve, View, columns_of, curves_of, open_spans
 from wavesweep.core.tables.row_kinds import COMPUTED, RowKind, row_kinds
@@ -33,8 +32,8 @@ class Member:
     guarantee: str = ""
 
     @property
-    def joined(self) -> bool:
-        """Whether its intervals are known at the swept values alone, which lines join."""
+    def at_values(self) -> bool:
+        """Whether its intervals are known at the swept values alone, and nothing can be computed between them."""
         return self.guarantee not in ("", *COMPUTED)
 
     @property
@@ -84,13 +83,13 @@ def look_of(kind: RowKind) -> Look:
 
 
 def as_drawn(hand: str, rows: Columns) -> Columns:
-    """The rows of a hand. What is proved for all has an end wherever a counterexample or nothing is known beyond it; the
-    certainty of a guarantee for hands is in the legend, not in the style of its line.
+    """The rows of a hand. What is proved for all has an end wherever a counterexample or nothing is known beyond it; what is
+    searched for is as good as certified where it is settled.
     """
-    if hand in COMPUTED:
-        return rows
+    if row_kinds()[hand].searched and "settled" in rows:
+        return {**rows, "certified": rows["settled"]}
     if not row_kinds()[hand].proved:
-        return {**rows, "certified": np.ones(len(rows["along"]), bool)}
+        return rows
     ends = {
         omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
         for omega, fails in (("low_omega", "fails_below"), ("high_omega", "fails_from"))
@@ -133,10 +132,8 @@ def member_curves(members: Sequence[Member], view: View, span: tuple[float, floa
     curves, dampings = [], {"B_VE", *(damping_of(member.facts.get("spec", {})) for member in members)}
     for member in members:
         rows, x = member.rows, member.rows[view.x]
-        if member.joined:
-            columns = columns_of(rows, x)
-            gaps = [(a, b) for a, b in pairwise(sorted(columns)) if len(columns[a][0]) == len(columns[b][0])]
-            curves.append(Curve(columns, dict.fromkeys(gaps, KNOWN)))
+        if member.at_values:
+            curves.append(Curve(columns_of(rows, x)))
         elif np.isnan(x).all():  # a loop that does not read it has the same intervals everywhere
             (column,) = columns_of(rows, np.zeros(len(x))).values()
             curves.append(Curve(dict.fromkeys(span, column), {span: KNOWN}))
@@ -168,9 +165,10 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
             low, high = rows["low"][row], rows["high"][row]
-            bar = {"width": high - low, "left": low, "height": 2 * HALF_BAR, "linewidth": 0}
-            axes.barh(place, **bar, color=paler(colour, 0.25))
-            edge, style = (colour, "-") if rows["certified"][row] else (DOUBTFUL, "--")
+            certified = rows["certified"][row]
+            area = {"facecolor": paler(colour, 0.25), "linewidth": 0} if certified else {**UNPROVED, "edgecolor": colour}
+            axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **area)
+            edge, style = (colour, "-") if certified else (DOUBTFUL, "--")
             ends = [rows[end][row] for end in ("low", "high") if not np.isnan(rows[f"{end}_omega"][row])]
             if ends:
                 axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, colors=edge, linestyles=style)

@@ -1,20 +1,24 @@
 """How stable regions are drawn: areas and boundaries, what is open under [for_all], and the end of the swept range."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wavesweep.core.columns import Columns
 from wavesweep.core.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
-from wavesweep.core.tables.planes import Region, View
+from wavesweep.core.tables.planes import Chain, Region, View
 
 SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
 CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 6}  # seen on the star of the best design
 LEFT, RIGHT, UP, DOWN = 8, 9, 10, 11  # carets whose base is at the point
 FELT_LINE = (0, (1, 1.2))
-ALONE = "alone"  # gid of thin bars
+BAR = {"marker": "|", "markersize": 8, "markeredgewidth": 2.5, "linestyle": "none"}  # in a legend
+LADDER, FELT = "_ladder", "_felt"  # labels of what is not known at a value of x, and of the stiffness felt
+_PALE, _SHARE = 1.5, 0.5  # points, from which on a bar is pale between its ends, and the share of its colour then
+_SEEN = 0.01  # of what is shown
 
 Span = tuple[float, float]
 
@@ -24,23 +28,26 @@ def view_of(x: str, logarithmic: bool, width: float, height: float, factors: boo
     return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height, factors)
 
 
-def handles_of(names: Sequence[str], looks: Sequence[Look] = ()) -> list[Any]:
-    """Entries of a legend for the members of a family."""
+def handles_of(names: Sequence[str], looks: Sequence[Look] = (), bars: Sequence[bool] = ()) -> list[Any]:
+    """Entries of a legend for the members of a family; bars: those that are bars at values of x."""
     from matplotlib.lines import Line2D
 
-    pairs = zip(looks or family_looks(len(names)), names, strict=True)
-    return [Line2D([], [], color=look.colour, linestyle=look.line, label=name) for look, name in pairs]
+    looks = looks or family_looks(len(names))
+    return [
+        Line2D([], [], **BAR, color=paler(look.colour, _SHARE), label=name)
+        if bar
+        else Line2D([], [], color=look.colour, linestyle=look.line, label=name)
+        for look, name, bar in zip(looks, names, bars or [False] * len(looks), strict=True)
+    ]
 
 
-def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: float = 0.0, members: int = 1) -> None:
+def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: int = 1) -> None:
     """Draw the known part of a stable region: its area, or strokes from its boundary to the unstable side if not `filled`.
 
-    If the gap between two values of x is not known, a thin bar at each of them shows its intervals; `shift` (points) keeps
-    bars of different members apart. members: of the panel; the strokes of many lines are fewer.
+    members: of the panel; the strokes of many lines are fewer.
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
-    from matplotlib.transforms import ScaledTranslation
 
     whole = [(left, right) for left, right, low, _ in region.unknown if np.isinf(low)]
     for cell in whole:
@@ -59,24 +66,60 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, shift: floa
     line = {"linewidths": 1.2, "path_effects": strokes}
     axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))
     axes.add_collection(LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
-    place = {"transform": axes.transData + ScaledTranslation(shift / 72, 0, axes.figure.dpi_scale_trans)}
-    for certified, colour, line in ((True, look.colour, look.line), (False, DOUBTFUL, "--")):
-        chosen = [(x, each) for x, each in region.bars if each.certified == certified]
+
+
+@dataclass(frozen=True)
+class Bars:
+    """Where bars stand, and how wide: over the values of x, at each of which those of several members are side by side.
+
+    shift, width: points.
+    """
+
+    shift: float = 0.0
+    width: float = 0.8
+
+    def place(self, axes: Any) -> Any:
+        """The transform of what stands at values of x."""
+        from matplotlib.transforms import ScaledTranslation
+
+        return axes.transData + ScaledTranslation(self.shift / 72, 0, axes.figure.dpi_scale_trans)
+
+    def body(self, colour: Any) -> dict[str, Any]:
+        """The style of the part between the ends, which is pale if there is room to see it."""
+        return {"colors": [paler(colour, _SHARE) if self.width > _PALE else colour], "linewidths": self.width}
+
+
+def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars) -> None:
+    """Draw the intervals that are known at values of x alone, as bars there; an end of the swept range has no stroke."""
+    place = {"transform": at.place(axes)}
+    for certified, colour in ((True, look.colour), (False, DOUBTFUL)):
+        chosen = [(x, each) for x, each in bars if each.certified == certified]
         if chosen:
             spans = np.array([(x, each.low, each.high) for x, each in chosen]).T
-            axes.vlines(*spans, colors=[colour], linewidths=0.8, linestyles=line, gid=ALONE, **place)
+            body = at.body(colour) if certified else {"colors": [colour], "linewidths": 0.8, "linestyles": "--"}
+            axes.vlines(*spans, **body, **place)
         ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]  # get a stroke
         if ends:
-            axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=4, **place)
+            size = max(4.0, at.width + 2)
+            axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=size, clip_on=False, **place)
+
+
+def draw_unknown_at_values(axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, at: Bars) -> None:
+    """Draw what is not known at values of x alone, (x, from, to), as ladders there, if it can be seen in the span."""
+    open_parts = [each for each in open_parts if each[2] - each[1] > _SEEN * (span[1] - span[0])]
+    if open_parts:
+        rung = 1 / max(at.width, 1.0)  # a dash is measured in widths
+        ladder = {"colors": UNKNOWN["edgecolor"], "linewidths": max(at.width, 2.0), "linestyles": [(0, (rung, 2 * rung))]}
+        axes.vlines(*np.array(open_parts).T, zorder=0.9, label=LADDER, transform=at.place(axes), **ladder)
 
 
 def draw_felt(axes: Any, region: Region, look: Look) -> None:
     """Draw the stiffness that the hand feels at the upper ends, if these are limits and not ends of the range."""
     for line in region.felt:
-        axes.plot(*zip(*line, strict=True), color=look.colour, linewidth=0.8, linestyle=FELT_LINE)
+        axes.plot(*zip(*line, strict=True), color=look.colour, linewidth=0.8, linestyle=FELT_LINE, label=FELT)
     single = [(x, each.felt_high) for x, each in region.bars if each.high_real]
     if single:
-        axes.plot(*zip(*single, strict=True), "v", color=look.colour, markersize=2.5)
+        axes.plot(*zip(*single, strict=True), "v", color=look.colour, markersize=2.5, label=FELT)
 
 
 def felt_differs(columns: Columns) -> bool:
@@ -87,19 +130,18 @@ def felt_differs(columns: Columns) -> bool:
     return bool((np.abs(columns["felt_high"] - columns["high"])[limit] > 0.005 * columns["high"][limit]).any())
 
 
-def draw_for_all(axes: Any, x: str, columns: Columns, span: Span) -> None:
-    """Draw what the for_all rows of a plane leave open, as hatches up to what is refuted, and carets where that begins.
+def draw_for_all(axes: Any, x: str, columns: Columns, span: Span, at: Bars) -> None:
+    """Draw what the for_all rows of a plane leave open at each value of x, up to what is refuted, and carets where that begins.
 
-    They know it at the swept values of x, between which the hatches are joined. span: the part of the swept range that the
-    axes show.
+    span: the part of the swept range that the axes show.
     """
-    order = np.argsort(columns[x], kind="stable")
     for below, above in _open_parts(columns, span):
-        axes.fill_between(columns[x][order], below[order], np.fmax(below, above)[order], **UNKNOWN)
+        draw_unknown_at_values(axes, list(zip(columns[x].tolist(), below.tolist(), above.tolist(), strict=True)), span, at)
     for name, caret in (("fails_below", DOWN), ("fails_from", UP)):
         rows = np.isfinite(columns[name])
         if rows.any():
-            axes.plot(columns[x][rows], columns[name][rows], marker=caret, clip_on=False, **CARET)
+            dots = columns[x][rows], columns[name][rows]
+            axes.plot(*dots, marker=caret, clip_on=False, transform=at.place(axes), **CARET)
 
 
 def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, span: Span) -> None:

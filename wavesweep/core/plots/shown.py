@@ -48,13 +48,13 @@ class Shown:
         return members_of(columns, self.facts, self.layout.bars, list(specs))
 
     def place(self, row: Mapping[str, Any], members: Sequence[Member]) -> tuple[float, float]:
-        """The coordinates of the high end of a row."""
+        """The coordinates of the best end of a row, see `layout.best_row`."""
         if self.layout.x is not None:
-            return row[self.layout.x], row["high"]
+            return row[self.layout.x], row["value"]
         if self.whose:
-            return row["high"], [member.guarantee for member in members].index(row[self.whose])
+            return row["value"], [member.guarantee for member in members].index(row[self.whose])
         bar = {name: row[name] for name in self.layout.bars[0]}
-        return row["high"], self.layout.bars.index(bar) if bar in self.layout.bars else np.nan
+        return row["value"], self.layout.bars.index(bar) if bar in self.layout.bars else np.nan
 
     def own_design(self, panels: Sequence[float]) -> tuple[list[tuple[float, float]], str]:
         """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it; otherwise none, and

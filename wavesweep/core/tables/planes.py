@@ -3,7 +3,8 @@
 At the values of x that a table has, the intervals are known. Between two of them nothing is known, however close they are: a
 region may end there and another may begin. Further columns are therefore computed by the code of the table: the middles of all
 cells that are not decided yet, in one batch a round. A cell is known if the line between its ends is right in its middle to
-half a pixel. An interval that begins or ends within a cell is located to a pixel.
+half a pixel. An interval that begins or ends within a cell is located to a pixel. What is certified at two neighbouring values
+of the table is joined only by columns that are certified too.
 """
 
 from __future__ import annotations
@@ -51,11 +52,13 @@ Line = list[tuple[float, float]]
 class Curve:
     """The intervals of one design over x, and the state of the gaps between neighbouring columns.
 
-    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED.
+    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED. own:
+    the values of x that the table has.
     """
 
     columns: dict[float, Column]
     gaps: dict[tuple[float, float], str] = field(default_factory=dict)
+    own: frozenset[float] = frozenset()
 
     @property
     def open_at_ends(self) -> bool:
@@ -82,6 +85,11 @@ class View:
         """The coordinate along x in which the picture is straight."""
         return np.log(x) if self.logarithmic else x
 
+    def closest(self, values: Sequence[float]) -> float:
+        """The distance of the two values of x that are next to each other, as a share of the picture."""
+        places = self.position(np.sort(values))
+        return float(np.diff(places).min() / np.ptp(places)) if places.size > 1 else 1.0
+
     def between(self, left: float, right: float, parts: int) -> list[float]:
         """The points that divide a cell into parts of equal width, without its ends."""
         shares = np.arange(1, parts) / parts
@@ -103,7 +111,7 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
 
     members: the rows of each design, all of one hand and with the same value of every other axis.
     """
-    curves = [Curve(columns_of(rows, rows[view.x])) for rows in members]
+    curves = [Curve(columns, own=frozenset(columns)) for columns in (columns_of(rows, rows[view.x]) for rows in members)]
     source = _source(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
     if source is None:
         return curves
@@ -112,6 +120,8 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
     # Designs that differ only in what their controller does not read are one.
     different = [curves[source.keys.index(key)] for key in source.designs]
     _refine(different, view, height / view.high / 2, source)
+    for curve in different:
+        _leave_out_doubtful(curve, view)
     return [different[source.designs.index(key)] for key in source.keys]
 
 
@@ -181,6 +191,27 @@ def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) 
         for number, a, b in [cell for cell in undecided if width(cell) <= whole / view.wide]:
             curves[number].gaps[a, b] = NARROW
         cells = [cell for cell in undecided if width(cell) > whole / view.wide]
+
+
+def _leave_out_doubtful(curve: Curve, view: View) -> None:
+    """Leave out the columns that are in doubt although the table's on both sides of them are certified.
+
+    A gap that is left and no wider than two pixels is narrow; a wider one is not known.
+    """
+    places, whole = sorted(curve.columns), float(np.ptp(view.position(np.array(sorted(curve.columns)))))
+    own = [x for x in places if x in curve.own]
+    doubtful = {x for x in places if _doubtful(curve.columns[x])}
+    for left, right in pairwise(own):
+        if not {left, right} & doubtful:
+            inside = [x for x in places if left <= x <= right]
+            kept = [x for x in inside if x not in doubtful]
+            for x in {*inside} - {*kept}:
+                del curve.columns[x]
+            for gap in {*pairwise(inside)} - {*pairwise(kept)}:
+                curve.gaps.pop(gap, None)
+            for gap in {*pairwise(kept)} - {*pairwise(inside)}:
+                if view.position(gap[1]) - view.position(gap[0]) <= 2 * whole / view.wide:
+                    curve.gaps[gap] = NARROW
 
 
 def known_gaps(columns: Mapping[float, Column], view: View, tolerance: float) -> dict[tuple[float, float], str]:
@@ -255,19 +286,32 @@ class _Source:
 
     def ask(self, wanted: list[tuple[int, float]]) -> list[Column]:
         """The intervals at (number of a design, x)."""
+        places = [(number, x if self.x else 0.0) for number, x in wanted]
+        columns = self._columns_at(list(dict.fromkeys(places)))
+        designs = {number for number, _ in columns}
+        if len(designs) > 1:  # what loops of several designs leave in doubt may be clear in those of one
+            for design in sorted(designs):
+                doubtful = [place for place, column in columns.items() if place[0] == design and _doubtful(column)]
+                columns |= self._columns_at(doubtful) if doubtful else {}
+        return [columns[place] for place in places]
+
+    def _columns_at(self, places: list[tuple[int, float]]) -> dict[tuple[int, float], Column]:
         from wavesweep.core.analyses.intervals import at_points
 
-        places = [(number, x if self.x else 0.0) for number, x in wanted]
-        number = {place: at for at, place in enumerate(dict.fromkeys(places))}
-        points = {path: np.array([dict(self.designs[n])[path] for n, _ in number]) for path, _ in self.designs[0]}
+        points = {path: np.array([dict(self.designs[n])[path] for n, _ in places]) for path, _ in self.designs[0]}
         if self.x:
-            points[self.x] = np.array([x for _, x in number])
+            points[self.x] = np.array([x for _, x in places])
         if not points:  # the loop reads none of the axes
             name, value = next((path, value) for path, value in self.spec.values.items() if isinstance(value, float))
             points = {name: np.array([value])}
         rows = at_points(self.spec, self.axis, points, require=self.spec.require)
-        columns = columns_of(rows, rows["slice"])
-        return [columns[number[place]] for place in places]
+        found = columns_of(rows, rows["slice"])
+        return {place: found[number] for number, place in enumerate(places)}
+
+
+def _doubtful(column: Column) -> bool:
+    """Whether a column has an interval that is not certified, or a place that is not known."""
+    return bool(column[1]) or not all(each.certified for each in column[0])
 
 
 def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _Source | None:
