@@ -179,7 +179,7 @@ def _draw_plane(
             beside[member.guarantee] = at
         else:
             draw_region(axes, region, member.look, filled, len(members))
-        draw_at_values(axes, region.bars, member.look, at)
+        draw_at_values(axes, region.bars, member.look, at, shown.span if member.at_values else None)
         outline = [*region.certain, *region.doubtful]
         reached += [_ROOM * y for line in outline for _, y in line]
         how |= {"strokes"} if outline and not filled else set()

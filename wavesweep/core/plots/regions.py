@@ -89,16 +89,21 @@ class Bars:
         return {"colors": [paler(colour, _SHARE) if self.width > _PALE else colour], "linewidths": self.width}
 
 
-def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars) -> None:
-    """Draw the intervals that are known at values of x alone, as bars there; an end of the swept range has no stroke."""
+def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | None = None) -> None:
+    """Draw the intervals that are known at values of x alone, as bars there, whose ends have strokes.
+
+    An end of the swept range has none. span: that range, of intervals whose ends do not say whether the range has set them.
+    """
     place = {"transform": at.place(axes)}
+    seen = _SEEN * (span[1] - span[0]) if span else 0.0
     for certified, colour in ((True, look.colour), (False, DOUBTFUL)):
         chosen = [(x, each) for x, each in bars if each.certified == certified]
         if chosen:
             spans = np.array([(x, each.low, each.high) for x, each in chosen]).T
             body = at.body(colour) if certified else {"colors": [colour], "linewidths": 0.8, "linestyles": "--"}
             axes.vlines(*spans, **body, **place)
-        ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]  # get a stroke
+        ends = [(x, e.low) for x, e in chosen if e.low_real and not (span and e.low - span[0] <= seen)]
+        ends += [(x, e.high) for x, e in chosen if e.high_real and not (span and span[1] - e.high <= seen)]
         if ends:
             size = max(4.0, at.width + 2)
             axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=size, clip_on=False, **place)
