@@ -32,7 +32,7 @@ ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
 FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L between neighbours, and least angle (rad)
 LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
 ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
-FARTHEST = 4.0  # of L, up to which the Nyquist plot follows it; it shows the circle, the disk and the marks whole
+FARTHEST = 4.0  # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
 _CURVE, _DISK = "#0072B2", "#D55E00"
 _MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D"}
 Family = Sequence[tuple[str, Spec]]
@@ -112,7 +112,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         mosaic, ratios, height = [["nyquist", "gain"], [left[-1], "phase"]], [1, 1], 3.6
     with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
         panels = canvas.subplot_mosaic(mosaic, height_ratios=ratios)
-        draw_nyquist(panels["nyquist"], loop, cut, others)
+        cut_off = draw_nyquist(panels["nyquist"], loop, cut, others)
         if proved and proved[0] < np.inf:
             rim = disk_of(proved[0])
             said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
@@ -127,7 +127,8 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
         canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
         slow = "; ".join(name for (name, _), step in zip(family, steps[1:], strict=True) if not step)
-        note_below(canvas, f"Unstable, or too slow for a step response: {slow}." if slow else "", assumption(facts))
+        slow = f"Unstable, or too slow for a step response: {slow}." if slow else ""
+        note_below(canvas, cut_off, slow, assumption(facts))
     return canvas
 
 
@@ -206,7 +207,7 @@ def marks_of(loop: Any, table: Mapping[str, Sequence[float]]) -> dict[str, compl
     marks = {}
     for name in _MARKS:
         value, omega = table.get(name, (np.nan, np.nan))[:2]
-        if omega > 0:
+        if omega >= 0:  # of what has no limit it is missing; 0 is also the image of the frame's rate
             loci = np.ravel(loop.response(omega * loop.period))
             factor = value if name.startswith("gain") else np.exp(1j * np.radians(value)) if name == "phase" else -1 / loci
             missed = np.minimum(np.abs(1 + factor * loci), np.abs(1 + np.conj(factor) * loci))
@@ -233,8 +234,11 @@ def dense_angles(response: Callable[[np.ndarray], np.ndarray], step: float, firs
 Others = Sequence[tuple[OpenLoop, Look, str]]
 
 
-def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> None:
-    """Draw L of a loop that is broken at `cut`, with what limits it, and L of others."""
+def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> str:
+    """Draw L of a loop that is broken at `cut`, with what limits it, and L of others, in the neighbourhood of -1.
+
+    Gives a sentence on what is cut off, empty without any.
+    """
     L, disk = loop.L, loop.disk
     axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8, linestyle="--", label="gain 1")
     axes.plot(
@@ -254,16 +258,28 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> No
     for name, at in loop.marks.items():
         said = in_words(name, *loop.table[name])
         axes.plot([at.real], [at.imag], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name), label=said)
-    whole = np.concatenate([_TURN, [*loop.marks.values()], disk if disk is not None else [-1]])
-    near = np.concatenate([L, *(each.L for each, *_ in others)])
-    near = near[np.abs(near) <= min(FARTHEST, 1.15 * np.abs(whole).max())]
+    parts = {
+        "L": np.concatenate([L, *(each.L for each, *_ in others)]),
+        "the disk": disk if disk is not None else _TURN,
+        **{f"the mark of {name.replace('_', ' ')}": np.array([at]) for name, at in loop.marks.items()},
+    }
+    marks = np.array([-1, *(at for at in loop.marks.values() if abs(at) <= FARTHEST)])
+    whole = np.concatenate([_TURN, marks, parts["the disk"][np.abs(parts["the disk"]) <= FARTHEST]])
+    near = parts["L"][np.abs(parts["L"]) <= 1.15 * np.abs(whole).max()]
     reach = np.concatenate([whole, near])
     for part, limit in ((reach.real, axes.set_xlim), (np.append(reach.imag, -reach.imag), axes.set_ylim)):
         room = ROOM * np.ptp(part)
         limit(part.min() - room, part.max() + room)
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    far = [
+        name
+        for name, z in parts.items()
+        if ((z.real < left) | (z.real > right) | (np.abs(z.imag) > max(high, -low)))[np.isfinite(z)].any()
+    ]
     axes.set_aspect("equal")
     axes.set(xlabel="real part of L", ylabel="imaginary part of L")
     axes.grid(**GRID)
+    return f"The Nyquist plot is cut off around -1: {' and '.join(far)} reach{'es' * (len(far) == 1)} farther." if far else ""
 
 
 def _face(name: str) -> str:
@@ -309,7 +325,7 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
         marked = []
         for name, at in loop.marks.items():
-            place = loop.place(name)
+            place = max(loop.place(name), lowest)  # 0 Hz is at the left edge
             beside = L[np.argmin(np.abs(hertz - place))]  # whether the line is that of the eigenvalue or of its conjugate
             turned = np.degrees(np.angle(min(at, at.conjugate(), key=lambda each, beside=beside: abs(each - beside))))
             turned += 360 * np.round((np.interp(place, hertz, both[1]) - turned) / 360)
