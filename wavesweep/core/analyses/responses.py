@@ -185,14 +185,14 @@ def _prepared_one(drawing, items, ratio, route):
 
 def _prepared(loops, size, ratio, route) -> list[Prepared]:
     """Loops of one drawing, as many at a time as are computed together."""
-    prepared, ticks = [], 1 if ratio is None else steps_of(ratio)[0]
+    prepared = []
     for at, port in ports_of_batch(loops, size, route):
         loop, some = Lifted.of(port), loops if at.size == size else loops.some(at)
         radius = np.zeros(at.size)  # 0 stands for any that is surely less than 1
         rest = np.flatnonzero(~np.broadcast_to(loop.stable_for_sure(), at.shape))
         if rest.size:
             radius[rest] = radii_of(some.some(rest), rest.size)
-        gain = None if route else gain_of(loop, ticks)
+        gain = None if route else gain_of(loop)
         prepared.append(Prepared(at, loop, gain, radius, port.slowest if ratio is None else ratio))
     return prepared
 

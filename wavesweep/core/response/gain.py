@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 
 from wavesweep.core.monodromy.rounding import ROUNDING
-from wavesweep.core.response.circle import Circle
 from wavesweep.core.response.lifted import Lifted, Stretch
 from wavesweep.core.response.linear_systems import solved
 from wavesweep.core.response.static import LOST
@@ -19,27 +18,19 @@ SETTLED = 1e-13  # relative change below which a singular value has settled
 BLOCK = 2_000_000  # entries of one batch of matrices
 
 
-def gain_of(loop: Lifted, ticks: int = 1) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+def gain_of(loop: Lifted) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     """Return the worst-case gain (m/N) of loops as a function of frequencies `(points,)` (Hz), prepared once.
 
-    ticks: in a frame, if the loop's own frame is a single one. The function returns the gain and a bound on its relative error,
-    `(..., points)` each. The value is NaN, with an error of 0, if it is unbounded; both are NaN if the value is not known.
+    The function returns the gain and a bound on its relative error, `(..., points)` each. The value is NaN, with an error of 0,
+    if it is unbounded; both are NaN if the value is not known. A loop that is the same in every tick mixes no images: its gain
+    is the size of its admittance.
     """
-    return partial(_over_aliases, loop, ticks) if loop.frame.ticks == 1 else Gain(loop)
+    return partial(_of_one_tick, loop) if loop.frame.ticks == 1 else Gain(loop)
 
 
-def _over_aliases(loop, ticks, frequency_hz):
-    """Return the gain of a loop that is the same in every tick, so that aliases do not mix: the largest over the aliases."""
-    rate = loop.port.rate
-    points = Circle(np.atleast_1d(np.asarray(frequency_hz, float)), rate, ticks)
-    near = (points.angle(ticks) / (2 * np.pi))[:, None]  # from the nearest multiple of the slow rate
-    aliases = np.abs(np.arange(ticks) - (ticks - 1) // 2 + near) * (rate / ticks)
-    found = respond(loop, aliases.reshape(-1))
-    gain, error = (
-        part.reshape(*part.shape[:-1], *aliases.shape) for part in (np.abs(found.admittance), found.admittance_error)
-    )
-    unbounded = (np.isnan(gain) & (error == 0)).any(-1)
-    return np.where(unbounded, np.nan, gain.max(-1)), np.where(unbounded, 0.0, error.max(-1))
+def _of_one_tick(loop, frequency_hz):
+    found = respond(loop, frequency_hz)
+    return np.abs(found.admittance), found.admittance_error
 
 
 class Gain:
