@@ -299,3 +299,24 @@ def test_a_value_at_a_limit_is_not_in_what_is_stable():
     assert not found["stable"]
     assert limit_of(found, "k")["stable"] is False
     assert limit_of(found, "k")["intervals"] == [[0.1, pytest.approx(1.0, rel=1e-9)]]
+
+
+def test_the_range_of_a_sweep_is_searched_as_well():
+    drive = wavesweep.verdict(ROOT / "sweeps/templates/drive.toml")  # kp = 0.1, swept from 0.01 to 10
+    limit = limit_of(drive, "kp")
+    assert (limit["from"], limit["to"]) == (0.01, 10.0)
+    assert limit["high"] == pytest.approx(2.88564, abs=1e-5)
+
+
+@pytest.mark.asks("for_all")
+def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
+    tables = nested(WAVES) | {"sweep": {"B_VE": [0.5, 1.0]}}
+    spec = load(tables | {"for_all": {"device.mass": {"start": 0.08, "stop": 0.12}, "operator.damping": [0.0]}})
+    found = wavesweep.verdict(spec)
+    said = [line.strip() for _, line in verdict_lines(spec, found)]
+    assert said[0] == "for the spec's own B_VE = 1 N*s/m, of [sweep] 0.5, 1"
+    assert said[1].startswith("for all of [for_all]: proved stable")
+    assert said[2] == "all below is for the spec's own device.mass = 0.1 kg, of [for_all] 0.08 to 0.12:"
+    assert "0.08" not in found["assumes"]  # which is about the spec's own numbers
+    (outside, *_) = verdict_lines(changed := load(tables | {"sweep": {"B_VE": [2.0, 3.0]}}), wavesweep.verdict(changed))
+    assert outside[1].strip() == "for the spec's own B_VE = 1 N*s/m, not in [sweep] 2, 3"

@@ -144,8 +144,8 @@ def _span(limit: Facts, low: float, high: float) -> str:
 
 def _factors(limit: Facts) -> str:
     """The factors by which the value may shrink and grow."""
-    ways = [("fall to", limit["low"]), ("rise to", limit["high"])]
-    said = [f"{way} {100 * end / limit['value']:.3g} %" for way, end in ways if end]
+    ways = [(way, 100 * limit[end] / limit["value"]) for way, end in (("fall to", "low"), ("rise to", "high")) if limit[end]]
+    said = [f"{way} {float(f'{share:.3g}'):g} %" for way, share in ways]
     return f" (may {' and '.join(said)})" if said else ""
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import asked
-from wavesweep.core.analyses.own_design import is_favourable, own_design
+from wavesweep.core.analyses.assumptions import of_axes
+from wavesweep.core.analyses.own_design import is_first, own_design
 from wavesweep.core.spec import Spec
 
 Facts = Mapping[str, Any]
@@ -46,7 +47,9 @@ def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Rank
     def indented(line):
         return f"  {line() if callable(line) else line}"
 
+    if own := of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]"):
+        yield 1, f"  for the spec's own {own}"
     for lines in asked("on_check", "lines", spec, found):
         yield from ((rank, partial(indented, line) if late and callable(line) else indented(line)) for rank, line in lines)
-    if found["assumes"] and not is_favourable(found):
+    if found["assumes"] and not is_first(spec, found):
         yield 0, f"  assumes: {found['assumes']}"

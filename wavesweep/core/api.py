@@ -331,7 +331,7 @@ class Loop:
         matplotlib.figure.Figure
         """
         found = self.response(frequency_hz, from_=from_, to=to, **axes)
-        return figure_from(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec)
+        return figure_from(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec, nominal=True)
 
     def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
         """The closed loop over a frame as a system of python-control.
@@ -412,8 +412,10 @@ def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[st
     return {each.name: each.unit for each in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
 
 
-def figure_from(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None) -> Figure:
-    """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
+def figure_from(
+    ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept: Mapping[str, Any] | None = None, **what: Any
+) -> Figure:
+    """The figure of a DataFrame. swept: the axes of the call in place of those of the spec. what: see `assumes`."""
     from wavesweep.core.analyses.assumptions import assumes
     from wavesweep.core.plots import figure_of
     from wavesweep.core.plots.marks import facts_of_marks
@@ -421,7 +423,7 @@ def figure_from(ax: Axes | None, kind: str, table: DataFrame, spec: Spec, swept:
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
     varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
-    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied), **facts_of_marks([spec], kind)}
+    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied, **what), **facts_of_marks([spec], kind)}
     columns = {str(name): table[name].to_numpy() for name in table}
     return drawn_into(ax, lambda: figure_of(kind)(columns, facts))
 

@@ -81,6 +81,11 @@ MESSAGES: Mapping[str, Word] = MappingProxyType(
             'Give what your engine does: environment.integration = "explicit", environment.delay in ticks, '
             'device.velocity = "difference".',
         ),
+        "acts continuously": Word(
+            "in `assumes` of a drawn loop: a plant reads another plant through this number, which acts between ticks too, as a "
+            "spring or a motor constant does",
+            "If a program computes it, wire the sum to a block of type hold, and the plant to that block's output.",
+        ),
         "at least, at most": Word(
             "before an end of a range in check: the range that was searched ends there, and stability does not",
             "stability-region with a longer range in [sweep] finds the end.",

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from wavesweep.core.spec import Spec
 
-BELOW = ("all below has every message in time:", "all below is of the spec's own numbers, at constant rates:")
-
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
     """for_all: of a spec with [for_all], whether it is stable for all of it, see `rows.verdict`; at_random: the same of
@@ -27,9 +25,10 @@ def facts(spec: Spec, *_: object) -> dict[str, Any]:
 
 
 def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
-    """Yield what is proved, and what the lines below are about."""
+    """Yield what is proved."""
     if not found.get("for_all"):
         return
+    from wavesweep.core.analyses.assumptions import losses, of_axes
     from wavesweep.for_all.rows import in_words
 
     apart = spec.for_all.apart(spec.values) if spec.for_all else []
@@ -39,7 +38,11 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
         yield 1, in_words(found["at_random"])
     if found.get("every_hand"):
         yield 1.5, _every_hand(found["every_hand"])
-    yield 1, BELOW[found["for_all"]["kind"] not in ("messages", "mean_square")]
+    own = of_axes(spec, spec.for_all.axes if spec.for_all else (), "[for_all]")
+    below = [f"for the spec's own {own or 'numbers'}"]
+    if lost := "; ".join(losses(spec)):
+        below.append(f"with every {'message' if spec.drawing else 'result'} in time (for all: {lost})")
+    yield 1, f"all below is {', '.join(below)}:"
 
 
 def _every_hand(found: Mapping[str, Any]) -> str:

@@ -58,7 +58,7 @@ class Loop(api.Loop):
         -------
         matplotlib.figure.Figure
         """
-        return figure_from(ax, "passivity", self.passivity(**axes), self.spec)
+        return figure_from(ax, "passivity", self.passivity(**axes), self.spec, nominal=True)
 
 
 def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:

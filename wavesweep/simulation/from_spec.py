@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.capabilities import modules
+from wavesweep.core.analyses.assumptions import IN_TIME, Run
 from wavesweep.core.drawing.drawing import name_of, scalars
 from wavesweep.core.drawing.expressions import names_in, value_of
 from wavesweep.core.errors import UsageError
@@ -14,7 +15,7 @@ from wavesweep.core.spec import Axis, Spec
 from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects, random_frames
 from wavesweep.simulation.inputs import Input
-from wavesweep.simulation.keys import FRAMES, RANDOM, Frame, entry_of
+from wavesweep.simulation.keys import FRAMES, RANDOM, Frame, entry_of, written_messages
 from wavesweep.simulation.march import simulate
 from wavesweep.simulation.parts import Frames
 from wavesweep.simulation.record import Simulation
@@ -68,6 +69,27 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
         found.append(replace(result, ticks=lengths[length]))
         ticks += lengths[length]
     return tuple(found)
+
+
+MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
+
+
+def run_in_words(spec: Spec) -> Run:
+    """Return the frames and the messages of the spec's experiment in words."""
+    given, patterns, messages = spec.simulate["frames"] or (), spec.simulate["messages"] or {}, []
+    lengths = ", ".join(f"{each.ticks}" for each in given[:MOST_SHOWN]) if not isinstance(given, str) else ""
+    frames = f"frames of {lengths}{', ...' * (len(given) > MOST_SHOWN)} ticks in turn" if lengths else ""
+    if isinstance(given, str):
+        frames = f"frames at random, seed {spec.simulate['seed']}" if given == RANDOM else f"the frames of {given}"
+    elif any(each.lost or each.delay is not None for each in given):
+        frames += ", some with results that are lost or have a delay of their own"
+    for block in spec.drawing.channels if spec.drawing else ():
+        if turns := written_messages(patterns.get(block.name, ())[:MOST_SHOWN]):
+            more = ", ..." * (len(patterns[block.name]) > MOST_SHOWN)
+            messages.append(f"messages of {block.name} late by {', '.join(map(str, turns))}{more} ticks in turn")
+        elif block.loses_at_random:
+            messages.append(f"messages of {block.name} lost at random, seed {spec.simulate['seed']}")
+    return Run(frames, "; ".join(messages) or IN_TIME.messages)
 
 
 def lengths_at(spec: Spec, axis: Axis) -> list[int]:

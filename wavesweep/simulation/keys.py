@@ -207,7 +207,8 @@ def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, t
     return messages
 
 
-def _written_messages(late: tuple[int | None, ...]) -> list[int | str]:
+def written_messages(late: tuple[int | None, ...]) -> list[int | str]:
+    """Return the ticks by which messages are late in turn, and the words for those that are lost, as a spec could give them."""
     runs = [(each, len(list(run))) for each, run in groupby(late)]
     return [item for each, count in runs for item in ([f"{count} lost"] if each is None else [each] * count)]
 
@@ -250,7 +251,7 @@ class Experiment(Asked):
         frames = present.get("frames", "")
         frames = {} if isinstance(frames, str) else {"frames": [each.written() for each in frames]}
         shown = {"show": list(present["show"])} if "show" in present else {}
-        messages = {name: _written_messages(late) for name, late in present.get("messages", {}).items()}
+        messages = {name: written_messages(late) for name, late in present.get("messages", {}).items()}
         return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
 
     def on(self, device: HapticDevice | None) -> Experiment:

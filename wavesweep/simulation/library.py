@@ -18,6 +18,7 @@ from wavesweep.core.spec import load
 from wavesweep.core.tables.frame import framed
 from wavesweep.simulation import table
 from wavesweep.simulation.experiment import simulation_of
+from wavesweep.simulation.from_spec import run_in_words
 from wavesweep.simulation.march import run_drawn
 from wavesweep.simulation.record import recorded
 
@@ -73,7 +74,7 @@ class Loop(api.Loop):
         off = [name for name, value in options.items() if value is None]
         keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
         used = load(tables | {"simulate": keys}).asking("simulate")
-        return figure_from(ax, "simulate", self.simulate(force, **options), used)
+        return figure_from(ax, "simulate", self.simulate(force, **options), used, run=run_in_words(used))
 
 
 class DrawnLoop(drawn_loop.DrawnLoop):

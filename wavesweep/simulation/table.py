@@ -111,9 +111,10 @@ def _unlike_the_linear(spec, linear, tones, frame):
 
 
 def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
-    from wavesweep.simulation.from_spec import beside, record_path
+    from wavesweep.simulation.from_spec import beside, record_path, run_in_words
 
-    facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
+    counts = {"computed": 1, "skipped": 0, "certified": 0}
+    facts = facts_of(spec, methods, counts, timings, notices, run=run_in_words(spec))
     # The digest of the spec covers only the names of files.
     if spec.simulate["input"] == "record":
         facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()

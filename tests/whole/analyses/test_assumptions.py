@@ -116,6 +116,38 @@ def test_what_has_every_message_in_time_assumes_that():
     assert "device.mass" not in responses([varied]).facts["assumes"]
 
 
+@pytest.mark.asks("simulation")
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({}, "all messages in time"),
+        ({"simulate": {"messages": {"net": [0, "2 lost", 1]}}}, "messages of net late by 0, 2 lost, 1 ticks in turn"),
+        ({"block": NETWORK["block"] | {"net": {"type": "channel", "loss": 0.1}}}, "messages of net lost at random, seed 0"),
+    ],
+)
+def test_a_run_assumes_what_it_has(changed, said):
+    """And not what [for_all] or its channels may do beside it."""
+    from wavesweep.simulation.from_spec import run_in_words
+    from wavesweep.simulation.table import simulate
+
+    asked = {"for_all": {"w": {"start": 0.05, "stop": 0.2}}, "simulate": {"duration_s": 0.2}}
+    spec = load(NETWORK | asked | {name: asked.get(name, {}) | more for name, more in changed.items()}).asking("simulate")
+    assert simulate(spec)[0].facts["assumes"] == said
+    assert assumes(spec, run=run_in_words(spec)) == said  # as `export` says it
+
+
+@pytest.mark.asks("simulation")
+def test_a_run_of_a_controller_names_its_frames():
+    from wavesweep.simulation.table import simulate
+
+    varied = {"for_all": {"rates.ratio": {"values": [16, 20, 33], "varying": True}}, "controller": {"kind": "dc-slow"}, **GIVEN}
+    at_rate = simulate(load(varied | {"simulate": {"duration_s": 0.2}}).asking("simulate"))[0].facts["assumes"]
+    assert "delay of 7 of 20 ticks" in at_rate
+    assert "33" not in at_rate
+    in_turn = load(varied | {"simulate": {"duration_s": 0.2, "frames": [16, 33]}}).asking("simulate")
+    assert "frames of 16, 33 ticks in turn, delay of 7 ticks" in simulate(in_turn)[0].facts["assumes"]
+
+
 @pytest.mark.asks("for_all")
 def test_rows_for_all_messages_are_called_so():
     for more, called in (

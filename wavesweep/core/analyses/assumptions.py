@@ -1,7 +1,8 @@
 """What a result is for: integration of the wall, delay and velocity, and which of them the spec left to the defaults."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
 
@@ -10,44 +11,62 @@ from wavesweep.core.drawing.expressions import names_in, text_of, value_of
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.loops.controllers import assumption_of_page, keys_of_page
 from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.spec import KEYS, Spec
+from wavesweep.core.spec import KEYS, Axis, Spec
 from wavesweep.core.spec.resolving import longest_delay
 from wavesweep.core.sweep.grid import Grid, Loops
 
 MOST_BUILT = 32
+LISTED, MOST_AXES = 6, 3  # values of a number, and numbers
+MOST_PORTS = 4  # ports that a sentence lists
 FAVOURABLE = "optimistic default"  # in a sentence of `assumes` that rests on some
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
 
-def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False) -> str:
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a single run has, in words: its frames, empty if all have the spec's length, and when messages come."""
+
+    frames: str = ""
+    messages: str = ""
+
+
+IN_TIME = Run(messages="all messages in time")
+
+
+def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, run: Run | None = None) -> str:
     """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
 
     swept: paths of the axes of the result, which have no single value. nominal: whether the result is of the spec's own
-    numbers and frames alone, with all messages in time. If the spec gives one of the three no value of its own, the sentence
-    says so, and names the usual practice of engines, which is less kind than the default. A drawn loop shows all of that
-    itself; its sentence says within which limits of its blocks it is linear.
+    numbers and frames alone, with all messages in time. run: what the result is a run of. If the spec gives one of the three
+    no value of its own, the sentence says so, and names the usual practice of engines, which is less kind than the default. A
+    drawn loop shows all of that itself; its sentence says which numbers act continuously, and within which limits of its blocks
+    it is linear.
     """
-    varied = {} if nominal else {axis.path: _values(axis) for axis in spec.changing}
-    asked, order = None if nominal else spec.for_all, "in any order"
+    own = run or (IN_TIME if nominal else None)  # of the spec's own numbers
+    varied = {} if own else {axis.path: _values(axis) for axis in spec.changing}
+    asked, order = None if own else spec.for_all, "in any order"
     if asked and asked.at_random:
         alone = asked.loss or (spec.drawing and spec.drawing.at_random)
         order = f"{'' if alone else 'in any order, or '}at random (mean_square)"
     if spec.drawing:
-        found, frames = list(_limits(spec, swept)), [f"{name_of(path)} is {each} {order}" for path, each in varied.items()]
-        frames += [] if nominal else [*_unknown(spec, swept), *_messages(spec, swept)]
-        frames += ["all messages in time"] if nominal and spec.drawing.channels else []
-        return "; ".join(frames + ([f"linear while {', '.join(found)}; simulate goes beyond"] if found else []))
+        said = [*_continuous(spec), *(f"{name_of(path)} is {each} {order}" for path, each in varied.items())]
+        said += [own.frames, own.messages * bool(spec.drawing.channels)] if own else []
+        said += [] if own else [*_unknown(spec, swept), *_messages(spec, swept)]
+        if limits := ", ".join(_limits(spec, swept)):
+            said.append(f"kept to its limits, {limits}" if run else f"linear while {limits}; simulate goes beyond")
+        return "; ".join(filter(None, said))
     read, values = keys_of_page(spec.values), spec.values
-    parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order)]
-    parts += [f"results lost with probability {asked.loss:g}"] if asked and asked.loss else []
-    if DELAY in read and not varied:
+    varies = bool(varied or (run and run.frames))
+    parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order, run.frames if run else "")]
+    parts += _lost(asked)
+    if DELAY in read and not varies:
         delay, ratio = values[DELAY], values["rates.ratio"]
         within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
         ticks = "tick" if delay == 1 and not within else "ticks"
         parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
     if VELOCITY in read:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
-    parts += [] if nominal else _unknown(spec, swept)
+    parts += [] if own else _unknown(spec, swept)
     late, dead = values["device.delay"], values["device.dead_time"]
     if {"device.delay", "device.dead_time"} & set(swept):
         parts.append("amplifier's delay swept")
@@ -62,12 +81,60 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False) -
     return f"{', '.join(parts)}; {defaults}: engines usually have {_listed([usual[path] for path in kept])}"
 
 
-def _frames_that_vary(spec, varied, read, order) -> Iterator[str]:
-    """Yield which frames may follow each other, when their results are in place, and over what time the wall integrates."""
-    if not varied:
+def losses(spec: Spec) -> list[str]:
+    """How messages may be late or lost in answers for all that they may do, or slow results be lost, in words."""
+    return [*_messages(spec, ())] if spec.drawing else _lost(spec.for_all)
+
+
+def _lost(asked) -> list[str]:
+    """How slow results may be lost by a [for_all], in words."""
+    often = [f"results lost up to {asked.lost} in a row"] if asked and asked.lost else []
+    return often + ([f"results lost with probability {asked.loss:g}"] if asked and asked.loss else [])
+
+
+def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
+    """The spec's own value of each number for which the axes of a table have others, in words."""
+    said = []
+    for axis in axes:
+        value, unit = spec.values[axis.path], spec.names.keys[axis.path].unit
+        inside = value in axis.values if axis.values else axis.start <= value <= axis.stop
+        many = f"{len(axis.values)} values from {axis.start:g} to {axis.stop:g}"
+        values = many if len(axis.values) > LISTED else _values(axis)
+        if axis.values != (value,):
+            shown = f"{axis.name} = {value:g}{f' {unit}' if unit not in ('', '1') else ''}"
+            said.append(f"{shown}, {'of' if inside else 'not in'} {table} {values}")
+    more = len(said) - MOST_AXES
+    return "; ".join(said if more < 2 else [*said[:MOST_AXES], f"{more} other numbers of {table}"])
+
+
+def _continuous(spec) -> Iterator[str]:
+    """Yield which numbers act continuously, between ticks too: the factors of terms by which plants act on each other."""
+    ports: dict[str, list[str]] = {}
+    for port, terms in spec.drawing.couplings:
+        numbers = [f"{value_of(gain, {}):g}" for _, gain in terms if not any(names_in(gain))]
+        names = [name for _, gain in terms for name, _ in names_in(gain)]
+        for name in dict.fromkeys([*names, *(each for each in numbers if each not in ("1", "-1"))]):
+            ports.setdefault(name, []).append(port)
+    acting: dict[str, list[str]] = {}
+    for name, found in ports.items():
+        shown = found if len(found) <= MOST_PORTS else [*found[:2], f"{len(found) - 2} other wires"]
+        acting.setdefault(_listed(shown), []).append(name)
+    said = [f"{_listed(names)} act{'s' * (len(names) == 1)} continuously in {where}" for where, names in acting.items()]
+    if said:
+        yield f"{_listed(said)}, as no program does"
+
+
+def _frames_that_vary(spec, varied, read, order, of_run) -> Iterator[str]:
+    """Yield which frames may follow each other, when their results are in place, and over what time the wall integrates.
+
+    of_run: the frames of a run, in words.
+    """
+    if not (varied or of_run):
         return
     ratio = spec.values["rates.ratio"]
-    if "rates.ratio" in varied:
+    if of_run:
+        yield of_run
+    elif "rates.ratio" in varied:
         yield f"frames of {varied['rates.ratio']} ticks {order}"
     if DELAY in read:
         late = varied.get(DELAY, spec.values[DELAY])
@@ -181,11 +248,11 @@ def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})
             yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
 
 
-def assumed_by(specs: Sequence[Spec], swept: Collection[str] = (), *, nominal: bool = False) -> str:
-    """The sentence of one spec, or those of several with their names, one a line; swept, nominal: see `assumes`, of any."""
+def assumed_by(specs: Sequence[Spec], swept: Collection[str] = (), *, nominal: bool = False, run: Run | None = None) -> str:
+    """The sentence of one spec, or those of several, a line each with its name; swept: of any; nominal, run: see `assumes`."""
     several = len(specs) > 1
     own = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
-    said = [assumes(spec, mine.intersection(swept), nominal=nominal) for spec, mine in zip(specs, own, strict=True)]
+    said = [assumes(spec, mine.intersection(swept), nominal=nominal, run=run) for spec, mine in zip(specs, own, strict=True)]
     if len(set(said)) == 1:
         return said[0]
     return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)

@@ -23,12 +23,13 @@ SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
 
 
 def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
-    """The range about the value of a number in which its stable intervals are looked for."""
+    """The range about the value of a number in which its stable intervals are looked for, and that of [sweep] with it."""
     value, wall = spec.values[path], spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    low, high = sorted((start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))))
-    return low, high
+    ends = [start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))]
+    ends += [end for axis in spec.sweep if axis.path == path for end in axis.values or (axis.start, axis.stop)]
+    return min(ends), max(ends)
 
 
 @np.errstate(all="ignore")  # of numbers that overflow
@@ -49,7 +50,8 @@ def own_design(spec: Spec, loop=None) -> dict:
     refuse_singular(spec, own.drawing)
     (E, hidden), drawn, drift = frames_with_reliability(own), own.drawn(), drift_of(own)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
-    found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
+    found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
+    found["assumes"] = assumes(spec, nominal=True)
     if radius == 1:
         z = 1 + eigenvalues(E)[0].ravel()
         z = z[np.abs(z) > ON_CIRCLE]  # the others are over after one frame
@@ -71,7 +73,7 @@ def own_design(spec: Spec, loop=None) -> dict:
 
 
 def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
-    """Yield whether the design is stable, in a line or two, and what it assumes if it is better only by that.
+    """Yield whether the design is stable, in a line or two, and what it assumes if that decides what it is: see `is_first`.
 
     found: see `own_design`.
     """
@@ -86,13 +88,13 @@ def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
-    if is_favourable(found):
+    if is_first(spec, found):
         yield f"  assumes: {found['assumes']}"
 
 
-def is_favourable(found: Mapping[str, Any]) -> bool:
-    """Whether the design is better only by what it assumes, which is then said with the verdict."""
-    return FAVOURABLE in found["assumes"]
+def is_first(spec: Spec, found: Mapping[str, Any]) -> bool:
+    """Whether what is assumed is said with the verdict: what a drawn loop means, or defaults by which alone it is better."""
+    return bool(spec.drawing and found["assumes"]) or FAVOURABLE in found["assumes"]
 
 
 def _mode(spec, mode, states, period):

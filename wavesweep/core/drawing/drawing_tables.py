@@ -1,6 +1,7 @@
 """Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +12,18 @@ from wavesweep.core.drawing.drawing import RATE, Drawing, decides, path_of
 from wavesweep.core.drawing.drawing_keys import NAME, is_dotted, is_name
 from wavesweep.core.drawing.drawing_ports import TURNS, PortReader, column_fault
 from wavesweep.core.drawing.drawn_block import DrawnBlock, Plant
-from wavesweep.core.drawing.expressions import ONE, RESERVED, Terms, Tree, extent, names_in
+from wavesweep.core.drawing.expressions import (
+    ONE,
+    RESERVED,
+    Fault,
+    Terms,
+    Tree,
+    extent,
+    linear,
+    names_in,
+    remembered,
+    with_trees,
+)
 from wavesweep.core.drawing.parsing import parse
 from wavesweep.core.reading.checking import Mistakes, nearest, show
 from wavesweep.core.reading.keys import Key, Names
@@ -148,6 +160,7 @@ class _TableReader(PortReader):
         seen = [term for terms in shown for term in terms or ()]
         wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
         self.refuse_loose_ends(tables)
+        self.refuse_two_meanings(tables, plants)
         values |= self.own
         turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
         drawing = Drawing(
@@ -243,6 +256,35 @@ class _TableReader(PortReader):
         terms = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
         self.period = None
         return terms
+
+    def refuse_two_meanings(self, tables: Mapping[str, dict], plants: Mapping[str, str]) -> None:
+        """Refuse names of [signals] that act continuously in the wire of one plant, and are held in that of another."""
+        if self.mistakes or not tables["signals"]:
+            return
+        texts = {name: parse(leaf.value) for name, leaf in tables["signals"].items()}
+        others = {name: tree for name, tree in self.meanings.items() if name not in texts}
+
+        def whole(tree: Tree, without: str = "") -> Tree:
+            names = {name for name, _ in names_in(tree)} & texts.keys()
+            meanings = {name: ("number", 0.0, 0) if name == without else whole(texts[name], without) for name in names}
+            return remembered(with_trees(with_trees(tree, meanings), others), self.signals)[0]
+
+        of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
+        read = {name: {signal for signal, _ in linear(whole(tree), self.signals)} & of_plants for name, tree in texts.items()}
+        wires = {port: parse(leaf.value) for port, leaf in tables["wire"].items() if isinstance(leaf.value, str)}
+        ways: dict[str, tuple[list[str], list[str]]] = {name: ([], []) for name in texts}  # ports: held there, or continuous
+        for port, tree in wires.items():
+            own = port.rpartition(".")[0]
+            for name in texts if own in plants else ():
+                with suppress(Fault):  # without the name, the rest may be no spring
+                    known, less = (parted(whole(tree, each), self.signals, own, plants) for each in ("", name))
+                    differ = [any(dict(known[i]).get(each) != dict(less[i]).get(each) for each in read[name]) for i in (0, 1)]
+                    if any(differ):
+                        ways[name][differ[1]].append(port)
+        two = {held[0]: (name, continuous[0]) for name, (held, continuous) in ways.items() if held and continuous}
+        for port, (name, other) in two.items():
+            expected = f"{name} as in {other}, where it acts continuously, or the output of a hold in both"
+            self.refuse(tables["wire"][port], f"wire.{port}", expected, f"{name} held over a tick", of_key=False)
 
     def made_registers(
         self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]

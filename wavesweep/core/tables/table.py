@@ -57,11 +57,11 @@ class Table:
         return replace(self, blocks=blocks)
 
 
-def facts_of(specs, methods, slices, timings, notices=(), swept=(), *, nominal: bool = False) -> dict:
+def facts_of(specs, methods, slices, timings, notices=(), swept=(), *, nominal: bool = False, run=None) -> dict:
     """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
 
     specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of the table.
-    nominal: see `assumes`.
+    nominal, run: see `assumes`.
     """
     from wavesweep.core.analyses.assumptions import assumed_by, solved_within_ticks
 
@@ -74,7 +74,7 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=(), *, nominal: 
         "spec": several[0].tables(),
         "spec_sha256": digest_of(several),
         **({"specs": {spec.name: spec.tables() for spec in several}} if len(several) > 1 else {}),
-        "assumes": assumed_by(several, swept, nominal=nominal),
+        "assumes": assumed_by(several, swept, nominal=nominal, run=run),
         "methods": dict(methods),
         "slices": dict(slices),
         "notices": [*notices, *(f"{name}: {cycle}" if len(several) > 1 else cycle for name, cycle in cycles)],

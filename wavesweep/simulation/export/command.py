@@ -45,7 +45,7 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     from wavesweep.core.cli.messages import say, show_json
     from wavesweep.simulation.experiment import linear_loop
     from wavesweep.simulation.export import exported, terms_of
-    from wavesweep.simulation.from_spec import hand_force
+    from wavesweep.simulation.from_spec import hand_force, run_in_words
     from wavesweep.simulation.table import unstable
 
     started = time.perf_counter()
@@ -61,10 +61,10 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     write_whole(*zip(paths, found.values(), strict=True))
     simulated = loaded.asking("simulate")
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
-    outputs = terms_of(loaded)
+    outputs, assumed = terms_of(loaded), assumes(loaded, run=run_in_words(loaded))
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
     if talk().as_json:
-        facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumes(loaded)}
+        facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumed}
         facts |= {"notices": list(over_preset(loaded)), "computed": {port: made["sum"] for port, made in outputs.items()}}
         facts["terms"] = {port: made["terms"] for port, made in outputs.items()}
         files = [str(path) for path in paths]
@@ -80,8 +80,8 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
             say(f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}")
         if ticks < wanted:
             say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
-        for line in filter(None, [assumes(loaded)]):
-            say(f"assumes: {line}")
+        if assumed:
+            say(f"assumes: {assumed}")
         for line in over_preset(loaded):
             say(line)
         say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
