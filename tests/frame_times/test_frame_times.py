@@ -4,6 +4,7 @@ import importlib.util
 import json
 import tomllib
 from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 from wavesweep import load
 from wavesweep.core.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
-from wavesweep.frame_times.table import identified, spec_text
+from wavesweep.frame_times.table import KINDS, identified, spec_text
 from wavesweep.frame_times.times import read_run
 from wavesweep.frame_times.within import lengths_of, lines, number_of, within
 
@@ -62,21 +63,21 @@ def test_stamps_and_durations_give_the_same_lengths(written):
     assert np.allclose(of_stamps.begins - 12.5, of_durations.begins, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_loop_that_counts_its_ticks_finds_a_length_that_is_possible(written, seed):
-    """An engine with a clock of its own: the loop's ticks between two stamps are counted one by one."""
+@pytest.mark.parametrize(("seed", "every"), [(0, 1), (1, 1), (2, 4), (3, 7)])
+def test_a_loop_that_counts_its_ticks_finds_a_length_that_is_possible(written, seed, every):
+    """An engine with a clock of its own: the ticks in which the loop looks for a stamp are counted one by one."""
     rng = np.random.default_rng(seed)
     ends = np.append(0, np.cumsum(rng.choice([16.0, 16.6667, 20.4, 33.3], 60) + 0.04 * rng.standard_normal(60)))
-    run = read_run(written("time", ends / 1000), 1000.0, {}, {})
+    run = replace(read_run(written("time", ends / 1000), 1000.0, {}, {}), every=every)
     least, most = run.possible
-    phase = rng.uniform()
-    ticks = np.arange(int(ends[-1]) + 2) + phase
-    counted = np.array([((ticks >= a) & (ticks < b)).sum() for a, b in pairwise(ends)])
+    phase = rng.uniform(0, every)
+    ticks = np.arange(0, int(ends[-1]) + 2 * every, every) + phase
+    counted = every * np.array([((ticks >= a) & (ticks < b)).sum() for a, b in pairwise(ends)])
     unfit = run.unfit
     assert unfit.sum() > 20
     assert ((least <= counted) & (counted <= most))[unfit].all()
     assert ((least <= run.lengths) & (run.lengths <= most)).all()
-    assert abs(run.lengths[unfit].sum() - run.ticks[unfit].sum()) <= 1
+    assert abs(run.lengths[unfit].sum() - run.ticks[unfit].sum()) <= every
     assert set(counted[unfit]) <= set(run.values)
 
 
@@ -157,6 +158,50 @@ def test_a_run_is_within_the_frames_of_a_spec_or_the_first_that_is_not_is_named(
     assert within(spec, written("time", stamps(between)))["first"]["frame"] == 71
 
 
+@pytest.mark.slow
+@pytest.mark.asks("for_all", "identification")
+def test_lengths_of_which_there_are_too_many_become_multiples_that_for_all_takes(wavesweep, written):
+    """Also what is written grows with the frames and not with the square of the lengths."""
+    took = np.random.default_rng(0).uniform(0.03, 0.9, 4000)
+    written("duration", took)
+    code, _, err = wavesweep("identify", "--frames", "times.csv", "--fast-hz", "1000", "--no-plot")
+    assert (code, "this assumes a loop that looks for a result in every 14 ticks and not in each" in err) == (0, True)
+    assert sum(path.stat().st_size for path in Path("results/times").iterdir()) < 300_000
+    text = Path("results/times/frames.toml").read_text(encoding="utf-8")
+    assert "# ASSUMED: the loop looks for a result in every 14 ticks" in text
+    spec = load({"controller": {"kind": "pmw"}} | tomllib.loads(text))
+    values = np.array(spec.for_all.changing[0].values)
+    assert (len(values) <= 64, (values % 14).any()) == (True, False)
+    counts = np.floor(took * 1000 / 14), np.ceil(took * 1000 / 14)
+    assert {*values} == {14 * int(each) for each in np.unique(counts)}
+    found = within(spec, "times.csv")
+    assert (found["left"] > 3000, found["every"]) == (True, 14)
+
+
+def test_lengths_in_a_summary_are_the_most_frequent_and_all_others_are_named(written):
+    lengths = [9, 3, 12, 5, 7, 4, 6, 8, 10, 11, 2, 2]
+    found = identified(written("duration", np.array(lengths) / 1000), 1000.0, "rates.ratio", {}, {})
+    said = [line for line, _ in KINDS[0].lines(KINDS[0].tally(found).numbers(found.facts))]
+    assert [line.split()[0] for line in said if "tick" in line and "%" in line] == [
+        "2",
+        "3",
+        "4",
+        "5",
+        "6",
+        "7",
+        "8",
+        "9",
+        "10,",
+    ]
+    assert said[9] == "  10, 11, 12 ticks: at most 8.33 % of frames each"
+
+
+def test_a_chain_of_more_lengths_than_a_proof_takes_is_left_out(written):
+    lengths = np.repeat(np.arange(10, 40), 30)
+    text = spec_text(identified(written("duration", lengths / 1000), 1000.0, "rates.ratio", {}, {}).facts)
+    assert {*tomllib.loads(text)["for_all"]["rates.ratio"]} == {"values", "varying"}
+
+
 @pytest.mark.asks("for_all")
 def test_a_constant_length_is_one_that_stays():
     unknown = ENGINE | {"for_all": {"rates.ratio": {"values": [16, 20]}}}
@@ -213,12 +258,34 @@ def test_check_says_it_and_ends_with_it(wavesweep, written):
         ("duration", [0.02, 0.0002], "times.csv:3: duration: expected frames of at least a tick of 1 ms, found one of 0.2 ms"),
         ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=FACTOR"),
         ("time", [0, 0.02], "expected at least 3 rows"),
+        (
+            "time",
+            [0, 0.02, 5.02],
+            "csv:4: time: expected frames of at most 1000 ticks of 1 ms, found one of 5000 ms; is it",
+        ),
+        (
+            "duration",
+            [0.02, 0.02, 1e18],
+            "csv:4: duration: expected frames of at most 1000 ticks of 1 ms, found one of 1e+",
+        ),
+        (
+            "duration",
+            np.linspace(0.003, 0.9, 900),
+            "at most 64 lengths of frames, which [for_all] takes, found 898, from 3 ticks",
+        ),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused(written, name, numbers, said):
     with pytest.raises(UsageError) as caught:
-        read_run(written(name, numbers), 1000.0, {}, {})
+        identified(written(name, numbers), 1000.0, "rates.ratio", {}, {})
     assert said in str(caught.value)
+
+
+def test_a_rate_at_which_frames_last_more_ticks_than_a_ratio_has_is_refused(written):
+    with pytest.raises(UsageError, match="expected frames of at most 1000 ticks of 1e-297 ms, found one of 20 ms"):
+        identified(written("duration", [0.02] * 3), 1e300, "rates.ratio", {}, {})
+    with pytest.raises(UsageError, match="--every 21: expected at most 20, the ticks of the shortest frame, found 21"):
+        identified("times.csv", 1000.0, "rates.ratio", {}, {}, every=21)
 
 
 @pytest.mark.parametrize(
@@ -227,7 +294,7 @@ def test_a_file_that_cannot_be_used_is_refused(written, name, numbers, said):
         (("--frames", "times.csv"), "--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found neither"),
         (("--frames", "times.csv", "log.csv"), "--frames: expected no LOG beside it, found log.csv"),
         (("--frames", "times.csv", "--fast-hz", "9", "--two-masses"), "--two-masses: expected none beside --frames"),
-        (("log.csv", "--fast-hz", "1000"), "expected --frames with --fast-hz or --spec, found none"),
+        (("log.csv", "--fast-hz", "1000"), "expected --frames with --fast-hz, --spec or --every, found none"),
         ((), "expected LOG, or --frames TIMES, found none"),
         (("--frames", "times.csv", "--fast-hz", "1000", "--column", "force=F"), "--column force: expected time or duration"),
     ],

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.columns import Columns
+from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.keys import HIGHEST_RATIO
 from wavesweep.core.reproducibility import versions
 from wavesweep.core.spec.writing import as_toml
 from wavesweep.core.tables.kind import Line, Numbers, count, whole_kind
@@ -19,19 +22,38 @@ from wavesweep.frame_times.times import read_run
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
 SHOWN = 8  # lengths in a summary, and lengths after each
 MOST = 64  # values of a number that varies in [for_all]
+MOST_NEXT = 20  # lengths of a chain: of a loop of eight states these have 720 second moments, and a proof takes 800
 
 
-def identified(path: str, fast_hz: float, number: str, columns: Mapping[str, str], scales: Mapping[str, float]) -> Table:
+def identified(
+    path: str,
+    fast_hz: float,
+    number: str,
+    columns: Mapping[str, str],
+    scales: Mapping[str, float],
+    every: int | None = None,
+) -> Table:
     """The lengths of frames in a file, and which follow which.
 
-    number: the name in [for_all] of what gives a frame's length. columns, scales: see `times.read_run`, as are the errors.
+    number: the name in [for_all] of what gives a frame's length. columns, scales: see `times.read_run`. every: the loop looks
+    for results in every so many ticks; None for the least number with which [for_all] takes all lengths. Errors: UsageError as
+    of `read_run`, and if this number is above the shortest frame.
     """
     started = time.perf_counter()
-    run = read_run(path, fast_hz, columns, scales)
+    run = read_run(path, fast_hz, columns, scales, HIGHEST_RATIO)
+    shortest, measured = int(run.values[0]), len(run.values)
+    if every and every > shortest:
+        raise UsageError(f"--every {every}: expected at most {shortest}, the ticks of the shortest frame, found {every}")
+    tried = (replace(run, every=each) for each in ((every,) if every else range(1, shortest + 1)))
+    run = next((each for each in tried if len(each.values) <= MOST), None)
+    if run is None:
+        found = f"found {measured}, from {shortest} ticks on"
+        hint = "cut out the part of the recording that has such frames, or take slower ticks"
+        raise UsageError(f"{path}: expected at most {MOST} lengths of frames, which [for_all] takes, {found}; {hint}")
     lengths, values = run.lengths, run.values
     pairs, unfit = pairs_of(lengths, values), np.flatnonzero(run.unfit)
-    asked = {"fast_hz": fast_hz, "number": number, "columns": dict(columns), "scales": dict(scales)}
-    off = np.abs(run.ticks - np.round(run.ticks))
+    asked = {"fast_hz": fast_hz, "number": number, "columns": dict(columns), "scales": dict(scales), "every": every}
+    off = np.abs(run.ticks - run.every * np.round(run.ticks / run.every))
     facts = {
         "schema_version": 1,
         **versions(),
@@ -41,6 +63,8 @@ def identified(path: str, fast_hz: float, number: str, columns: Mapping[str, str
         "asked": asked,
         "frames": len(lengths),
         "duration_s": float(run.ticks.sum() / fast_hz),
+        "every": run.every,
+        "measured_lengths": measured,
         "lengths": [
             {"ticks": int(ticks), "frames": int((lengths == ticks).sum()), "next": row.tolist()}
             for ticks, row in zip(values, pairs, strict=True)
@@ -59,12 +83,12 @@ def identified(path: str, fast_hz: float, number: str, columns: Mapping[str, str
 
 
 def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
-    of_run = ("frames", "duration_s", "lengths", "independent", "unfit")
+    of_run = ("frames", "duration_s", "every", "measured_lengths", "lengths", "independent", "unfit")
     return {"fast_hz": facts["asked"]["fast_hz"]} | {name: facts[name] for name in of_run}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    rows, tick = found["lengths"], 1e3 / found["fast_hz"]
+    rows, tick, every = found["lengths"], 1e3 / found["fast_hz"], found["every"]
     mean = found["duration_s"] * found["fast_hz"] / found["frames"]
     ticks = [each["ticks"] for each in rows]
     span = f"{ticks[0]} to {ticks[-1]} ticks" if len(ticks) > 1 else count(ticks[0], "tick")
@@ -72,44 +96,55 @@ def _lines(found: Numbers) -> Iterator[Line]:
         f"{count(found['frames'], 'frame')} in {found['duration_s']:.6g} s: {span} of {tick:.6g} ms, {mean:.6g} on average",
         False,
     )
-    frequent = sorted(rows, key=lambda each: -each["frames"])[:SHOWN]
-    for each in (each for each in rows if each in frequent):
-        after = sorted(((n, length) for n, length in zip(each["next"], ticks, strict=True) if n), reverse=True)
-        shares = ", ".join(f"{length} ({100 * n / sum(each['next']):.3g} %)" for n, length in after[:SHOWN])
-        more = f"; the next one: {shares}{', ...' if len(after) > SHOWN else ''}" if after and len(ticks) > 1 else ""
-        yield f"  {count(each['ticks'], 'tick')}: {100 * each['frames'] / found['frames']:.3g} % of frames{more}", False
-    if len(rows) > SHOWN:
-        yield f"  and {count(len(rows) - SHOWN, 'rarer length')}, which the table has", False
+    shares = {each["ticks"]: 100 * each["frames"] / found["frames"] for each in rows}
+    frequent = sorted(ticks, key=lambda length: -shares[length])
+    shown, others = sorted(frequent[:SHOWN]), sorted(frequent[SHOWN:])
+    for each in (each for each in rows if each["ticks"] in shown):
+        after = sorted(((-n, length) for n, length in zip(each["next"], ticks, strict=True) if n))
+        following = ", ".join(f"{length} ({100 * -n / sum(each['next']):.3g} %)" for n, length in after[:SHOWN])
+        more = f"; the next one: {following}{', ...' if len(after) > SHOWN else ''}" if after and len(ticks) > 1 else ""
+        yield f"  {count(each['ticks'], 'tick')}: {shares[each['ticks']]:.3g} % of frames{more}", False
+    if others:
+        most = max(shares[length] for length in others)
+        yield f"  {', '.join(map(str, others))} ticks: {'at most ' * (len(others) > 1)}{most:.3g} % of frames each", False
     if len(rows) > 1 and found["independent"]:
         yield "the length of a frame does not depend on that of the frame before, as far as this run shows", False
     elif len(rows) > 1:
         yield "the length of a frame depends on that of the frame before: shares alone do not describe this run", False
+    if every > 1:
+        fewer = f"{found['measured_lengths']} lengths become {len(rows)}, multiples of {every} ticks"
+        yield f"{fewer}: this assumes a loop that looks for a result in every {every} ticks and not in each", True
     unfit = found["unfit"]
     if unfit["frames"]:
-        of, low = f"{unfit['frames']} of {count(found['frames'], 'frame')}", int(unfit["ticks"])
+        of, low = f"{unfit['frames']} of {count(found['frames'], 'frame')}", every * int(unfit["ticks"] // every)
         first = f"the first of {unfit['ticks']:.6g} ticks at {unfit['begins_s']:.6g} s"
-        counted = f"the loop may count {low} or {low + 1}, and both are in [for_all]"
-        yield f"{of} do not last whole ticks, but up to {unfit['worst']:.2g} more or less; {first}: {counted}", True
-    if len(rows) > MOST:
-        yield (
-            f"[for_all] takes at most {MOST} lengths, found {len(rows)}: choose longer ticks, or make frames more regular",
-            True,
-        )
+        counted = f"the loop may count {low} or {low + every}, and both are in [for_all]"
+        whole = "whole ticks" if every == 1 else f"multiples of {every} ticks"
+        yield f"{of} do not last {whole}, but up to {unfit['worst']:.2g} more or less; {first}: {counted}", every == 1
 
 
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The table [for_all] with the lengths, as a piece of a spec."""
-    rows, asked, unfit = facts["lengths"], facts["asked"], facts["unfit"]["frames"]
+    rows, asked, unfit, every = facts["lengths"], facts["asked"], facts["unfit"]["frames"], facts["every"]
+    whole = "whole ticks" if every == 1 else f"multiples of {every} ticks"
     shares = [each["frames"] for each in rows]
     lines = [
         f"# The frames of {facts['spec_name']}, as wavesweep identify found them, for a spec of {asked['fast_hz']:g} Hz.",
         f"# {count(facts['frames'], 'frame')} in {facts['duration_s']:.6g} s.",
-        *([f"# Of {count(unfit, 'frame')} that did not last whole ticks, both neighbours are here."] if unfit else []),
+        *([f"# Of {count(unfit, 'frame')} that did not last {whole}, both neighbours are here."] if unfit else []),
     ]
+    if every > 1:
+        lines.append(f"# ASSUMED: the loop looks for a result in every {every} ticks and not in each; as measured there are")
+        lines.append(f"# {facts['measured_lengths']} lengths.")
     table: dict[str, Any] = {"values": [each["ticks"] for each in rows], "varying": True}
     if len(rows) > 1 and facts["independent"]:
         lines.append("# shares: how often each length occurred; without it, only answers for any order are given.")
         table["shares"] = shares
+    elif len(rows) > MOST_NEXT:
+        lines.append(
+            f"# A frame depends on the one before; a chain (next) of more than {MOST_NEXT} lengths is too large for a proof"
+        )
+        lines.append("# in mean square, so there is none here, and answers are for any order.")
     elif len(rows) > 1:
         lines.append("# next: how often each length followed each; without it, only answers for any order are given.")
         table["next"] = [each["next"] if any(each["next"]) else shares for each in rows]

@@ -13,39 +13,45 @@ from wavesweep.core.reading.checking import nearest
 MOST_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST = 10.0  # s, of most frames
+MOST_TICKS = 1e9  # of a frame
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
     """Frames in a row: when each begins (s, by the clock of the file), and how long it lasts (ticks, as it was measured).
 
-    sha256: of the file.
+    sha256: of the file. every: the loop looks for a result of the slow environment in every so many of its ticks, so that
+    frames last multiples of them.
     """
 
     begins: np.ndarray
     ticks: np.ndarray
     sha256: str
+    every: int = 1
 
     @property
     def unfit(self) -> np.ndarray:
-        """Which frames do not last whole ticks."""
-        return np.abs(self.ticks - np.round(self.ticks)) > FITS
+        """Which frames do not last whole ticks, or no multiple of `every`."""
+        return np.abs(self.ticks - self.every * np.round(self.ticks / self.every)) > FITS
 
     @property
     def possible(self) -> tuple[np.ndarray, np.ndarray]:
-        """The whole ticks that the fast loop counts in each frame, at least and at most.
+        """The ticks that the fast loop counts in each frame, at least and at most.
 
         It counts its own ticks between two stamps. If a frame does not last whole ticks, their number depends on where the
-        stamps lie between two ticks, which is not known.
+        stamps lie between two ticks, which is not known; so with multiples of `every`.
         """
-        return tuple(np.where(self.unfit, whole(self.ticks), np.round(self.ticks)).astype(int) for whole in (np.floor, np.ceil))
+        counts = self.ticks / self.every
+        least, most = (np.where(self.unfit, whole(counts), np.round(counts)).astype(int) for whole in (np.floor, np.ceil))
+        return self.every * least, self.every * most
 
     @property
     def lengths(self) -> np.ndarray:
-        """The length of each frame in whole ticks. Those that do not fit are rounded so that their sum is right."""
-        lengths, unfit = np.round(self.ticks), self.unfit
-        lengths[unfit] = np.diff(np.round(np.cumsum(self.ticks[unfit])), prepend=0.0)
-        return lengths.astype(int)
+        """The length of each frame as the loop may count it. Those that do not fit are rounded so that their sum is right."""
+        counts, unfit = self.ticks / self.every, self.unfit
+        lengths = np.round(counts)
+        lengths[unfit] = np.diff(np.round(np.cumsum(counts[unfit])), prepend=0.0)
+        return self.every * lengths.astype(int)
 
     @property
     def values(self) -> np.ndarray:
@@ -53,8 +59,12 @@ class Run:
         return np.unique(self.possible)
 
 
-def read_run(path: str | Path, fast_hz: float, columns: Mapping[str, str], scales: Mapping[str, float]) -> Run:
+def read_run(
+    path: str | Path, fast_hz: float, columns: Mapping[str, str], scales: Mapping[str, float], most: float = MOST_TICKS
+) -> Run:
     """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names time and duration.
+
+    most: ticks that a frame may last.
 
     Errors: UsageError that names the file, the line or the column, what was expected and what was found.
     """
@@ -74,14 +84,16 @@ def read_run(path: str | Path, fast_hz: float, columns: Mapping[str, str], scale
     given = file.numbers([found[name]], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
     durations = np.diff(given) if name == "time" else given
     begins = given[:-1] if name == "time" else np.cumsum(given) - given
-    ticks = durations * fast_hz
-    if (ticks < 1 - FITS).any():
-        row = int((ticks < 1 - FITS).argmax())
-        line, tick = row + (3 if name == "time" else 2), f"a tick of {1e3 / fast_hz:.6g} ms"
-        raise UsageError(
-            f"{path}:{line}: {name}: expected frames of at least {tick}, found one of {1e3 * durations[row]:.6g} ms"
-        )
     if (median := float(np.median(durations))) > LONGEST:
         expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
         raise UsageError(f"{path}: {name}: {expected}; --scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms")
+    ticks, tick = durations * fast_hz, f"of {1e3 / fast_hz:.6g} ms"
+    for wrong, expected, hint in (
+        (ticks < 1 - FITS, f"at least a tick {tick}", ""),
+        (ticks > most + FITS, f"at most {most:g} ticks {tick}", "; is it a pause of the recording? Cut it out"),
+    ):
+        if wrong.any():
+            row = int(wrong.argmax())
+            place = f"{path}:{row + (3 if name == 'time' else 2)}: {name}"
+            raise UsageError(f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}")
     return Run(begins, ticks, file.sha256)

@@ -1,6 +1,8 @@
 """The lengths of frames that a spec's answers are for, and whether a run stays within them."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from math import gcd
 from pathlib import Path
 from typing import Any
 
@@ -76,12 +78,19 @@ def within(spec: Spec, path: str) -> dict[str, Any]:
     """Whether the frames of a file are among those that the answers of a spec are for, as facts that JSON can hold.
 
     expected: these lengths, in ticks, in any order if `varying`. left: how many frames are not certain to be among them; first:
-    of the first one, its number from 1, when it begins (s), and its measured length in ticks. Errors: UsageError.
+    of the first one, its number from 1, when it begins (s), and its measured length in ticks. every: if all these lengths are
+    multiples of a number of ticks, and all frames are among them for a loop that looks for results in every so many ticks, this
+    number; otherwise 1. Errors: UsageError.
     """
     expected, varying = lengths_of(spec)
     run = read_run(path, spec.tick_hz, {}, {})
     allowed = expected if varying else expected and tuple(each for each in expected if each == run.lengths[0])
-    left = np.flatnonzero(~np.logical_and.reduce([np.isin(each, allowed) for each in run.possible]))
+
+    def outside(each):
+        return np.flatnonzero(~np.logical_and.reduce([np.isin(lengths, allowed) for lengths in each.possible]))
+
+    left, every = outside(run), gcd(*expected) if varying else 1
+    coarse = len(left) and every > 1 and not len(outside(replace(run, every=every)))
     first = (
         {"frame": int(left[0]) + 1, "begins_s": float(run.begins[left[0]]), "ticks": float(run.ticks[left[0]])}
         if len(left)
@@ -94,6 +103,7 @@ def within(spec: Spec, path: str) -> dict[str, Any]:
         "varying": varying,
         "left": len(left),
         "first": first,
+        "every": every if coarse else 1,
     }
 
 
@@ -111,3 +121,5 @@ def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     where = f"begins at {first['begins_s']:.6g} s and lasts {first['ticks']:.6g} ticks"
     yield 1, f"{start} {found['left']} of {frames} are NOT within {what}, so no answer here is for this run"
     yield 1, f"    the first is frame {first['frame']}, which {where}"
+    if found["every"] > 1:
+        yield 1, f"    they are within them for a loop that looks for a result in every {found['every']} ticks and not in each"

@@ -15,7 +15,7 @@ from wavesweep.core.cli.talk import talk
 from wavesweep.core.errors import UsageError
 
 OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
-OF_FRAMES = "fast_hz", "spec", "columns", "scales", "overwrite", "plot"  # options that frames take
+OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"  # options that frames take
 
 
 @click.command("identify")
@@ -30,6 +30,13 @@ OF_FRAMES = "fast_hz", "spec", "columns", "scales", "overwrite", "plot"  # optio
     "--fast-hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="Of frames: the rate of the fast loop's ticks."
 )
 @click.option("--spec", metavar="SPEC", help="Of frames: the spec that has this rate, and the number that is their length.")
+@click.option(
+    "--every",
+    type=click.IntRange(min=1),
+    metavar="TICKS",
+    help="Of frames: the loop looks for a result in every so many ticks, so that lengths are multiples of them [default: 1, or "
+    "the least number with which [for_all] takes all lengths].",
+)
 @click.option(
     "--resolution",
     type=click.FloatRange(min=0),
@@ -125,8 +132,8 @@ def identify(
     if frames is not None:
         source, find, text = frames, *_of_frames(frames, log, given, named)
     else:
-        if log is None or given["fast_hz"] is not None or given["spec"] is not None:
-            expected = "LOG, or --frames TIMES" if log is None else "--frames with --fast-hz or --spec"
+        if log is None or any(given[name] is not None for name in ("fast_hz", "spec", "every")):
+            expected = "LOG, or --frames TIMES" if log is None else "--frames with --fast-hz, --spec or --every"
             raise click.UsageError(f"identify: expected {expected}, found none")
         asked = named | ({"motor_constant": _bounds(motor_constant)} if motor_constant else {})
         asked |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
@@ -173,7 +180,7 @@ def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[st
     if others := [name for name in given if name not in OF_FRAMES and is_given(name)]:
         option = f"--{others[0].removesuffix('_hz').replace('_', '-')}"
         raise click.UsageError(
-            f"{option}: expected none beside --frames, which takes --fast-hz or --spec, --column and --scale"
+            f"{option}: expected none beside --frames, which takes --fast-hz or --spec, --every, --column and --scale"
         )
     if (given["fast_hz"] is None) == (given["spec"] is None):
         found = "neither" if given["spec"] is None else "both"
@@ -187,7 +194,7 @@ def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[st
 
         spec = load(given["spec"])
         fast_hz, number = spec.tick_hz, module.number_of(spec)
-    return partial(module.identified, path, fast_hz, number, **named), module.spec_text
+    return partial(module.identified, path, fast_hz, number, every=given["every"], **named), module.spec_text
 
 
 def _bounds(text: str) -> tuple[float, float]:
