@@ -111,7 +111,8 @@ def _tried(frames_at, part, follows, work, narrow):
         if isinstance(follows, OnAverage):
             return None, used, (0,)
         basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
-        if part.barren < FEWEST and (words := growing(A.terms[0], follows, basis)):
+        known = np.isfinite(A.terms).all()  # no pole was met on a rim
+        if known and part.barren < FEWEST and (words := growing(A.terms[0], follows, basis)):
             return None, used, words[0]
         moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
         part = replace(part, barren=part.barren + 1)
@@ -134,8 +135,9 @@ def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage) -> 
     They follow from norms at both ends of each side, as energies do: half the logarithm of what a form has on its diagonal.
     """
     frames = frames_at(box)
-    if isinstance(frames, int):
-        return units_of(frames_at, _halves(box, frames)[1], follows)
+    while isinstance(frames, int):
+        box = _halves(box, frames)[1]
+        frames = frames_at(box)
     units = np.zeros((box.shape[1], frames.states))
     for side in np.flatnonzero(box[0] < box[1]):
         logs = []

@@ -176,29 +176,24 @@ class _Part:
     """An expression of a loop on boxes of some sides."""
 
     def __init__(self, expression: Expression, names, sides, known) -> None:
-        self.expression, self.used, self.shown = expression, 0, []
+        self.expression, self.used = expression, 0
         self.own = [at for at, name in enumerate(names) if name in expression.reads]
         self.bent = [at for at, name in enumerate(names) if name in expression.bent]
-        self.names, self.sides = names, sides
+        self.names, self.sides, self.shown = names, sides, np.zeros((0, 2, len(self.own)))
         others = expression.reads - {names[at] for at in self.own}
         self.known = {name: float(known[name]) for name in others} | {each: each for each in expression.constants}
 
     def unresolved(self, box):
-        """See `Resolution`: all sides that the expression reads, since it may be too large for any of them."""
-        found = np.zeros(len(self.sides), bool)
-        low, high = box[0, self.own].tolist(), box[1, self.own].tolist()
+        """See `Resolution`: all sides along which the expression is bent, since it may be too large for any of them."""
+        found, own = np.zeros(len(self.sides), bool), box[:, self.own]
         wide = [at for at in self.bent if box[0, at] < box[1, at]]
-        within = (
-            all(a <= b for a, b in zip(lows, low, strict=True)) and all(a >= b for a, b in zip(highs, high, strict=True))
-            for lows, highs in self.shown
-        )
-        if not wide or any(within):  # the ellipse about a part is within that about the whole
+        # The ellipse about a part is within that about the whole.
+        if not wide or ((self.shown[:, 0] <= own[0]) & (own[1] <= self.shown[:, 1])).all(-1).any():
             return found
         if self._resolved(box, wide):
-            self.shown.append((low, high))
+            self.shown = np.concatenate([self.shown, own[None]])
         else:
-            varied = [at for at in self.own if box[0, at] < box[1, at]]
-            found[varied] = True
+            found[wide] = True
         return found
 
     def _resolved(self, box, wide):
@@ -231,12 +226,12 @@ class _Part:
 
     def _is_small(self, at, middle, half, centre, change):
         """Whether the rest of the series along a side is small for one of the larger ellipses."""
-        from flint import acb
+        from flint import acb, arb
 
         allowed = SMALL * change + NOTHING * abs(centre)
         for larger in LARGER:
             ratio = RHO / larger
-            most = allowed * (1 - ratio) / (2 * ratio ** (DEGREE + 1))
+            most = arb(float(allowed)) * float((1 - ratio) / (2 * ratio ** (DEGREE + 1)))
             if self._within(at, larger, most, middle, half, acb(complex(centre))):
                 return True
         return False
@@ -262,7 +257,7 @@ class _Part:
             balls[self.names[at]] = self._number(at, acb(real, imag))
             try:
                 ball = acb(self.expression.value(balls, _library(), _watch)) - centre
-                good = ball.is_finite() and ball.abs_upper() <= arb(float(most))
+                good = ball.is_finite() and ball.abs_upper() <= most
             except (_NotAnalyticError, ZeroDivisionError, OverflowError):
                 good = False
             if good:
