@@ -30,42 +30,37 @@ class Expression:
 
 def expression(rng):
     """A random factor, up to three times as large or almost 0 where it peaks."""
-    kind = str(rng.choice(["lorentz", "gauss", "pole", "step", "pulses", "corner", "ratio", "decades"]))
+    kind = str(rng.choice(["lorentz", "gauss", "pole", "step", "pulses", "corner", "matched", "decades"]))
     low, width = float(rng.choice([0.0, 1.0, -2.0])), float(10 ** rng.uniform(0, 2))
     high, h = low + width, float(rng.choice([-0.95, 0.3, 1.0, 2.0]))
     w, c = width * float(10 ** rng.uniform(*WIDTHS)), float(rng.uniform(low, high))
-    if kind == "decades":
-        low, high = 1e-3, float(10 ** rng.uniform(-2, 7))
-        c = w = float(np.exp(rng.uniform(np.log(low), np.log(high))))
-        text, at = f"1 + {h!r}*q*{c!r}*4/(q + {c!r})**2", lambda q: 1 + h * 4 * q * c / (q + c) ** 2
-    elif kind == "lorentz":
-        text, at = f"1 + {h * w**2!r}/((q - {c!r})**2 + {w**2!r})", lambda q: 1 + h * w**2 / ((q - c) ** 2 + w**2)
-    elif kind == "gauss":
-        text, at = f"1 + {h!r}*exp(-((q - {c!r})/{w!r})**2)", lambda q: 1 + h * np.exp(-(((q - c) / w) ** 2))
-    elif kind == "pole":  # next to the range
-        c = low - w if rng.random() < 0.5 else high + w
-        text, at = f"1 + {h * w!r}/abs_(q - {c!r})", lambda q: 1 + h * w / abs(q - c)
-        text = text.replace("abs_(", "(" if c < low else "-(")
-    elif kind == "step":
-        text, at = f"1 + {h!r}/(1 + exp(({c!r} - q)/{w!r}))", lambda q: 1 + h / (1 + np.exp(np.clip((c - q) / w, -700, 700)))
-        w = max(w, width / 600)  # so that the exponential is a double
-        text = f"1 + {h!r}/(1 + exp(({c!r} - q)/{w!r}))"
-    elif kind == "pulses":
-        a, turn = float(10 ** rng.uniform(1, 4)), 2 * np.pi / (width * float(10 ** rng.uniform(-2, 0)))
-        c, w = low + float(rng.integers(0, 40)) * np.pi / turn, 1 / (turn * a**0.5)
-        text, at = (
-            f"1 + {h!r}*exp(-{a!r}*(1 - cos({turn!r}*(q - {c!r}))))",
-            lambda q: 1 + h * np.exp(-a * (1 - np.cos(turn * (q - c)))),
-        )
-    elif kind == "corner":
-        text = f"1 + {h / width!r}*sqrt((q - {c!r})**2 + {w**2!r})"
-        at = lambda q: 1 + h / width * np.sqrt((q - c) ** 2 + w**2)  # noqa: E731
-    else:  # power into a matched load, about a difference of two numbers
-        text, at = f"1 + {h!r}*4*{w!r}*sqrt((q - {c!r})**2)/(sqrt((q - {c!r})**2) + {w!r})**2", None
-        text = f"1 + {h!r}*4*{w!r}*(q - {low!r} + {w!r})/(q - {low!r} + {2 * w!r})**2"
-        c, at = low, lambda q: 1 + h * 4 * w * (q - low + w) / (q - low + 2 * w) ** 2
-    places = tuple(float(c + step * w) for step in BESIDE)
-    return Expression(text, at, (low, high), places)
+    match kind:
+        case "lorentz":
+            text = f"{h * w**2!r}/((q - {c!r})**2 + {w**2!r})"
+        case "gauss":
+            text = f"{h!r}*exp(-((q - {c!r})/{w!r})**2)"
+        case "pole":  # next to the range
+            c, sign = (low - w, 1) if rng.random() < 0.5 else (high + w, -1)
+            text = f"{sign * h * w!r}/(q - {c!r})"
+        case "step":
+            w = max(w, width / 600)  # so that the exponential is a double
+            text = f"{h!r}/(1 + exp(({c!r} - q)/{w!r}))"
+        case "pulses":
+            a, turn = float(10 ** rng.uniform(1, 4)), 2 * np.pi / (width * float(10 ** rng.uniform(-2, 0)))
+            c, w = low + float(rng.integers(0, 40)) * np.pi / turn, 1 / (turn * a**0.5)
+            text = f"{h!r}*exp(-{a!r}*(1 - cos({turn!r}*(q - {c!r}))))"
+        case "corner":
+            text = f"{h / width!r}*sqrt((q - {c!r})**2 + {w**2!r})"
+        case "matched":  # the power into a load, most where it is as large as that of the source
+            c = low
+            text = f"{4 * h * w!r}*(q - {low - w!r})/(q - {low - 2 * w!r})**2"
+        case _:
+            low, high = 1e-3, float(10 ** rng.uniform(-2, 7))
+            c = w = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+            text = f"{4 * h * c!r}*q/(q + {c!r})**2"
+    text = "1 + " + text.replace("--", "+")
+    at = eval(f"lambda q: {text}", {name: getattr(np, name) for name in ("sqrt", "exp", "cos")})  # noqa: S307 - its own text
+    return Expression(text, at, (low, high), tuple(float(c + step * w) for step in BESIDE))
 
 
 def loop_of(rng, third=1):

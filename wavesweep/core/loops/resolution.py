@@ -241,7 +241,7 @@ class _Part:
 
         The upper half of the ellipse is covered with rectangles; the lower half is its mirror image.
         """
-        from flint import acb, arb
+        from flint import acb
 
         across, up = (larger + 1 / larger) / 2, (larger - 1 / larger) / 2
         balls = {name: acb(v) for name, v in self.known.items()}
