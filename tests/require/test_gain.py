@@ -412,3 +412,26 @@ def test_names_that_a_loop_does_not_have_and_outputs_that_drift_are_refused():
     free["wire"]["p.u"] = "K*(ref - p.y)"
     with pytest.raises(UsageError, match=r"gain\.to: expected an output that comes to rest, found place, which drifts"):
         wavesweep.compile(free).stable_intervals(require=bounded("ref", "place", 1.0))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("controller", "stop", "high"),
+    [({"kind": "dc-slow"}, 5000, 2999.976), ({"kind": "dc-slow"}, 1e9, 996.646), ({"kind": "pmw", "Kp": 40}, 50, 50)],
+)
+def test_a_gain_that_holds_from_a_wall_of_zero_on_begins_there(controller, stop, high):
+    """Without a wall the position drifts: next to it a pole is 1, but for less than rounding can tell."""
+    slow = {"integration": "explicit", "delay": 0 if stop == 5000 else 1}
+    sweep = {"K_VE": {"start": 0, "stop": stop}, "require": {"gain": {"from": "f_h", "to": "v", "at_most": 1.0}}}
+    table = wavesweep.zwidth({"rates": {"ratio": 1}, "environment": slow, "controller": controller, "sweep": sweep})
+    (row,) = table.itertuples()
+    assert (row.low, row.certified, row.open_places) == (0, True, 0)
+    assert row.high == pytest.approx(high, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_gain_that_is_too_large_next_to_a_wall_of_zero_does_not_begin_there():
+    """The largest gain is 0.4 at any resonance, 1 over the damping of the device and of the wall."""
+    sweep = {"K_VE": {"start": 0, "stop": 5000}, "require": {"gain": {"from": "f_h", "to": "v", "at_most": 0.399}}}
+    table = wavesweep.zwidth({"rates": {"ratio": 1}, "controller": {"kind": "dc-slow"}, "sweep": sweep})
+    assert not table.intervals.any()

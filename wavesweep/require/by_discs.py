@@ -13,7 +13,7 @@ from wavesweep.require.discs import Circle, Spiral, verdicts
 from wavesweep.require.panels import OPEN, PANELS, RIM, Accuracy, along_panels
 
 MANY, LARGE = 1024, 50_000  # panels of a column that may be open, and entries of their matrices
-ENDS = Accuracy(EXACT, 256.0, EXACT * NEAR_ZERO, 1e-9)  # eigenvalues may move along the spiral
+BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
 
 
@@ -28,9 +28,10 @@ def along_by_discs(frames, errors, span, columns: int, period, bounds, resolved,
     eigenvectors of that in the middle. The entries there are bounded by the frames on a circle about the panel, as they are
     analytic and vanish in the middle (Schwarz's lemma), and by the errors of the frames. Otherwise the panel is halved, see
     `panels`. Diagonal blocks go apart.
-    Accuracy: ENDS. Errors: UsageError if no loop can have its eigenvalues there.
+    Accuracy: EXACT, and BEGUN. Errors: UsageError if no loop can have its eigenvalues there.
     """
-    return along_panels(*_loops_of(frames, errors, span, columns, place), span, period, bounds, resolved, ENDS)
+    ends = Accuracy(EXACT, 256.0, EXACT * NEAR_ZERO, np.full(columns, BEGUN))
+    return along_panels(*_loops_of(frames, errors, span, columns, place), span, period, bounds, resolved, ends)
 
 
 def _loops_of(frames, errors, span, columns, place):

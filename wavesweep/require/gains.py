@@ -54,6 +54,7 @@ POSITIVE = 1e-9  # of the terms of the form, from which on it is positive at an 
 ANGLES = 8  # eigenvalues next to the circle, at whose angles and between which the form is looked at
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where the gain at rest is looked at
 EXACT = 1e-8  # of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by its root
+BESIDE, SLOW = 1e-6, 1e-7  # of the span, and of a pole that is 1 at its low end from 1: see `Accuracy`
 AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
 LARGEST = 100  # states of a map: a pencil of these takes half a second for each panel, of which there are hundreds
 
@@ -97,7 +98,11 @@ def along_gain(
     at_rest = (off <= AT_REST * gain.level).reshape(size, -1).all(-1) & (gain.arc[:, 0] == 0)
     columns = [np.flatnonzero(at_rest == touching) for touching in (False, True)]
     judges = [replace(gain, columns=some, at_rest=bool(at_rest[some[0]])) for some in columns if some.size]
-    found = along_panels(judges, np.ones(size, bool), span, step, bounds, resolved, Accuracy(EXACT, 64.0, EXACT, EXACT))
+    poles = np.linalg.eigvals(gain.maps(np.arange(size), np.full(size, span[0] + BESIDE * (span[1] - span[0])))[0][0][0])
+    with np.errstate(divide="ignore"):
+        beside = BESIDE * np.minimum(1.0, SLOW / np.abs(poles).min(-1))
+    ends = Accuracy(EXACT, 64.0, EXACT, np.maximum(beside, EXACT), slow=True)
+    found = along_panels(judges, np.ones(size, bool), span, step, bounds, resolved, ends)
     return _attached(
         replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega), stable, NEAR_ZERO * (span[1] - span[0])
     )

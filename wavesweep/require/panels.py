@@ -12,6 +12,10 @@ PANELS = 16  # of a column to begin with
 OFTEN = 16  # times so many, in all
 ENTRIES = 2_000_000  # of matrices at a time
 RIM = np.exp(1j * np.pi * (np.arange(8) + 0.5) / 8)  # of a disc; its lower half is the conjugate
+NARROW = 16  # see Accuracy
+LOOKED_AT = 0.5 ** np.arange(1, 9)  # of what is not proved next to the low end
+OUTSIDE = 1e-9  # by which it would be seen to be so there
+GAP = 2  # times as exact as ends are, in the middle of which one is
 SAFE = 1.5  # on the largest value at points of a rim, for those between
 GOOD, OPEN, LOST, BAD = range(4)  # labels of panels; of two that overlap the larger one holds
 
@@ -19,14 +23,17 @@ GOOD, OPEN, LOST, BAD = range(4)  # labels of panels; of two that overlap the la
 class Accuracy(NamedTuple):
     """How exact ends are, of themselves and of a NEAR_ZERO-th of the span, and how many of the narrowest panels are as wide.
 
-    least, begun: shares of the span next to its low end, where a gain of zero may leave a drift: in the one no panel is halved,
-    within the other one an interval may begin where it is proved from.
+    least, begun: shares of the span next to its low end, where a gain of zero may leave a drift: in the one no panel is halved;
+    an interval that is proved from the other one on, of each column, begins at the low end, if nothing is outside at the values
+    that are looked at in between. slow: of that share no panel is halved below a NARROW-th of its distance, since rounding does
+    not tell the eigenvalue of the drift from 1.
     """
 
     exact: float
     finest: float
     least: float
-    begun: float
+    begun: np.ndarray
+    slow: bool = False
 
     def of(self, p, width):
         """How exact an end at p is, in a span of that width."""
@@ -67,7 +74,7 @@ def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accura
             order = np.argsort(low[own])
             panels[column].append((low[own][order], label[own][order]))
     rows = [
-        _intervals(column, *_merged(some, span, accuracy), judges, span, period[column], accuracy)
+        _intervals(column, *_merged(column, some, span, accuracy), judges, span, period[column], accuracy)
         for column, some in enumerate(panels)
     ]
     names = ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")
@@ -88,7 +95,8 @@ def _panels(judge, span, bounds, resolved, accuracy):
         for some in parts:
             label[some] = judge.label(column[some], low[some], high[some], bounds)
         narrow = accuracy.finest * (high - low) <= accuracy.of((low + high) / 2, width)
-        narrow |= high - span[0] <= accuracy.least * width
+        beside = accuracy.slow & (high - span[0] <= accuracy.begun[judge.columns[column]] * width)
+        narrow |= (high - span[0] <= accuracy.least * width) | (beside & (NARROW * (high - low) <= high - span[0]))
         open_ = np.bincount(column, minlength=count)
         tried += open_
         lost = ((open_ > many) | (tried > OFTEN * many))[column]
@@ -101,15 +109,21 @@ def _panels(judge, span, bounds, resolved, accuracy):
     return [np.concatenate(parts) for parts in zip(*done, strict=True)]
 
 
-def _merged(panels, span, accuracy):
+def _merged(column, panels, span, accuracy):
     """Low ends and labels of runs of panels: of several partitions of the span, each as sorted low ends and labels."""
     edges = np.unique(np.concatenate([low for low, _ in panels]))
     label = np.max([some[np.searchsorted(low, edges, side="right") - 1] for low, some in panels], axis=0)
     edges, label = _runs(edges, label)
-    size = np.diff(edges, append=span[1])
-    beside = np.concatenate([[LOST], label, [LOST]])
-    slivers = (beside[:-2] == OPEN) & (beside[2:] == OPEN) & (size <= accuracy.of(edges, span[1] - span[0]) / 8)
-    return _runs(edges, np.where(slivers, OPEN, label))  # in a gap a few panels may settle
+    size, within = np.diff(edges, append=span[1]), accuracy.of(edges, span[1] - span[0])
+    beside, sizes = np.concatenate([[LOST], label, [LOST]]), np.concatenate([[0], size, [0]])
+    slivers = (beside[:-2] == OPEN) & (beside[2:] == OPEN)
+    slivers &= (size <= within / 8) | (sizes[:-2] + size + sizes[2:] <= GAP * within)
+    edges, label = _runs(edges, np.where(slivers, OPEN, label))  # in a gap a few panels may settle
+    beside = np.append(edges[1:], span[1]) - span[0] <= accuracy.slow * accuracy.begun[column] * (span[1] - span[0])
+    first = np.max(np.flatnonzero(beside & (label == OPEN)), initial=-1) + 1
+    if (label[:first] < LOST).all():
+        label[:first] = OPEN
+    return _runs(edges, label)
 
 
 def _runs(edges, label):
@@ -121,18 +135,22 @@ def _runs(edges, label):
 def _intervals(column, edges, label, judges, span, period, accuracy):
     """Yield the rows of a column from its runs of panels, sorted; edges: their low ends."""
     width, runs = span[1] - span[0], list(zip(edges, [*edges[1:], span[1]], label, strict=True))
-    doubt, parts, gaps = NONE, [], {}
+    doubt, parts, gaps, begun = NONE, [], {}, False
     for at, (low, high, what) in enumerate(runs):
         sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
         if what == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
-            tight = high - low <= accuracy.of(high, width)
-            begun = at == 0 and sides == [GOOD] and high - low <= accuracy.begun * width
-            doubt = max(doubt, NONE if tight or begun else ROUNDING)
-            if tight or not begun:
-                gaps |= dict.fromkeys((low, high), (low, high))
+            tight = high - low <= GAP * accuracy.of(high, width)
+            if at == 0 and sides == [GOOD] and high - low <= accuracy.begun[column] * width:
+                own = [each for each in judges if column in each.columns]
+                looked_at = low + (high - low) * LOOKED_AT
+                begun = all((each.worst(column, looked_at)[1] <= OUTSIDE).all() for each in own)
+                if begun:
+                    continue
+            doubt = max(doubt, NONE if tight else ROUNDING)
+            gaps |= dict.fromkeys((low, high), (low, high))
         elif what != BAD:
             doubt = max(doubt, {GOOD: NONE, LOST: SEARCH}.get(what, CROWDED))
-            parts.append((low, high, what == GOOD))
+            parts.append((span[0] if begun and not parts else low, high, what == GOOD))
     count = index = sum(good for *_, good in parts)
     for low, high, good in parts:
         if not good:
