@@ -134,16 +134,18 @@ def test_a_plant_of_several_blocks_shows_what_is_continuous_and_what_is_held():
     spec = load(joint())
     parts = {part.name: part for part in wired(spec).parts}
     held = (("motor.x", "held -kp"), ("motor.v", "held -kd"))
-    assert parts["motor"].inputs == (("f", (*held, ("link.x", "ks"), ("motor.x", "-ks"))),)
-    assert parts["link"].inputs == (("f", (("push", "1"), ("motor.x", "ks"), ("link.x", "-ks"))),)
+    assert parts["motor"].inputs == (("f", (*held, ("link.x", "continuous ks"), ("motor.x", "continuous -ks"))),)
+    assert parts["link"].inputs == (("f", (("push", "1"), ("motor.x", "continuous ks"), ("link.x", "continuous -ks"))),)
     said = [text.get_text() for text in plots.diagram(spec).axes[0].texts]
     assert said.count("plant") == 2
     assert "held \N{MINUS SIGN}kp" in said
+    assert "continuous: acts between ticks too, as no program does" in said
 
 
 def test_a_controller_shows_its_blocks_its_wall_and_its_numbers():
     loop = wired(built_in("pmw"))
     parts = {part.name: part for part in loop.parts}
+    assert not any(gain.startswith("continuous") for part in loop.parts for _, terms in part.inputs for _, gain in terms)
     assert {"f_h", "device", "encoder", "lp1", "avatar", "displacement", "reaction"} < parts.keys()
     assert (parts["avatar"].type, parts["avatar"].every) == ("avatar", 20)
     assert dict(parts["avatar"].inputs)["f"] == (("avatar.x_spring", "K_VE"), ("avatar.v", "B_VE"))

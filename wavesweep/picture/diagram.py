@@ -9,7 +9,7 @@ from wavesweep.core.plots.style import distinct_look, family_looks, figure, pale
 from wavesweep.core.plots.words import as_it_stands
 from wavesweep.core.spec import Spec
 from wavesweep.picture.layout import ROW, Box, Routes, dots, lay_out
-from wavesweep.picture.wiring import Part, Terms, Wiring, wiring_of_drawing
+from wavesweep.picture.wiring import CONTINUOUS, Part, Terms, Wiring, wiring_of_drawing
 
 WIDEST = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
 NARROWEST = 4.5
@@ -19,6 +19,7 @@ PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from i
 LONGEST = 34  # characters of a gain
 PLAIN_PORTS = ("", "u", "y")
 NO_RATE = "0.35"
+BETWEEN = "continuous: acts between ticks too, as no program does"
 MOST_WIRES = 500  # beyond which a picture is a black area that takes minutes
 
 
@@ -43,8 +44,10 @@ def wiring(loop: Wiring, title: str) -> Any:
     looks = family_looks(len(rates)) if len(rates) > 5 else [distinct_look(n) for n in range(len(rates))]
     colours = {0: NO_RATE} | {rate: look.colour for rate, look in zip(rates, looks, strict=True)}  # ports are grey
     legend = {every: f"{_when(every)}: {1 / (every * loop.tick_s):.6g} Hz" for every in rates}
-    head = 0.24 + 0.2 * len(legend)
-    wide = max(routes.width, _width(title, TITLE) + MARGIN, NARROWEST)
+    gains = [gain for part in loop.parts for _, terms in part.inputs for _, gain in terms]
+    note = BETWEEN * any(gain.startswith(CONTINUOUS) for gain in gains)
+    head = 0.24 + 0.2 * (len(legend) + bool(note))
+    wide = max(routes.width, _width(title, TITLE) + MARGIN, _width(note, SMALL) + MARGIN, NARROWEST)
     size = wide + 2 * MARGIN, routes.height + head + 2 * MARGIN
     with figure(*size) as canvas:
         canvas.set_layout_engine("none")
@@ -56,6 +59,7 @@ def wiring(loop: Wiring, title: str) -> Any:
             y = 0.26 + 0.2 * n - head
             axes.add_patch(_rectangle(0.02, y - 0.06, 0.2, 0.12, colours[every]))
             axes.text(0.3, y, text, fontsize=SMALL, va="center")
+        axes.text(0, 0.26 + 0.2 * len(legend) - head, note, fontsize=SMALL, va="center")
         wires = {signal: colours[part.every] for part in loop.parts for _, signal in part.outputs}
         for net, a, b, c, d in routes.lines:
             axes.plot([a, c], [b, d], color=wires[net], linewidth=1.0, solid_capstyle="projecting", zorder=1)

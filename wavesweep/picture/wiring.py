@@ -7,7 +7,8 @@ from math import lcm
 from wavesweep.core.drawing.drawing import Drawing, scalars
 from wavesweep.core.drawing.expressions import ONE, evaluate, text_of
 
-HELD = "held "  # begins the gain of a term that is held, though it reads a plant
+# Begin the gains of terms of a plant that read plants: of one that is held, and of one that acts continuously.
+HELD, CONTINUOUS = "held ", "continuous "
 Terms = tuple[tuple[str, str], ...]
 """Signals and their gains as texts; a gain of one is "1"."""
 
@@ -43,7 +44,8 @@ class Wiring:
 def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers.
 
-    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant.
+    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant, and
+    those of what acts continuously with CONTINUOUS, if they are not 1.
     """
     known, parts, ticks = scalars(values), [], []
     plants = {block.name for block in drawing.blocks if block.plant}
@@ -52,7 +54,8 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     for port in (port for port in wires if port.rpartition(".")[0] in members):
         wires[port] = tuple((name, HELD * (name.rpartition(".")[0] in plants) + gain) for name, gain in wires[port])
     for port, terms in drawing.couplings:
-        wires[port] += _texts(terms)
+        texts = _texts(terms)
+        wires[port] += tuple((name, CONTINUOUS * (gain not in ("1", "-1")) + gain) for name, gain in texts)
     for block in drawing.blocks:
         every, phase = (int(evaluate(tree, known)) for tree in (block.every, block.phase))
         inputs, outputs = block.ports
