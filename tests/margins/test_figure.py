@@ -1,5 +1,7 @@
 """The figures of a broken loop, held against a program of their own: a mass, moved by a held force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -8,7 +10,7 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep.core import plots
 from wavesweep.core.plots.style import as_asked
-from wavesweep.margins.figure import draw_bode
+from wavesweep.margins.figure import draw_bode, draw_nyquist
 from wavesweep.margins.figure import open_loop as open_loop_of
 from wavesweep.margins.table import margins
 
@@ -136,3 +138,33 @@ def test_a_fast_signal_has_a_bode_plot_up_to_half_its_own_rate_with_marks_at_its
     for axes, expected in ((gain, 0.0), (phase, turn - 180)):
         (mark,) = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "o"]
         assert mark == pytest.approx([hertz, expected], abs=1e-6)
+
+
+def fast_beside_slow(pole_s=0.001):
+    """A loop at 1 kHz, whose upper gain margin is at 500 Hz, beside one of frames of 4 ms, to which that is 0 Hz."""
+    block = {"c": {"type": "gain", "k": "kp"}, "lag": {"type": "tf", "num": [1], "den": [pole_s, 1]}}
+    block |= {"s": {"type": "gain", "every": 4}, "far": {"type": "tf", "num": [1], "den": [0.1, 1]}}
+    wire = {"c.u": "-lag.y", "lag.u": "c.y", "s.u": "-far.y", "far.u": "s.y"}
+    return {"rates": {"tick_hz": 1000}, "numbers": {"kp": 1.5}, "block": block, "wire": wire}
+
+
+def test_a_margin_whose_image_is_at_0_hz_is_marked():
+    pole, kp = np.exp(-1.0), 1.5
+    factor = (1 + pole) / ((1 - pole) * kp)  # brings kp (1 - pole)/(z - pole) at z = -1 to -1
+    table = margins(wavesweep.load(fast_beside_slow()), "c.y")
+    panels = {axes.get_label(): axes for axes in plots.margins(table.columns, table.facts).axes}
+    for name, at in (("nyquist", (-1 / factor, 0)), ("gain", (500, -20 * np.log10(factor))), ("phase", (500, -180))):
+        (mark,) = [line.get_xydata()[0] for line in panels[name].lines if line.get_marker() == "^"]
+        assert mark == pytest.approx(at, abs=1e-6)
+
+
+def test_a_nyquist_plot_shows_the_neighbourhood_of_minus_1_and_says_what_is_cut_off():
+    """A mark at -140 made it a strip of a few pixels."""
+    loop = open_loop_of(wavesweep.load(drive()), "s.y", {})
+    far = replace(loop, marks={"gain_down": -140 + 0j}, table={"gain_down": (1 / 140, 60.0, 9.5)})
+    axes = Figure().subplots()
+    said = draw_nyquist(axes, far, "s.y")
+    assert "L and the mark of gain down reach farther" in said  # L at the resonance
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert left < -1 < right
+    assert 1 / 3 < (right - left) / (high - low) < 3

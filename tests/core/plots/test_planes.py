@@ -10,7 +10,9 @@ from wavesweep.core.plots.regions import draw_region
 from wavesweep.core.plots.style import Look
 from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.planes import KNOWN, NARROW, Curve, Interval, View, _is_straight, region_of
+from wavesweep.core.tables.planes import KNOWN, NARROW, Curve, Interval, View, _is_straight, curves_of, region_of
+
+from .conftest import table_of_intervals
 
 VIEW = View("B_VE", False, 500, 400)
 
@@ -128,3 +130,33 @@ def test_nothing_is_filled_between_values_that_are_not_joined():
     assert not filled(figure)
     low, high = figure.axes[0].get_xlim()
     assert (low < 0, high > 11) == (True, True)  # so that the bars at both ends are whole
+
+
+def test_what_loops_of_several_designs_leave_in_doubt_is_asked_again_by_design(monkeypatch):
+    """Batches share polynomials, which a design of a tiny number may spoil; a column that stays in doubt is not joined."""
+    asked = []
+
+    def at_points(spec, axis, points, require):  # noqa: ARG001 - as the function that it stands for
+        x, many = points["environment.B_VE"], len(set(points["controller.b"])) > 1
+        asked.append(set(points["controller.b"]))
+        certified = ~(many | ((x > 1.4) & (x < 1.6)))
+        count = len(x)
+        rows = {"slice": np.arange(count), "intervals": np.ones(count, int), "interval": np.zeros(count, int)}
+        rows |= {"low": np.zeros(count), "high": 1000.0 + x, "low_omega": np.zeros(count), "high_omega": np.ones(count)}
+        return rows | {"certified": certified, "doubt": np.where(certified, "", "rounding").astype(object)}
+
+    monkeypatch.setattr("wavesweep.core.analyses.intervals.at_points", at_points)
+    spec = load(
+        {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 4000}, "B_VE": [0.0, 2.0], "b": [10, 20]}}
+    )
+    rows = [(x, b) for b in (10.0, 20.0) for x in (0.0, 2.0)]
+    table = table_of_intervals(["B_VE", "b"], "K_VE", [((x, b), [(0.0, 1000.0 + x, 0.0, 1.0, True)]) for x, b in rows])
+    members = [{name: column[table["b"] == b] for name, column in table.items()} for b in (10.0, 20.0)]
+    curves = curves_of(members, VIEW, {"spec": spec.tables()})
+    assert {10.0, 20.0} in asked
+    assert {10.0} in asked
+    for curve in curves:
+        assert all(each.certified for column, _ in curve.columns.values() for each in column)
+        assert not [x for x in curve.columns if 1.4 < x < 1.6]
+        (cut,) = [gap for gap in pairwise(sorted(curve.columns)) if gap[0] < 1.5 < gap[1]]
+        assert cut not in curve.gaps

@@ -60,7 +60,8 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
     if filled:  # with a hairline, so that no seam shows between two outlines; what is stable and not certified is dotted
         pale = paler(look.colour, SHADE)
         axes.add_collection(PolyCollection(region.areas, facecolor=pale, edgecolor=pale, linewidth=0.4, zorder=0.6))
-        axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
+        if region.unproved:
+            axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
     apart = max(1.0, members / 2)
     strokes = [] if filled else [withTickedStroke(angle=75, spacing=9 * apart, length=0.45 / apart, linewidth=0.7)]
     line = {"linewidths": 1.2, "path_effects": strokes}
