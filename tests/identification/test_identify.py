@@ -7,7 +7,7 @@ from identify_coverage import KINDS, RATE, coupled, force_of, log_of, marched, m
 import wavesweep
 from wavesweep.core.errors import UsageError
 from wavesweep.identification import table as of_identify
-from wavesweep.identification.device_spec import spec_text
+from wavesweep.identification.device_spec import negative, spec_text
 from wavesweep.identification.fit import fitted
 from wavesweep.identification.log import read_log, step_of
 from wavesweep.identification.model import Model, measured, readings
@@ -310,6 +310,35 @@ def test_a_log_without_rounding_is_explained(origin, tmp_path):
     found = wavesweep.identify(path).attrs["summary"]
     assert found["explained"]
     assert found["parameters"]["mass"]["value"] == pytest.approx(0.1, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.asks("for_all")
+def test_the_spec_of_a_log_has_its_delay_and_the_velocity_of_its_encoder(tmp_path):
+    """Of 1.4 ticks, with which walls are stable up to a fourth of what they would be without, as a spec of the truth says."""
+    force = np.sin(0.003 * np.arange(600) ** 1.5)
+    path = written(tmp_path / "log.csv", force, read(marched(0.1, 1.0, force, 1.4), 1e-6, np.random.default_rng(0)))
+    table = of_identify.identify(str(path), resolution=1e-6)
+    (tmp_path / "device.toml").write_text(spec_text(table.facts))
+    found = wavesweep.load(tmp_path / "device.toml")
+    ranges = {axis.path: (axis.start, axis.stop) for axis in found.for_all.axes}
+    low, high = ranges["device.dead_time"]
+    assert low < 1.4e-3 < high < 1.41e-3
+    truth = {"mass": 0.1, "damping": 1.0, "dead_time": 1.4e-3, "velocity": "difference"}
+    others = ({"controller": {"kind": "dc"}, "device": device} for device in (truth, {"mass": 0.1}))
+    ends = [wavesweep.compile(each).stable_intervals(span=(0, 20000))["high"].max() for each in (found, *others)]
+    assert ends[0] == pytest.approx(ends[1], rel=5e-3)
+    assert ends[0] < ends[2] / 2
+
+
+def test_a_delay_that_the_log_does_not_tell_is_not_called_one_that_is_below_zero():
+    numbers = {name: {"value": 1.0, "low": 0.9, "high": 1.1, "unit": ""} for name in ("mass", "damping")}
+    for low, high, said in (
+        (-12.0, 4.7, "does not tell the delay, which may be from -12 to 4.7 ticks"),
+        (-4.0, -3.5, "ahead of its"),
+    ):
+        (line,) = negative(numbers | {"delay": {"value": -3.74, "low": low, "high": high, "unit": "tick"}})
+        assert said in line
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.core.drawing.block_types import LONGEST_DELAY
 from wavesweep.core.spec.writing import as_toml
 
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
@@ -33,9 +34,13 @@ TOLD = 0.1  # ticks that a delay may differ from the one in the spec
 
 def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Sentences on numbers below 0."""
-    if (delay := parameters["delay"]["value"]) < -EARLY:
-        unit = parameters["delay"]["unit"].replace("tick", "ticks")
-        yield f"the position is {-delay:.3g} {unit} ahead of its force: are the two columns of the same time?"
+    delay = parameters["delay"]
+    unit = delay["unit"].replace("tick", "ticks")
+    if delay["high"] < -EARLY:
+        yield f"the position is {-delay['value']:.3g} {unit} ahead of its force: are the two columns of the same time?"
+    elif delay["value"] < -EARLY:
+        low, high = (f"{delay[end]:.3g}" for end in ("low", "high"))
+        yield f"the log does not tell the delay, which may be from {low} to {high} {unit}; the spec's range begins at 0"
     for name in dict.fromkeys((*PATHS, *DRAWN)):
         if name in parameters and parameters[name]["low"] < 0:
             yield f"the log allows a {name} below 0, which no device has; the spec's range begins at 0"
@@ -56,12 +61,19 @@ def whole(delay: Mapping[str, Any]) -> int | None:
     return ticks if max(ticks - delay["low"], delay["high"] - ticks) <= TOLD or delay["high"] <= TOLD else None
 
 
+def late(facts: Mapping[str, Any]) -> str:
+    """The key of [device] that has the delay of a table: "delay" in whole ticks, "dead_time" in s, "" if there is none."""
+    ticks = whole(facts["parameters"]["delay"])
+    return "" if ticks == 0 else "dead_time" if ticks is None or "analogue" in facts["asked"] else "delay"
+
+
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
     parameters = facts["parameters"]
     if "load_mass" in parameters:
         return "\n".join([*_comments(facts), _two_masses(facts)])
     known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
+    ranges: dict[str, Any] = {}
     tables: dict[str, dict[str, Any]] = {
         "controller": {"kind": "dc"},
         "rates": {"fast_hz": float(f"{1 / facts['period_s']:.9g}")},
@@ -69,14 +81,28 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     for path, each in known.items():
         room, name = path.split(".")
         tables.setdefault(room, {})[name] = max(each["value"], 0.0)
-    if ticks := whole(parameters["delay"]):
-        tables["device"]["delay"] = ticks
-    effects = {"resolution": facts["resolution"]} if facts["resolution"] and facts["measured"] == "position" else {}
+    name = late(facts)
+    if name == "delay":
+        tables["device"]["delay"] = whole(parameters["delay"])
+    elif name:
+        ticks = (min(max(parameters["delay"][each], 0.0), LONGEST_DELAY) for each in ("low", "value", "high"))
+        low, tables["device"]["dead_time"], high = (float(f"{each * facts['period_s']:.9g}") for each in ticks)
+        ranges = {"device.dead_time": {"start": low, "stop": high}} if low < high else {}
+    if _of_positions(facts):
+        tables["device"]["velocity"] = "difference"
+    effects = (
+        {"resolution": float(f"{facts['resolution']:.9g}")} if facts["resolution"] and facts["measured"] == "position" else {}
+    )
     if "friction" in parameters:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
     tables["simulate"] = effects
     tables["for_all"] = {path: {"start": max(each["low"], 0.0), "stop": max(each["high"], 0.0)} for path, each in known.items()}
+    tables["for_all"] |= ranges
     return "\n".join([*_comments(facts), as_toml(tables)])
+
+
+def _of_positions(facts):
+    return facts["measured"] == "position" and "period_s" not in facts["asked"]  # and no frequency response
 
 
 def _two_masses(facts: Mapping[str, Any]) -> str:
@@ -108,16 +134,15 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
 
 def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     delay, millis, two = facts["parameters"]["delay"], 1e3 * facts["period_s"], "load_mass" in facts["parameters"]
-    place = "It is tau." if two else "It is device.delay."
-    seconds = max(delay["value"], 0.0) * facts["period_s"]
-    unknown = f"It is no whole number of them: a built-in loop has it as device.dead_time = {seconds:.4g}."
+    place = "tau" if two else f"device.{late(facts)}" if late(facts) else "left out"
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
         "# Intervals of 95 %, in [for_all]:",
         *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
-        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms.",
-        f"# {unknown if whole(delay) is None and not two else place}",
+        f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms. It is {place}.",
     ]
+    if _of_positions(facts) and not two:
+        lines.append("# The log has positions, so the velocity is that of their differences.")
     if two:
         lines.append(
             "# A proof takes five ranges, so the load's damping Dl has the ends of its interval as values, and tau its own."

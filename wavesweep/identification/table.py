@@ -20,7 +20,7 @@ from wavesweep.core.tables.fields import Field
 from wavesweep.core.tables.kind import Line, Numbers, whole_kind
 from wavesweep.core.tables.table import Table
 from wavesweep.identification.columns import COLUMNS
-from wavesweep.identification.device_spec import PATHS, negative, spoken, whole
+from wavesweep.identification.device_spec import PATHS, negative, spoken
 
 METHOD = (
     "likelihood of rounded readings against the sampled model, force held over a tick, from the row on at which the force "
@@ -339,11 +339,6 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
         if band := found["residual"].get("resonance_hz"):
             yield f"{other} of a quarter of the mass would show from {band[0]:.3g} to {band[1]:.3g} Hz", False
-        if whole(found["parameters"]["delay"]) is None and "load_mass" not in found["parameters"]:
-            yield (
-                "the spec's device has no such delay, so what is proved of it is not proved of this one: a drawn loop has it",
-                True,
-            )
         return
     if found["missing"] == "unseen":
         yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
