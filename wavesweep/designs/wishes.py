@@ -1,8 +1,8 @@
 """Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, partial
+from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,18 +15,16 @@ from wavesweep.core.columns import Rows
 from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.loops.domain import refuse_unsuitable
-from wavesweep.core.response.steady import GOOD
+from wavesweep.core.response.steady import Response
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.resolving import longest_delay
 from wavesweep.core.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
 from wavesweep.core.sweep.grid import distinct_rows, drawn_groups
+from wavesweep.designs.bands import HIGH, NODES, Modes, Sampled, over_band
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 
-NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
-PIECES = (1, 4, 16, 64)  # of a band, tried in turn
-HIGH = 4  # coefficients of a piece that have to be small
-UNSEEN = 1e-4  # how small they have to be compared with the mean; the error is far less
+UNSEEN = 1e-4  # how small the last coefficients of a piece have to be compared with the mean; the error is far less
 DENSE = 8 * NODES  # points of a piece among which a least value is looked for
 BAND_HZ = (0.1, 10.0)
 BATCH = 512  # points at a time: more leave the processor's cache
@@ -178,45 +176,57 @@ def _felt_over(spec, band, points, stiffest):
     ties = {path: points.changes[path] * wall for path in points.ties}
     there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(some)
 
-    def added(frequency, points):
+    def least_added(points):
         free = replace(points, changes={**points.changes, **{path: np.zeros(points.size) for path in spec.wall}})
-        (found, off), (without, of_free) = (_impedances(spec, frequency, each) for each in (points, free))
-        size = np.abs(found - without)
-        return size, (off + of_free <= ERROR * size).all(-1)
+        modes = _modes(spec, points).beside(_modes(spec, free))
 
-    value[some], sure = _extreme(spec, band, there, added, np.min)
+        def added(at, frequency):
+            found, without = (_responses(spec, frequency, each.some(at)) for each in (points, free))
+            off = (np.abs(each.impedance) * each.impedance_error for each in (found, without))
+            size = found.impedance - without.impedance
+            # A dip is a zero of the difference, which times both admittances has no poles but those of both loops.
+            return size, sum(off), [(size * found.admittance * without.admittance, modes.some(at))]
+
+        return _extreme(band, points.size, added, np.min)
+
+    value[some], sure = _where_solvable(spec, there, least_added, *_unknown(some.size))
     certified[some] &= sure
     return value, certified
 
 
 def _free_motion(spec, wish, points):
     """Largest size of the impedance over a band, N/m, without the wall; missing if the loop is unstable."""
+    stable, modes = _radii(spec, points) < 1, _modes(spec, points)
 
-    def size(frequency, points):
-        found, off = _impedances(spec, frequency, points)
-        return np.abs(found), (off <= ERROR * np.abs(found)).all(-1)
+    def impedance(at, frequency):
+        found = _responses(spec, frequency, points.some(at))
+        # A resonance is a zero of the admittance, a dip one of the product of both.
+        both = found.admittance, found.impedance * found.admittance
+        off = np.abs(found.impedance) * found.impedance_error
+        return found.impedance, off, [(each, modes.some(at)) for each in both]
 
-    stable = _radii(spec, points) < 1
-    value, certified = _extreme(spec, wish.options.get("band_hz", BAND_HZ), points, size, np.max)
+    value, certified = _extreme(wish.options.get("band_hz", BAND_HZ), points.size, impedance, np.max)
     return np.where(stable, value, np.nan), certified & stable
 
 
-def _extreme(spec, band, points, sizes, least):
-    """Return the least or the largest size over a band (Hz) of each point, and whether it is certified.
+def _extreme(band, size, response, least):
+    """Return the least or the largest size over a band (Hz) of a response of so many points, and whether it is certified.
 
-    sizes: takes frequencies and points, gives a size `(points, frequencies)` and whether it is known. Between frequencies it is
-    that of a polynomial through the logarithm of the size. least: `np.min` or `np.max`.
+    response: takes points and frequencies, gives the response, its error, `(points, frequencies)`, and where it is singular
+    (see `Sampled`). Between frequencies its size is that of a polynomial through the logarithm. least: `np.min` or `np.max`.
     """
     dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T
 
-    def measured(some, frequency):
-        size, sure = _where_solvable(spec, some, partial(sizes, frequency), *_unknown(some.size, frequency.size))
+    def sample(at, frequency):
+        found, off, responses = response(at, frequency)
         with np.errstate(divide="ignore", invalid="ignore"):
-            degrees = _degrees(np.log(size))
-        settled = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
-        return np.exp(least(degrees @ dense, axis=(-1, -2))), sure, settled
+            return Sampled(np.log(np.abs(found)), (off <= ERROR * np.abs(found)).all(-1), responses)
 
-    return _refined(band, points, np.arange(points.size), measured, PIECES[:-1], *_unknown(points.size))  # a dip stays in doubt
+    def reduce(degrees, share):
+        del share
+        return np.exp(least(degrees @ dense, axis=(-1, -2))), np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
+
+    return over_band(band, np.arange(size), sample, reduce, *_unknown(size), at_poles=False)
 
 
 def _transparency(spec, wish, points):
@@ -224,49 +234,29 @@ def _transparency(spec, wish, points):
 
     A design with an unstable loop has no value, and its other loops are left out: they count as 0.
     """
-
-    def measured(some, frequency):
-        square, sure = _distances(spec, some, frequency)
-        degrees = _degrees(square)
-        value = np.sqrt(degrees[..., 0].mean(-1))
-        unseen = np.abs(degrees[..., -HIGH:]).max(-1).mean(-1)
-        return value, sure, unseen <= UNSEEN * np.maximum(value, ERROR) ** 2  # responses are not known better
-
     stable = _radii(spec, points) < 1
     some = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    there, place = points.some(some), np.searchsorted(some, np.arange(points.size))
+    ideal, coupled, which = _coupled(spec, there)
+    modes, of_ideal = _modes(spec, there), _modes(ideal, coupled).some(which)
+
+    def sample(at, frequency):
+        at = place[at]
+        different, back = np.unique(which[at], return_inverse=True)
+        (found, off), (wanted, of_wanted) = (
+            _admittances(*each, frequency) for each in ((spec, there.some(at)), (ideal, coupled.some(different)))
+        )
+        wanted, sure = wanted[back], (np.maximum(off, of_wanted[back]) <= ERROR).all(-1)
+        with np.errstate(all="ignore"):
+            square = np.abs(np.log(found / wanted)) ** 2
+        return Sampled(square, sure, [(found, modes.some(at)), (wanted, of_ideal.some(at))])
+
+    def reduce(degrees, share):
+        value, unseen = np.sqrt(degrees[..., 0] @ share), np.abs(degrees[..., -HIGH:]).max(-1) @ share
+        return value, unseen <= UNSEEN * np.maximum(value, ERROR) ** 2  # responses are not known better
+
     band = wish.options.get("band_hz", BAND_HZ)
-    return _refined(band, points, some, measured, PIECES, np.where(stable, 0.0, np.nan), stable.copy())
-
-
-def _refined(band, points, some, measured, pieces, value, certified):
-    """Fill in the values of the points `some` over a band (Hz), and their certificates, from more and more pieces of it.
-
-    measured: takes points and frequencies, gives values, whether they are known, and whether more pieces change nothing.
-    """
-    node = np.polynomial.legendre.leggauss(NODES)[0]
-    for count in pieces:
-        if not some.size:
-            break
-        edges = np.log(band[0]) + np.ptp(np.log(band)) * np.arange(count + 1) / count
-        frequency = np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
-        value[some], sure, settled = measured(points.some(some), frequency)
-        certified[some] = sure & settled
-        some = some[~settled & np.isfinite(value[some])]
-    return value, certified
-
-
-@cache
-def _to_degrees():
-    node, weight = np.polynomial.legendre.leggauss(NODES)
-    return np.polynomial.legendre.legvander(node, NODES - 1) * weight[:, None] * (np.arange(NODES) + 0.5)
-
-
-def _degrees(values):
-    """Return the Legendre coefficients of each piece, `(points, pieces, degrees)`, from values at its nodes.
-
-    The first is the mean. The highest are small if a function has no features narrower than the nodes resolve.
-    """
-    return values.reshape(len(values), -1, NODES) @ _to_degrees()
+    return over_band(band, some, sample, reduce, np.where(stable, 0.0, np.nan), stable.copy(), at_poles=True)
 
 
 def _radii(spec, points):
@@ -276,47 +266,51 @@ def _radii(spec, points):
     return radius
 
 
-def _impedances(spec, frequency, points):
-    """Return the impedances at the hand and bounds on their errors, `(points, frequencies)`."""
-    found, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
+def _modes(spec, points) -> Modes:
+    """The modes of the loops of points."""
+    parts, rate = [], np.empty(points.size)
+    for members, loops in _batches(spec, points):
+        E, drawn = frames_with_reliability(loops.read)[0], loops.drawn()
+        rate[members] = 1 / np.real(drawn.period * drawn.ticks)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            parts.append((members, np.log1p(eigenvalues(E)[0]) / 2j / np.pi))
+    frequency = np.full((points.size, max((part.shape[-1] for _, part in parts), default=0)), np.nan, complex)
+    for members, part in parts:
+        frequency[members, : part.shape[-1]] = part * rate[members, None]
+    return Modes(frequency, rate)
+
+
+def _responses(spec, frequency, points) -> Response:
+    """The responses at the hand, `(points, frequencies)`."""
+    found = Response(*(np.empty((points.size, frequency.size), kind) for kind in (complex, complex, float, float)))
     for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        response = responses_of(loops, members.size, frequency, ERROR / 2)
-        found[members], error[members] = response.impedance, np.abs(response.impedance) * response.impedance_error
-    return found, error
+        some = responses_of(loops, members.size, frequency, ERROR / 2)
+        for each in fields(Response):
+            getattr(found, each.name)[members] = getattr(some, each.name)
+    return found
 
 
-def _distances(spec, points, frequency):
-    """Return |ln(H/H_dc)|^2, `(points, frequencies)`, and whether both responses are known well enough."""
-    square, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
-    ideal, ideal_error = _ideal(spec, points, frequency)
+def _admittances(spec, points, frequency):
+    """Return the admittances at the hand and bounds on their relative errors, `(points, frequencies)`."""
+    value, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
     for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
         # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
         response = responses_of(loops, members.size, frequency, np.inf)
-        found, error = response.admittance, response.admittance_error
-        again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
+        value[members], error[members] = response.admittance, response.admittance_error
+        again = np.flatnonzero(~(error[members] <= ERROR / 2).all(-1))
         if again.size:
             response = responses_of(loops.some(again), again.size, frequency, ERROR / 2)
-            found[again], error[again] = response.admittance, response.admittance_error
-        with np.errstate(all="ignore"):
-            square[members] = np.abs(np.log(found / ideal[members])) ** 2
-        sure[members] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
-    return square, sure
+            value[members[again]], error[members[again]] = response.admittance, response.admittance_error
+    return value, error
 
 
-def _ideal(spec, points, frequency):
-    """Return the admittance of direct coupling at the fast rate and its error, `(points, frequencies)`.
-
-    Each different loop is computed once.
-    """
-    ideal = spec.with_values({"controller.kind": "dc"})
-    read = keys_of_page(ideal.values)
+def _coupled(spec, points):
+    """Direct coupling at the fast rate of the points: the spec, different points, and which of these each one has."""
+    spec = spec.with_values({"controller.kind": "dc"})
+    read = keys_of_page(spec.values)
     changes = {path: column for path, column in points.changes.items() if path in read}
     first, back = distinct_rows(changes, points.size)
-    value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
-    for members, loops in _batches(ideal, Points(changes, (), points.shape).some(first)):
-        response = responses_of(loops, members.size, frequency, GOOD)
-        value[members], error[members] = response.admittance, response.admittance_error
-    return value[back], error[back]
+    return spec, Points(changes, (), points.shape).some(first), back
 
 
 def _offered(spec, wish, points):

@@ -1,0 +1,192 @@
+"""Values over a band of frequencies, from pieces on which no resonance may hide between the nodes.
+
+A function of the logarithm of the frequency is a polynomial through its values at the nodes of a piece if its last Legendre
+coefficients are small. They are small as well if a pole lies next to a zero, nearer than any node does. But the poles of a
+response are known: the eigenvalues of the frame, with images that lie the frame's rate apart. Times `x - p` for each pole p
+near the piece, a response has no pole left there. A polynomial through its values is then what it is, and has its zeros, which
+the argument principle counts. So a piece is settled only if the ellipse about it has no zero, and no pole, at which what is
+wanted is singular. Otherwise it is divided about them, the finer the nearer.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.polynomial import legendre
+
+NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
+HIGH = 4  # coefficients of a piece that have to be small
+PIECES = (4, 16)  # of a band, tried in turn before it is divided about zeros and poles
+CLEAR = 1.25  # sum of the semi-axes, in half widths, of the ellipse about a piece that has to be clear of them
+NEAR = 1.7  # the same of that about the zeros and poles of which it is divided otherwise
+KNOWN = 2.5  # the same of that whose poles are divided out
+RIM = 64  # points of the ellipse, between which a value turns by at most
+TURN = np.pi / 2
+NEAREST = 1e-12  # in the logarithm of the frequency: how far from real frequencies a zero is taken to be at the least
+ROUNDS = 3  # of dividing about zeros: the first may see them only roughly
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Modes:
+    """The modes of loops as complex frequencies (Hz), `(points, modes)`, NaN for none, and the rate of their frames (Hz)."""
+
+    frequency: np.ndarray
+    rate: np.ndarray
+
+    def some(self, index) -> "Modes":
+        """Those of some points."""
+        return Modes(self.frequency[index], self.rate[index])
+
+    def beside(self, other: "Modes") -> "Modes":
+        """The modes of both, whose frames have the same rates."""
+        return Modes(np.concatenate([self.frequency, other.frequency], -1), self.rate)
+
+    def logarithms(self, top: float) -> np.ndarray:
+        """The logarithms of the frequencies and of their images up to a frequency (Hz), on three sheets, `(points, any)`."""
+        count = int(np.ceil(top / self.rate.min(initial=np.inf))) + 1
+        images = self.frequency[:, :, None] + self.rate[:, None, None] * np.arange(-count, count + 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sheets = np.log(images)[..., None] + 2j * np.pi * np.array([-1, 0, 1])
+        return np.where(np.isfinite(sheets), sheets, np.nan).reshape(len(images), -1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """What is wanted at some frequencies, real, `(points, frequencies)`, and whether it is known, `(points,)`.
+
+    responses: pairs of a complex function of the frequency at the zeros of which it is singular, and of the modes that are the
+    only poles of that.
+    """
+
+    wanted: np.ndarray
+    sure: np.ndarray
+    responses: Sequence[tuple[np.ndarray, Modes]]
+
+
+def over_band(
+    band: Sequence[float],
+    some: np.ndarray,
+    sample: Callable[[np.ndarray, np.ndarray], Sampled],
+    reduce: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
+    value: np.ndarray,
+    certified: np.ndarray,
+    *,
+    at_poles: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fill in the values of the points `some` over a band (Hz), and their certificates.
+
+    sample: takes points and frequencies (Hz). reduce: takes the Legendre coefficients of each piece, `(points, pieces, NODES)`,
+    and the share of each piece in the band, and gives values and whether these are settled. at_poles: whether what is wanted is
+    singular at the poles of the responses as well.
+    """
+    ends = np.log(band)
+
+    def look(edges, at):
+        pieces = _Pieces(edges)
+        found = sample(at, np.exp(pieces.nodes).ravel())
+        value[at], settled = reduce(degrees_of(found.wanted), np.diff(edges) / np.ptp(ends))
+        functions = [_Function(pieces, *each) for each in found.responses]
+        clear = np.logical_and.reduce([each.clear(at_poles=at_poles) for each in functions])
+        certified[at] = found.sure & settled & clear
+        return [(at[[row]], row, functions) for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))]
+
+    open_ = [(some[[row]], row, ()) for row in range(some.size)]
+    for count in PIECES:
+        edges, some = np.linspace(*ends, count + 1), [at for at, *_ in open_]
+        parts = np.array_split(np.concatenate(some), len(some) * count // 4096 + 1) if some else ()
+        open_ = [each for part in parts for each in look(edges, part)]
+    for _ in range(ROUNDS):
+        before, open_ = open_, []
+        for at, row, functions in before:
+            singular = np.concatenate([each.singular(row, at_poles=at_poles) for each in functions])
+            open_ += look(_divided(edges, singular), at) if singular.size else []
+    return value, certified
+
+
+def _divided(edges, singular):
+    """The edges of pieces, with more of them about places in the complex plane, four times finer each towards these."""
+    away = 2 * np.maximum(np.abs(singular.imag), NEAREST)
+    away = away[:, None] * 4.0 ** np.arange(int(np.ceil(np.log2(np.ptp(edges) / away.min()) / 2)))
+    more = singular.real[:, None] + np.concatenate([-away, away], 1)
+    found = np.unique(np.concatenate([edges, more[(more > edges[0]) & (more < edges[-1])]]))
+    return found[np.append(np.diff(found) > NEAREST / 4, True)]
+
+
+class _Pieces:
+    """Pieces of a band in the logarithm of the frequency."""
+
+    def __init__(self, edges) -> None:
+        self.middle, self.half = (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2
+        self.nodes = self.middle[:, None] + self.half[:, None] * _nodes()[0]
+
+    @property
+    def top(self) -> float:
+        """The highest frequency (Hz) of the ellipses whose poles are divided out."""
+        return float(np.exp((self.middle + self.half * (KNOWN + 1 / KNOWN) / 2).max()))
+
+
+class _Function:
+    """A response on pieces, with the poles near these divided out."""
+
+    def __init__(self, pieces, values, modes) -> None:
+        self.pieces = pieces
+        at = (modes.logarithms(pieces.top)[:, None, :] - pieces.middle[:, None]) / pieces.half[:, None]
+        with np.errstate(invalid="ignore"):
+            size = _size(at)
+            order = np.argsort(size, -1)[..., : int((size < KNOWN).sum(-1).max(initial=0))]
+            at, size = (np.take_along_axis(each, order, -1) for each in (at, size))
+            self.poles = np.where(size < KNOWN, at, np.nan)
+            factor = np.where(np.isnan(self.poles)[..., None, :], 1.0, _nodes()[0][:, None] - self.poles[..., None, :])
+            self.degrees = degrees_of((values.reshape(factor.shape[:-1]) * factor.prod(-1)).reshape(len(values), -1))
+
+    def clear(self, *, at_poles):
+        """Whether the ellipses have no zero, and perhaps no pole, of each point; False if that is not known."""
+        rim = self.degrees @ _rim()
+        with np.errstate(all="ignore"):
+            unseen = np.abs(self.degrees[..., -HIGH:]).max(-1) * CLEAR**NODES / (1 - CLEAR / KNOWN)
+            turns = np.angle(np.roll(rim, -1, -1) / rim)
+            clear = (unseen < np.abs(rim).min(-1) / 2) & (np.abs(turns).max(-1) < TURN) & (np.abs(turns.sum(-1)) < np.pi)
+            if at_poles:
+                clear &= ~(_size(self.poles) < CLEAR).any(-1)
+        return clear.all(-1)
+
+    def singular(self, row, *, at_poles):
+        """The zeros, and perhaps the poles, of a point in the ellipses, in the logarithm of the frequency, `(any,)`."""
+        found = []
+        pieces = self.pieces.middle, self.pieces.half
+        for degrees, poles, middle, half in zip(self.degrees[row], self.poles[row], *pieces, strict=True):
+            if np.isfinite(degrees).all() and degrees.any():
+                at = np.concatenate([legendre.legroots(degrees), poles if at_poles else poles[:0]])
+                found.append(middle + half * at[_size(at) < NEAR])
+        return np.concatenate([np.zeros(0, complex), *found])
+
+
+def _size(at):
+    """The sum of the semi-axes of the ellipse about [-1, 1] that goes through a place."""
+    return np.abs(at + np.sqrt(at - 1) * np.sqrt(at + 1))
+
+
+@cache
+def _nodes():
+    return legendre.leggauss(NODES)
+
+
+@cache
+def _to_degrees():
+    node, weight = _nodes()
+    return legendre.legvander(node, NODES - 1) * weight[:, None] * (np.arange(NODES) + 0.5)
+
+
+@cache
+def _rim():
+    round_ = CLEAR * np.exp(2j * np.pi * np.arange(RIM) / RIM)
+    return legendre.legvander((round_ + 1 / round_) / 2, NODES - 1).T
+
+
+def degrees_of(values: np.ndarray) -> np.ndarray:
+    """Return the Legendre coefficients of each piece, `(points, pieces, degrees)`, from values at its nodes.
+
+    The first is the mean. The highest are small if a function has no features narrower than the nodes resolve.
+    """
+    return values.reshape(len(values), -1, NODES) @ _to_degrees()
