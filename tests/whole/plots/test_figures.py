@@ -369,6 +369,22 @@ def test_numbers_below_a_narrow_panel_do_not_touch():
         assert all(left[1] < right[0] for left, right in pairwise(boxes))
 
 
+def test_texts_of_neighbouring_panels_and_below_a_round_one_stay_apart():
+    """The numbers below four panels ran into each other, and the note below a panel of equal units into its axis."""
+    with figure(7.0, 2.0) as canvas:
+        for axes in canvas.subplots(1, 4, sharey=True):
+            axes.set_xlim(0, 2000)
+    boxes = [[each.get_window_extent() for each in axes.get_xticklabels()] for axes in canvas.axes]
+    assert all(right[0].x0 - left[-1].x1 > 7 / 72 * canvas.dpi for left, right in pairwise(boxes))
+    with figure(4.55, 5.0) as canvas:
+        axes = canvas.subplots()
+        axes.set(aspect="equal", xlabel="real", ylabel="imaginary", xlim=(-1, 1), ylim=(-1, 1))
+        handles = [*axes.plot([0, 1], np.zeros((2, 5)))]
+        canvas.legend(handles, "abcde", fontsize=7, loc="outside upper center")
+        note_below(canvas, "a note\nof two lines")
+    assert canvas._supxlabel.get_window_extent().y1 + 5 < axes.xaxis.label.get_window_extent().y0
+
+
 def test_a_width_and_a_style_that_are_asked_for(plane, tmp_path):
     usual = plots.zwidth(plane, {})
     with as_asked(89 / 25.4), as_asked(settings={"font.family": ["serif"], "lines.linewidth": 3.0}):

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -18,7 +18,7 @@ TWO_COLUMNS = 7.0
 NARROW_BELOW = 5.0  # inches: panels of a narrower figure stand one below the other; its texts have the same size
 DOTS_PER_INCH = 200
 NOTE = 16  # letters of a note in an inch
-NARROW = 1.5  # points, at least, between two numbers below a panel
+NARROW, APART = 1.5, 8.0  # points, at least, between two numbers below a panel, and below neighbouring ones
 IDEAL = "black"
 DOUBTFUL = "#d62728"
 FAINT = 0.35  # share of its colour that the curve of an unstable loop has
@@ -151,16 +151,31 @@ def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _settle(canvas: Any) -> None:
-    """Lay the figure out once and round the positions of its panels.
+    """Lay the figure out and round the positions of its panels.
 
-    The layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
+    A panel whose axes have the same unit gets its shape when it is drawn, so that the texts around it are then placed anew. The
+    layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
     """
     canvas.draw_without_rendering()
-    if [axes for axes in canvas.axes if _thinned(axes) or _cut_off(axes)]:
+    again = [axes for axes in canvas.axes if _thinned(axes) or _cut_off(axes) or axes.get_aspect() != "auto"]
+    if close := _closest(canvas.axes) < APART * canvas.dpi / 72:
+        canvas.get_layout_engine().set(w_pad=_STYLE["figure.constrained_layout.w_pad"] + APART / 2 / 72)
+    if again or close:
         canvas.draw_without_rendering()
     canvas.set_layout_engine("none")
     for axes in canvas.axes:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
+
+
+def _closest(panels: Sequence[Any]) -> float:
+    """The least distance (pixels) between the numbers below a panel and those below the next one beside it; else infinite."""
+    spans = []
+    for axes in panels:
+        boxes = [each.get_window_extent() for each in axes.get_xticklabels() if each.get_visible() and each.get_text()]
+        boxes = [box for box in boxes if axes.bbox.x0 - 1 <= (box.x0 + box.x1) / 2 <= axes.bbox.x1 + 1]
+        spans += [(axes.bbox.y0, axes.bbox.x0, min(box.x0 for box in boxes), max(box.x1 for box in boxes))] if boxes else []
+    pairs = product(spans, repeat=2)
+    return min((b[2] - a[3] for a, b in pairs if abs(a[0] - b[0]) < 1 and a[1] < b[1]), default=float("inf"))
 
 
 def _cut_off(axes: Any) -> bool:
