@@ -209,7 +209,6 @@ SAMPLED = {
     "zwidth": "zwidth mine.toml",
     "stability-region": "stability-region mine.toml --set 'sweep.b={start=5, stop=50}'",
     "bode": "bode mine.toml",
-    "compare": "compare mine.toml",
     "simulate": "simulate mine.toml",
     "passivity": "passivity mine.toml --filters",
     "why": "why mine.toml --set environment.integration=explicit",

@@ -26,7 +26,6 @@ shell: what a shell completes, `register()` before the line is parsed, and `prep
 prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
 frames: frames as they were measured, for --frames: `identified`, a table of them, and its `spec_text`, with `number_of` a spec;
     whether a run is `within` what a spec's answers are for, and its `lines`; `read_run`, the frames of a file.
-walls: `walls_of` several specs, the table and figure of `zwidth` for them.
 classes: classes of blocks that specs may use without drawing them, `CLASSES`: the file of each by its name.
 wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
 """
@@ -97,12 +96,6 @@ CAPABILITIES = (
         {"check": "Judge a spec's own design, and say what to do next."},
         library=("verdict",),
         offers=("on_check", "verdict"),
-    ),
-    Capability(
-        "compare",
-        {"compare": "Compare several specs: the old name of zwidth SPEC... and bode SPEC... in one."},
-        kinds=("compare", "compare-bode"),
-        offers=("walls",),
     ),
     Capability(
         "simulation",
@@ -211,7 +204,7 @@ QUESTIONS = MappingProxyType(
     {
         "Describe a loop": ("init", "keys", "identify"),
         "Is it stable, and how far": ("check", "zwidth", "stability-region", "why", "margins", "poles", "passivity"),
-        "How does it behave": ("bode", "simulate", "compare"),
+        "How does it behave": ("bode", "simulate"),
         "Which design, and how to build it": ("design", "explore", "report", "export"),
         "Tables and words": ("plot", "inspect", "verify", "explain"),
         "The paper, and speed": ("paper", "bench"),

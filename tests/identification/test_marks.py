@@ -7,6 +7,7 @@ import wavesweep
 from tests.identification.test_points import spec_of
 from wavesweep.core import plots
 from wavesweep.core.plots.style import distinct_colour
+from wavesweep.core.tables.specs import intervals_of_specs
 from wavesweep.identification.marks import facts_of
 
 SWEEP = {"B_VE": [0.0, 1.0, 2.0, 3.0, 4.0]}
@@ -69,8 +70,8 @@ def test_models_of_one_measurement_share_its_points_in_a_comparison(tmp_path):
         (tmp_path / f"{name}.toml").write_bytes((tmp_path / "mine.toml").read_bytes())
         specs.append(wavesweep.load(tmp_path / f"{name}.toml", [*own, f"measured.z_width={other}"]))
     assert spec.measured == specs[0].measured
-    walls, responses = pytest.importorskip("wavesweep.compare.table").compare(specs)
-    figure = plots.compare(walls.columns, {**walls.facts, **facts_of(specs, "compare")}, responses.columns)
+    walls = intervals_of_specs(specs)
+    figure = plots.zwidth_specs(walls.columns, {**walls.facts, **facts_of(specs, "zwidth-specs")})
     panel = figure.axes[0]
     assert [points for points in points_of(panel, "o", "white") if [2, 3500] in points] == [[[2, 3500]]]
     (limit,) = [line for line in panel.lines if line.get_marker() == "D" and line.get_linestyle() == "None"]

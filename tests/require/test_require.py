@@ -1,7 +1,6 @@
 """[sweep] require: intervals in which every mode is within a radius per frame, or settles in a time."""
 
 from fractions import Fraction
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from wavesweep.core.spec import load
 from wavesweep.core.tables import kind_named
 from wavesweep.core.tables.intervals import KINDS as TABLES
 from wavesweep.core.tables.intervals import intervals, rows_again
+from wavesweep.core.tables.specs import intervals_of_specs
 
 FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
 SPEC = {
@@ -271,12 +271,12 @@ def test_what_cannot_be_required_is_one_clear_line(require, expected):
     assert str(error.value) == expected
 
 
-@pytest.mark.asks("compare", "passive", "sensitivity")
+@pytest.mark.asks("passive", "sensitivity")
 def test_what_is_about_stability_alone_refuses_it():
     for refused in (
         lambda: wavesweep.zwidth(SPEC, for_hands="passive"),
         lambda: wavesweep.why(SPEC),
-        lambda: import_module("wavesweep.compare.table").compare([load(SPEC)]),
+        lambda: intervals_of_specs([load(SPEC)]),
         lambda: wavesweep.compile(SPEC).stable_intervals("rates.fast_hz", (500.0, 2000.0), require={"settling": 0.5}),
     ):
         with pytest.raises(UsageError, match=r"stability alone|changes the time of a frame"):

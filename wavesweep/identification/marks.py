@@ -16,8 +16,8 @@ from wavesweep.identification.points import response_of, walls_of
 Facts = Mapping[str, Any]
 ByKind = Mapping[bool | None, np.ndarray]
 
-OF_WALLS = ("zwidth", "zwidth-hands", "stability-region", "stability-region-hands", "compare")
-OF_RESPONSES = ("bode", "compare", "compare-bode")
+OF_WALLS = ("zwidth", "zwidth-hands", "stability-region", "stability-region-hands", "zwidth-specs")
+OF_RESPONSES = ("bode",)
 
 _POINT = {"linestyle": "none", "marker": "o", "markersize": 4, "zorder": 6}
 _EDGE = {"markeredgecolor": "white", "markeredgewidth": 0.5}

@@ -282,7 +282,7 @@ REPLACING = [
     (["zwidth", "READ", "--out", "MADE"], "mine.csv"),
     (["zwidth", "READ", "--out", "."], "zwidth.csv"),
     (["bode", "READ", "--out", "MADE"], "mine.svg"),
-    (["compare", "wall.toml", "READ", "--out", "."], "compare-bode.png"),
+    (["zwidth", "wall.toml", "READ", "--out", "."], "zwidth-specs.png"),
     (["simulate", "READ", "--out", "."], "simulate.datapackage.json"),
     (["design", "READ", "--out", "."], "best/mine-01.toml"),
     (["zwidth", "wall.toml", "--set", "measured.z_width=READ", "--out", "."], "zwidth.csv"),

@@ -186,7 +186,7 @@ def test_a_page_does_not_replace_its_spec(wavesweep, spec):
 @pytest.mark.thorough
 @pytest.mark.whole
 @pytest.mark.sample(1)
-@pytest.mark.parametrize("command", ["zwidth", "bode", "compare", "why", "check --plot"])
+@pytest.mark.parametrize("command", ["zwidth", "bode", "why", "check --plot"])
 def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, monkeypatch, command):
     """A dollar sign begins a formula in the program that draws."""
     monkeypatch.chdir(tmp_path)
@@ -194,22 +194,10 @@ def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, m
     recipe = Path(__file__).parents[3] / "sweeps" / "recipes" / "two-rate-wall.toml"
     (tmp_path / "x$b_{y$.toml").write_text(recipe.read_text().replace('unit = "N/m"', 'unit = "$N_{$m"'))
     (tmp_path / "y$1 and $2.toml").write_text(recipe.read_text())
-    specs = ["x$b_{y$.toml", "y$1 and $2.toml"] if name == "compare" else ["x$b_{y$.toml"]
+    specs = ["x$b_{y$.toml", "y$1 and $2.toml"] if name in ("zwidth", "bode") else ["x$b_{y$.toml"]
     code, _, err = wavesweep(name, *specs, *rest, "--out", "made")
     assert code == 0, err
     assert list((tmp_path / "made").glob("*.png"))
-
-
-@pytest.mark.thorough
-def test_a_comparison_is_drawn_again_with_its_responses(wavesweep, spec, tmp_path):
-    other, made = tmp_path / "other.toml", tmp_path / "made"
-    other.write_text(SPEC.replace('"pmw"', '"dc"'))
-    assert wavesweep("compare", spec, other, "--out", made)[0] == 0
-    assert wavesweep("plot", made / "compare.csv", "--out", tmp_path / "again")[0] == 0
-    assert (tmp_path / "again" / "compare.png").read_bytes() == (made / "compare.png").read_bytes()
-    (made / "compare-bode.csv").unlink()
-    assert wavesweep("plot", made / "compare.csv", "--out", tmp_path / "alone")[0] == 0
-    assert (tmp_path / "alone" / "compare.png").read_bytes() != (made / "compare.png").read_bytes()
 
 
 @pytest.mark.whole

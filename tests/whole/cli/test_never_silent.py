@@ -23,7 +23,7 @@ b = { start = 20, stop = 40 }
 [design.wish]
 z_width = { at_least = 100, B_VE = [1] }
 """
-COMMANDS = ("zwidth", "bode", "why", "margins", "poles", "simulate", "design", "passivity", "check", "report", "compare")
+COMMANDS = ("zwidth", "bode", "why", "margins", "poles", "simulate", "design", "passivity", "check", "report")
 
 
 @pytest.fixture

@@ -140,7 +140,7 @@ def drawn(seed, monkeypatch):
     monkeypatch.setattr(planes, "_source", source)
     monkeypatch.setattr("wavesweep.core.plots.style._settle", lambda _: None)
     facts = {"spec": wavesweep.load(TABLES).tables(), "spec_name": "hard"} if whose != "spec" else {}
-    draw = plots.compare if whose == "spec" else plots.zwidth
+    draw = plots.zwidth_specs if whose == "spec" else plots.zwidth
     return draw(columns, facts), columns, truths, whose, computed
 
 

@@ -12,13 +12,13 @@ import pytest
 
 import wavesweep
 import wavesweep.core.sweep
-from wavesweep.compare.table import compare
 from wavesweep.core import plots
 from wavesweep.core.plots import style
 from wavesweep.core.plots.files import save
 from wavesweep.core.plots.layout import lay_out
 from wavesweep.core.plots.style import about_figure, as_asked, figure, note_below, warn_above
 from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.specs import intervals_of_specs
 
 pytestmark = pytest.mark.slow
 
@@ -219,14 +219,14 @@ def test_an_axis_that_goes_by_factors_is_drawn_so():
     assert [axes.get_xscale() for axes in plots.passivity(columns, FACTS).axes] == ["log"]  # without waves the port alone
     rows = wavesweep.zwidth(WALL | {"sweep": damping | {"K": {"start": 0, "stop": 1e5}}})
     columns = {"spec": np.full(len(rows), "wall", object)} | {name: rows[name].to_numpy() for name in rows}
-    assert [axes.get_xscale() for axes in plots.compare(columns, FACTS).axes] == ["log"]
+    assert [axes.get_xscale() for axes in plots.zwidth_specs(columns, FACTS).axes] == ["log"]
 
 
 def test_specs_of_a_comparison_differ_by_their_looks_and_values_have_panels(family):
     rows = family["low"].size
     columns = {"spec": np.repeat(np.array(["one", "two"], object), rows)}
     columns |= {name: np.tile(column, 2) for name, column in family.items()}
-    figure = plots.compare(columns, {})
+    figure = plots.zwidth_specs(columns, {})
     panels = [axes for axes in figure.axes if axes.get_title()]
     assert [axes.get_title() for axes in panels] == [f"$b$ = {b} N·s/m" for b in (20, 40, 60, 80)]
     for axes in panels:
@@ -245,7 +245,7 @@ def test_a_spec_that_does_not_read_the_damping_has_the_same_limits_everywhere(pl
     one = {"spec": np.full(plane["low"].size, "one", object)} | plane
     other = {name: column[:1] for name, column in one.items()}
     other |= {"spec": np.array(["flat"], object), "B_VE": np.array([np.nan]), "high": np.array([1234.0])}
-    (axes,) = plots.compare({name: np.concatenate([column, other[name]]) for name, column in one.items()}, {}).axes
+    (axes,) = plots.zwidth_specs({name: np.concatenate([column, other[name]]) for name, column in one.items()}, {}).axes
     lines = [line.tolist() for each in bars_of(axes) for line in each.get_segments()]
     assert [[0.0, 1234.0], [15.0, 1234.0]] in lines
 
@@ -337,27 +337,6 @@ def test_a_margin_of_an_unstable_loop_does_not_pass_for_passive(values):
 
 
 @pytest.mark.thorough
-def test_a_comparison_has_the_figures_of_both_tables():
-    """Above what `zwidth` draws of one spec, below what `bode` draws."""
-    spec = {
-        "controller": {"kind": "pmw"},
-        "environment": {"integration": "explicit"},
-        "bode": {"frequency_hz": [0.0, 0.5, 5.0]},
-    }
-    walls, responses = compare([wavesweep.load(spec | {"sweep": {"B_VE": [0.0, 5.0]}})])
-    figure, below = plots.compare(walls.columns, walls.facts, responses.columns), plots.bode(responses.columns, responses.facts)
-    for axes, alone in zip(figure.axes[1:], below.axes, strict=True):
-        assert [line.get_xydata().tolist() for line in axes.lines] == [line.get_xydata().tolist() for line in alone.lines]
-    alone = plots.zwidth({name: column for name, column in walls.columns.items() if name != "spec"}, walls.facts)
-    above, own = (
-        {tuple(v) for each in bars_of(axes) for v in np.concatenate(each.get_segments())}
-        for axes in (figure.axes[0], alone.axes[0])
-    )
-    assert {(x, y) for x, y in own if y > 0}
-    assert own == above
-
-
-@pytest.mark.thorough
 def test_numbers_below_a_narrow_panel_do_not_touch():
     with figure(7.0, 1.5) as canvas:
         for axes in canvas.subplots(1, 3).flat:
@@ -420,8 +399,8 @@ def test_a_comparison_follows_the_ends_between_the_values_of_a_table():
     lp1 = {"lp1": {"order": 1, "cutoff_hz": 8.57}}
     spec = {"controller": {"kind": "pmw", "b": 25.0}, "environment": {"integration": "explicit"}, "filters": lp1}
     spec |= {"bode": {"frequency_hz": [1]}}
-    walls, _ = compare([wavesweep.load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.0, 5.0]}})])
-    (axes,) = plots.compare(walls.columns, walls.facts).axes
+    walls = intervals_of_specs([wavesweep.load(spec | {"sweep": {"K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.0, 5.0]}})])
+    (axes,) = plots.zwidth_specs(walls.columns, walls.facts).axes
     vertices = np.concatenate([line for each in bars_of(axes) for line in each.get_segments()])
     at = np.unique(vertices[:, 0])
     table = wavesweep.compile(spec).stable_intervals(along="K_VE", span=(0, 20000), B_VE=at.tolist())

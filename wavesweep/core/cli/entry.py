@@ -92,6 +92,9 @@ class LazyGroup(click.Group):
         if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
             from difflib import get_close_matches
 
+            if name == "compare":  # the old name of two commands
+                both = "`wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses"
+                ctx.fail(f"compare is no longer a command. Compare specs with {both}.")
             close = get_close_matches(name, COMMANDS, n=1)
             ctx.fail(f"No such command {name!r}." + (f" Did you mean {close[0]}?" if close else ""))
         return super().resolve_command(ctx, args)

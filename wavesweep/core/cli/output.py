@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from wavesweep.core.tables.kind import Line
     from wavesweep.core.tables.table import Table
 
-INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
+INTERVALS = ("zwidth", "stability-region", "zwidth-specs")  # commands that sweep all axes of [sweep]
 FOR_ALL = ("zwidth", "stability-region", "design")  # commands that hold for all of [for_all]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
 from wavesweep.core.cli.options import FORMATS, folder, is_given
 from wavesweep.core.cli.talk import talk
-from wavesweep.core.errors import UsageError, WavesweepError
-
-if TYPE_CHECKING:
-    from wavesweep.core.columns import Columns
+from wavesweep.core.errors import UsageError
 
 
 def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
@@ -86,24 +81,10 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
         if by := facts.get("drawn_by"):
             expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
             raise UsageError(f"{path}: {expected}")
-        figure = plots.figure_of(kind)(columns, facts, *_responses(kind, path, facts))
+        figure = plots.figure_of(kind)(columns, facts)
         written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
         package = directory / f"{path.stem}.datapackage.json"
         if package.exists() and directory.resolve() == path.parent.resolve():
             results.add_figures(package, kind, written)
     if not talk().quiet:
         say(f"Wrote {', '.join(map(str, written))}")
-
-
-def _responses(kind: str, path: Path, facts: Mapping[str, Any]) -> list[Columns | dict]:
-    """The responses that a comparison is drawn with, and their facts, if their table is beside its own and of the same run."""
-    beside = path.with_name(f"{path.stem}-bode{path.suffix}")
-    if kind != "compare" or not beside.exists():
-        return []
-    from wavesweep.core.results import read_table
-
-    with suppress(WavesweepError, OSError):
-        other, columns, own = read_table(beside)
-        if other == "compare-bode" and own["spec_sha256"] == facts["spec_sha256"]:
-            return [columns, own]
-    return []

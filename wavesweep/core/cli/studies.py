@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 
-from wavesweep.capabilities import modules
 from wavesweep.core.cli.options import Options, run_options
 
 one_spec = click.argument("spec")
@@ -59,7 +58,7 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
     device alone; operator, the spec's own; passive, box or port. The column settled is 1 if a row for a box is proved but for a
     thousandth of the interval at each end, and 0 if a search found no unstable hand.
 
-    Of several specs the table is compare.*, with the column spec, and the figure has a colour for each.
+    Of several specs the table is zwidth-specs.*, with the column spec, and the figure has a colour for each.
 
     \b
     Examples:
@@ -75,9 +74,9 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
     refuse_equal_names(specs)
     if for_hands:
         raise click.UsageError("--for-hands: expected one spec beside it, found several; give each its own command")
-    for walls in modules("walls"):
-        return produce(["compare"], specs, options, walls.walls_of)
-    raise click.UsageError("expected one spec, since the capability compare is not there, found several")
+    from wavesweep.core.tables.specs import intervals_of_specs
+
+    return produce(["zwidth-specs"], specs, options, lambda specs, **work: [intervals_of_specs(specs, **work)])
 
 
 @click.command("stability-region")

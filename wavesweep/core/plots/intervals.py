@@ -1,14 +1,13 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from wavesweep.capabilities import modules
 from wavesweep.core.analyses.bound import required_in_words
-from wavesweep.core.columns import Columns, axes_of, whose_column
+from wavesweep.core.columns import Columns, axes_of, joined, whose_column
 from wavesweep.core.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
 from wavesweep.core.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with
 from wavesweep.core.plots.members import HALF_BAR, Member, damping_of, draw_bars, member_curves, over_one_damping, specs_of
@@ -26,8 +25,8 @@ from wavesweep.core.plots.regions import (
 from wavesweep.core.plots.sampling import Blocks, blocks_of, note_values, rows_where
 from wavesweep.core.plots.scales import by_factors, is_logarithmic
 from wavesweep.core.plots.shown import Shown
-from wavesweep.core.plots.style import ONE_COLUMN, TWO_COLUMNS, drawn_into, figure, is_narrow, note_below, wide
-from wavesweep.core.plots.words import assumed, label, printed, symbol, valued, with_unit
+from wavesweep.core.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, is_narrow, note_below, wide
+from wavesweep.core.plots.words import assumed, assumption, label, printed, symbol, valued, with_unit
 from wavesweep.core.tables.columns import unlike_units
 from wavesweep.core.tables.planes import incomplete, region_of, smooth_axes
 
@@ -63,24 +62,10 @@ def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     return _draw(Shown(_once(rows_where(blocks, layout.shows)), facts, layout, best))
 
 
-def compare(
-    columns: Columns, facts: Mapping[str, Any], responses: Columns | None = None, of_responses: Mapping[str, Any] | None = None
-) -> Any:
-    """Draw a `compare` table as `zwidth` draws one, a colour for each spec.
-
-    responses, of_responses: columns and facts of its `compare-bode`, which is drawn below as `bode` draws it. The dampings of
-    walls, which drawn loops name, are one axis.
-    """
-    columns = over_one_damping(columns, facts)
-    if responses is None:
-        return zwidth(columns, facts)
-    from wavesweep.core.plots.responses import bode
-
-    with figure(TWO_COLUMNS, 11.5 if is_narrow() else 7.4) as canvas:
-        above, below = canvas.subfigures(2, 1, height_ratios=[2, 4] if is_narrow() else [3, 4])
-        drawn_into(above, partial(zwidth, columns, facts))
-        drawn_into(below, partial(bode, responses, of_responses or facts))
-    return canvas
+def of_specs(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
+    """Draw a `zwidth-specs` table as `zwidth` draws one, a colour for each spec. The dampings of walls, which drawn loops name,
+    are one axis."""
+    return zwidth(over_one_damping(joined(table()) if callable(table) else table, facts), facts)
 
 
 def _once(columns: Columns) -> Columns:
@@ -212,7 +197,7 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
     said, _, _ = assumed(facts).partition(":")  # usual engines follow
     kind = facts.get("spec", {}).get("controller", {}).get("kind")
     one = f"{kind}, {said}" if kind else said.capitalize()  # controller, wall, delay and velocity
-    one = one if said and shown.whose != "spec" else ""
+    one = assumption(facts) if shown.whose == "spec" else one if said else ""
     missing = shown.own_design(layout.panel_values or (np.nan,))[1]
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
     along_x = along if bars else label(layout.x, facts)

@@ -16,6 +16,7 @@ _OF_INTERVALS = ("zwidth", "stability-region", "zwidth-hands", "stability-region
 HOMES: Mapping[str, str] = MappingProxyType(
     {
         **dict.fromkeys(_OF_INTERVALS, f"{__name__}.intervals"),
+        "zwidth-specs": f"{__name__}.specs",
         **dict.fromkeys(("bode", "bode-ports"), f"{__name__}.responses"),
         **{kind: each.name_of("table") for each in CAPABILITIES for kind in each.kinds},
     }

@@ -76,6 +76,7 @@ COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
         **dict.fromkeys(("zwidth", "stability-region"), _INTERVALS),
         **dict.fromkeys(("zwidth-hands", "stability-region-hands"), _FOR_HANDS),
+        "zwidth-specs": (_BODE[0], *_INTERVALS),
         "bode": _BODE,
         "bode-ports": _GROUPS["bode-ports"],
     }

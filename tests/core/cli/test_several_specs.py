@@ -1,4 +1,4 @@
-"""`compare` puts the walls and the responses of several specs into one table each, and into one figure."""
+"""`zwidth` and `bode` of several specs put all of them into one table and one figure."""
 
 import json
 import re
@@ -46,41 +46,57 @@ def compare(wavesweep, tmp_path, monkeypatch):
     (tmp_path / "direct.toml").write_text(DIRECT)
 
     def run(*more, specs=("waves.toml", "direct.toml")):
-        return wavesweep("compare", *specs, *more)
+        return wavesweep("zwidth", *specs, *more)
 
     return run
 
 
-@pytest.mark.parametrize("ports", ["", '[ports]\nwall = { stiffness = "k", damping = "d" }\n'])
-def test_a_spec_that_cannot_be_compared_is_refused_before_any_work(ports, compare, monkeypatch):
-    monkeypatch.setattr("wavesweep.compare.table.intervals", lambda *_, **__: pytest.fail("it was computed"))
+@pytest.fixture
+def figures(monkeypatch):
+    """The figures of a run, as they are written."""
+    from wavesweep.core.plots import files
+
+    drawn, save = [], files.save
+    monkeypatch.setattr(files, "save", lambda canvas, *more: (drawn.append(canvas), save(canvas, *more)))
+    return drawn
+
+
+def test_a_spec_that_cannot_be_compared_is_refused_before_any_work(compare, monkeypatch):
+    monkeypatch.setattr("wavesweep.core.tables.specs.intervals", lambda *_, **__: pytest.fail("it was computed"))
     mass = '[rates]\ntick_hz = 1000\n[numbers]\nk = 1.0\nd = 0.1\n[block.m]\ntype = "mass"\nmass = 1.0\n'
-    Path("drawn.toml").write_text(f'{mass}[wire]\n"m.f" = "-k*m.x - d*m.v"\n{ports}')
+    Path("drawn.toml").write_text(f'{mass}[wire]\n"m.f" = "-k*m.x - d*m.v"\n')
     code, _, err = compare(specs=("waves.toml", "drawn.toml"))
     assert code == 2
-    assert re.match(rf"drawn.toml:\d+:\d+: ports: expected {'hand' if ports else 'wall'}", err)
+    assert re.match(r"drawn.toml:\d+:\d+: ports: expected wall", err)
     assert not list(Path().glob("results/**/.*"))
 
 
+def test_the_old_name_of_both_commands_names_them(wavesweep):
+    code, _, err = wavesweep("compare", "waves.toml", "direct.toml")
+    assert code == 2
+    assert "Compare specs with `wavesweep zwidth SPEC...` for walls, `wavesweep bode SPEC...` for responses.\n" in err
+
+
 @pytest.mark.slow
-@pytest.mark.thorough
-def test_it_writes_two_tables_and_their_figures(compare):
+def test_it_writes_a_table_and_its_figure_with_what_each_spec_assumes(compare, figures):
     code, out, err = compare()
     assert (code, out) == (0, "")
-    written = {file.name for file in Path("results/waves+direct").iterdir()}
-    assert written == {f"{kind}{suffix}" for kind in ("compare", "compare-bode") for suffix in SUFFIXES}
+    assert {file.name for file in Path("results/waves+direct").iterdir()} == {f"zwidth-specs{suffix}" for suffix in SUFFIXES}
     assert "waves: largest stable K_VE: " in err
     assert "direct: largest stable K_VE: " in err
     assert "; stiffest wall as the hand feels it at rest: " in err
-    assert "2 curves of 4 different frequencies\n" in err
-    assert "assumes: direct: wall at the slow rate, without integration, delay of 3 ticks, exact velocity; " in err
+    direct = "direct: wall at the slow rate, without integration, delay of 3 ticks, exact velocity"
+    assert f"assumes: {direct}; " in err
+    below = " ".join(figures[0].get_supxlabel().split())
+    assert "Assumes: waves: explicit integration of the wall, no delay, exact velocity" in below
+    assert direct in below
 
 
 def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
     """Behind the spec and the axes of both, to the bit; an axis of the other spec has the own value, or none."""
     assert compare("--no-plot", "--quiet") == (0, "", "")
     for suffix in (".csv", ".parquet"):
-        table = results.read(f"results/waves+direct/compare{suffix}")
+        table = results.read(f"results/waves+direct/zwidth-specs{suffix}")
         assert list(table)[:5] == ["spec", "B_VE", "b", "rates.slow_hz", "along"]
         for name in ("waves", "direct"):
             rows = {key: column[table["spec"] == name] for key, column in table.items()}
@@ -92,15 +108,9 @@ def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
         assert (table["rates.slow_hz"][table["spec"] == "waves"] == 50.0).all()
 
 
-def test_its_responses_are_those_of_bode(compare, wavesweep):
-    compare("--no-plot", "--quiet")
-    wavesweep("bode", "waves.toml", "direct.toml", "--no-plot", "--quiet", "--out", "bode")
-    assert Path("results/waves+direct/compare-bode.csv").read_bytes() == Path("bode/bode.csv").read_bytes()
-
-
 def test_the_facts_name_all_specs_and_units(compare):
     compare("--no-plot", "--quiet")
-    package = json.loads(Path("results/waves+direct/compare.datapackage.json").read_text())
+    package = json.loads(Path("results/waves+direct/zwidth-specs.datapackage.json").read_text())
     units = {field["name"]: field["unit"] for field in package["resources"][0]["schema"]["fields"]}
     assert (units["spec"], units["b"], units["rates.slow_hz"], units["high"]) == ("", "N*s/m", "Hz", "N/m")
     assert list(package["wavesweep"]["specs"]) == ["waves", "direct"]
@@ -114,7 +124,8 @@ def test_an_edited_spec_is_named_with_its_change(compare):
     assert code == 0
     assert "replaced the results of this spec; changed: direct: environment.delay 3 -> 5\n" in err
     assert compare("--no-plot", specs=("direct.toml", "waves.toml"))[0] == 0
-    code, _, err = compare("--no-plot", "--out", "results/waves+direct", specs=("direct.toml",))
+    Path("other.toml").write_text(WAVES)
+    code, _, err = compare("--no-plot", "--out", "results/waves+direct", specs=("direct.toml", "other.toml"))
     assert code == 2
     assert "found results of another spec (waves, direct; SHA-256 " in err
 
@@ -123,22 +134,11 @@ def test_the_summary_as_json_has_the_extremes_of_each_spec(compare):
     code, out, err = compare("--no-plot", "--json")
     assert (code, err) == (0, "")
     found = json.loads(out)
-    specs = found["tables"]["compare"]["specs"]
+    specs = found["tables"]["zwidth-specs"]["specs"]
     own = library.zwidth("waves.toml")
     assert specs["waves"]["largest"]["value"] == own.high.max()
     assert specs["waves"]["stiffest_felt"]["value"] == own.felt_high.max()
     assert specs["direct"]["largest"]["at"].keys() == {"B_VE", "rates.slow_hz"}
-    assert found["tables"]["compare-bode"]["curves"] == 2
-
-
-@pytest.fixture
-def figures(monkeypatch):
-    """The figures of a run, as they are written."""
-    from wavesweep.core.plots import files
-
-    drawn, save = [], files.save
-    monkeypatch.setattr(files, "save", lambda canvas, *more: (drawn.append(canvas), save(canvas, *more)))
-    return drawn
 
 
 def limits_of(figure):
@@ -150,7 +150,7 @@ def limits_of(figure):
 @pytest.mark.thorough
 def test_the_boundaries_of_the_figure_go_through_the_ends(compare, figures):
     assert compare("--quiet")[0] == 0
-    table = results.read("results/waves+direct/compare.csv")
+    table = results.read("results/waves+direct/zwidth-specs.csv")
     shown = (table["intervals"] > 0) & ~((table["spec"] == "direct") & (table["rates.slow_hz"] == 100.0))
     ends = set(zip(table["B_VE"][shown].tolist(), table["high"][shown].tolist(), strict=True))
     assert ends
@@ -162,9 +162,9 @@ def test_a_whole_number_that_only_one_spec_has_is_missing_in_the_others(waveswee
     monkeypatch.chdir(tmp_path)
     recipes = Path(library.__file__).parents[1] / "sweeps" / "recipes"
     (tmp_path / "plain.toml").write_text('[controller]\nkind = "dc-slow"\n[sweep]\nB_VE = [0.5, 1.0]\n')
-    code, _, err = wavesweep("compare", "plain.toml", str(recipes / "two-rate-wall.toml"), "--out", "both", "--no-plot")
+    code, _, err = wavesweep("zwidth", "plain.toml", str(recipes / "two-rate-wall.toml"), "--out", "both", "--no-plot")
     assert (code, "Error" in err) == (0, False)
-    table = results.read(tmp_path / "both/compare.csv")
+    table = results.read(tmp_path / "both/zwidth-specs.csv")
     assert np.isnan(table["n"][table["spec"] == "plain"]).all()
     assert np.isfinite(table["n"][table["spec"] != "plain"]).all()
 
@@ -206,15 +206,16 @@ def units_of(package):
     return {field["name"]: field["unit"] for field in found["resources"][0]["schema"]["fields"]}, found["wavesweep"]
 
 
-def test_a_column_whose_unit_is_another_in_each_spec_has_none_and_a_notice(compare, both):
+def test_a_column_whose_unit_is_another_in_each_spec_has_none_and_a_notice(compare, both, wavesweep):
     code, _, err = compare("--no-plot", specs=both)
     assert code == 0
+    assert wavesweep("bode", *both, "--no-plot")[0] == 0
     dampings = "B: N*m*s/rad in wheel, N*s/m in long-delay; each row has the unit of its spec\n"
     assert err.startswith(f"{dampings}{OF_WALLS}: N*m/rad in wheel, N/m in long-delay; each row")
-    units, facts = units_of("results/wheel+long-delay/compare.datapackage.json")
+    units, facts = units_of("results/wheel+long-delay/zwidth-specs.datapackage.json")
     assert [units[name] for name in ("B", *OF_WALLS.split(", "), "low_omega")] == [""] * 7 + ["rad/s"]
     assert facts["unlike_units"]["B"] == {"N*m*s/rad": ["wheel"], "N*s/m": ["long-delay"]}
-    units, facts = units_of("results/wheel+long-delay/compare-bode.datapackage.json")
+    units, facts = units_of("results/wheel+long-delay/bode.datapackage.json")
     assert (units["B"], units["admittance_abs"], units["admittance_deg"]) == ("", "", "deg")
     admittance = "admittance_re, admittance_im, admittance_abs, worst_gain: rad/(N*m) in wheel, m/N in long-delay; each row"
     assert facts["notices"][0] == dampings.strip()

@@ -1,1 +1,0 @@
-"""Several specs beside each other."""
