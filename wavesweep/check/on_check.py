@@ -42,7 +42,7 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         yield 2.5, _delay(found["delay"])
     if found["stable"] and found["felt"]:
         yield from _felt(found["felt"], *spec.units_felt)
-    yield from _hardware(found.get("hardware", {}), found["stable"], spec.at_port("N"), spec.at_port("m"))
+    yield from _hardware(found.get("hardware", {}), found["stable"], spec)
     if found["stable"]:
         rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS
         yield from _mode(4 if rings else 2.5, "slowest mode", found["slowest"])
@@ -186,14 +186,20 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
         yield DETAIL, f"  the wall adds to free motion, in {units[0]}: {', '.join(sizes)}"
 
 
-def _hardware(found: Facts, stable: bool, force: str, length: str) -> Iterator[Ranked]:
+def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
     """What encoder, friction and motors do to the design."""
-    unit, source = f"{force}/{length}", "Abbott and Okamura 2005"
+    force, length, source = spec.at_port("N"), spec.at_port("m"), "Abbott and Okamura 2005"
+    unit, exact = f"{force}/{length}", not spec.drawing and spec.values["device.velocity"] == "exact"
     if "chatter" in found:
         known = "makes a force that is not known to be bounded"
         if found["chatter"] is not None:
             rounding = f"all rounding by at most {found['chatter']:.4g}"
             known = f"moves the force by up to {found['step_force']:.4g} {force}, {rounding}"
+            known += "; the velocity is taken as exact, without steps" * exact
+        if found["step_force"] == 0:
+            known = "moves no force, since no block reads the position"
+            if exact:
+                known = 'moves no force, since the velocity is taken as exact; device.velocity = "difference" is of readings'
         yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {known}"
     if "holds_to" in found:
         held = f"holds against the encoder's steps up to {found['holds_to']:.6g} {unit} felt"

@@ -216,6 +216,19 @@ def test_friction_brings_an_unstable_loop_to_rest_after_a_small_push(push, rests
         assert rest_s == pytest.approx(moving * 1e-3, abs=2e-3)
 
 
+def test_an_encoder_that_the_loop_does_not_read_is_said_to_move_no_force():
+    """Waves read the velocity alone, direct coupling the position as well."""
+    from wavesweep.check.on_check import lines
+
+    for kind, said in (
+        ("pmw", "moves no force, since the velocity is taken as exact"),
+        ("dc", "velocity is taken as exact, without"),
+    ):
+        tables = {"controller": {"kind": kind}, "simulate": {"resolution": 1e-5}, "environment": {"K_VE": 50.0}}
+        spec = wavesweep.load(tables)
+        assert any(said in line for _, line in lines(spec, wavesweep.verdict(tables)) if line.startswith("encoder:"))
+
+
 def test_the_limit_of_friction_stands_whether_the_linear_loop_is_stable_or_not():
     for stiffness, stable in ((50.0, True), (300.0, False)):
         tables = {"device": {"preset": "touch"}, "controller": {"kind": "dc-slow"}, "environment": {"K_VE": stiffness}}
