@@ -15,7 +15,7 @@ import wavesweep
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.spec import load
 from wavesweep.core.sweep.grid import loops_of
-from wavesweep.for_all.mean_square import brackets_on_average, decays
+from wavesweep.for_all.mean_square import brackets_on_average, decays, grows_everywhere
 from wavesweep.for_all.rows import intervals_for_all, verdict
 from wavesweep.for_all.varying import Rules
 from wavesweep.for_all.words import growth
@@ -523,3 +523,32 @@ def test_check_says_whether_a_range_beside_frames_at_random_is_proved():
         found.append(verdict(own, Rules.of(own).on_average())["verdict"])
         assert (found[-1] == "proved") == (max(radii) < 1)
     assert found == ["proved", "proved", "refuted"]
+
+
+@pytest.mark.parametrize(("above", "grows"), [(1e-4, True), (-1e-4, False)])
+def test_a_range_in_which_the_mean_square_decays_nowhere_is_told_from_one_with_a_sliver(above, grows):
+    """`E (1 - k n T)^2 < 1` up to an end in closed form."""
+    n = np.array([1, 2]) / 100
+    end = 2 * ([1, 3] @ n) / ([1, 3] @ n**2)
+    loaded = load(integrator([1, 2], shares=[1, 3]))
+    rules = Rules.of(loaded)
+    family = (rules.on_average() or rules).family(dict(loaded.values), "numbers.k")
+    assert grows_everywhere(family, end * (1 + above), 500.0) is grows
+
+
+@pytest.mark.slow
+def test_nothing_decays_in_mean_square_from_a_wall_of_zero_on():
+    """Beside a wall of zero the position drifts; another mode of the second moments passes 1 within the range."""
+    spec = {
+        "rates": {"fast_hz": 500, "ratio": 6},
+        "device": {"mass": 0.19, "damping": 0.4, "velocity": "difference"},
+        "environment": {"integration": "explicit", "B_VE": 2.9},
+        "controller": {"kind": "dc-vc", "K_VC": 2930, "B_VC": 12},
+        "for_all": {"rates.ratio": {"values": [4, 6], "varying": True, "shares": [1, 1]}, "loss": 0.25},
+        "sweep": {"K_VE": {"start": 0, "stop": 5000}},
+    }
+    table = wavesweep.zwidth(spec)
+    assert table[["guarantee", "intervals", "certified", "settled", "doubt"]].values.tolist() == [
+        ["spec", 0, True, True, ""],
+        ["mean_square", 0, True, True, ""],
+    ]

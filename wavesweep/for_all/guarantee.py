@@ -40,7 +40,7 @@ ROWS = {
         "#009E73",
         3,
         "proved",
-        "nothing proved in mean square",
+        "the mean square decays nowhere",
         "largest proved in mean square",
         proved=True,
         column="guarantee",

@@ -44,6 +44,7 @@ BEYOND = (1e-10, 1e-8, 1e-6, 1e-5)  # of a number where moments stop to decay, h
 NEAREST = 1e-5  # of the whole way and of the number, how near to the refuted one the proof goes
 LEAST_AWAY = 0.01  # of half of an interval, how near at least
 STRETCHES = 200
+TRIES, WORK = 1000, 10**9  # stretches that are tried where moments grow, and the entries of all times their rows
 SIZING = 6  # rounds in which sizes of states are found
 PROBABILITIES = "loss", "burst_loss", "burst", "burst_end"  # keys of a channel, as `Losses` has them
 ROUNDING = 64 * np.finfo(float).eps  # of a probability that is a product of a few numbers
@@ -130,15 +131,49 @@ class Chances:
 
     def refuted(self, x: float) -> bool:
         """Whether second moments are proved to grow at x."""
-        E, dE = self.family.enclosed(x if self.in_matrices else 0.0)
-        weight = self.weights(x, x)[0][:, None, None]
-        A, size = np.eye(E.shape[-1]) + E, np.abs(np.eye(E.shape[-1]) + E)
-        larger = _acting(size + dE)
-        error = larger - _acting(size) + ROUNDING * larger
-        whole = _summed(weight * _acting(A)[self.graph.symbol], self.graph)
-        off = _summed(weight * error[self.graph.symbol], self.graph)
-        count, clear = count_outside((whole - np.eye(len(whole)))[None], (off + ROUNDING * np.eye(len(whole)))[None])
-        return bool(count[0] > 0 and clear[0])
+        enclosed = self._enclosed(x, x)
+        return enclosed is not None and _grow(enclosed[0], enclosed[2])
+
+    def grow(self, low: float, high: float) -> bool:
+        """Whether second moments are proved to grow at all numbers from low to high.
+
+        The spectral radius of the operator is one of its eigenvalues, see `parts_that_decay`. It is above m at all of them if
+        it is in the middle, and if no operator `L + s D` within its errors, s from -1 to 1, has the eigenvalue m. With an
+        approximate inverse C of `m - L` that is so if the spectral radius of `|1 - C (m - L)| + |C D| + |C| errors` is below 1
+        (S. M. Rump, Verification methods, Acta Numerica 19, 2010). m is half-way to the next real eigenvalue, but at least 1.
+        """
+        if (enclosed := self._enclosed(low, high)) is None:
+            return False
+        (whole, slope, off), one = enclosed, np.eye(len(enclosed[0]))
+        eigenvalues = np.linalg.eigvals(whole)
+        *_, next_, radius = np.sort(np.append(eigenvalues.real[np.abs(eigenvalues.imag) < 1e-9 * np.abs(eigenvalues)], [0, 0]))
+        m, rounding = (radius + max(next_, 1.0)) / 2, 4 * len(one) * np.finfo(float).eps
+        middle = self._enclosed((low + high) / 2, (low + high) / 2)
+        if radius <= 1 or middle is None or not _grow(middle[0] / m, middle[2] / m):
+            return False
+        with suppress(np.linalg.LinAlgError):  # singular
+            C = np.linalg.inv(m * one - whole)
+            size = np.abs(one - C @ (m * one - whole)) + np.abs(C @ slope)
+            size += np.abs(C) @ (off + rounding * (m * one + np.abs(whole) + np.abs(slope)))
+            u = np.linalg.solve((1 - rounding) * one - size, np.ones(len(one)))
+            return bool((u > 0).all() and (size @ u < (1 - rounding) * u).all())
+        return False
+
+    def _enclosed(self, low, high):
+        """The operator from low to high as `L + s D` and bounds on the rest, s from -1 to 1; None if it is not known."""
+        points = self.family.hull(low, high) if self.in_matrices else tuple(each[None] for each in self.family.enclosed(0.0))
+        if points is None:
+            return None
+        (A, D, rest), (w, v, change) = map(_line, (points[0] + np.eye(points[0].shape[-1]), self.weights(low, high)))
+        A_size, moved, off = np.abs(A), np.abs(D), rest + points[1].max(0)
+        whole, larger = _acting(A), _acting(A_size + moved + off)
+        slope = _acting(A + D) - whole - _acting(D)
+        error = larger - _acting(A_size + moved) + _acting(moved) + ROUNDING * larger
+        w, v, change = (part[:, None, None] for part in (w, v, change))
+        whole, slope, error, larger = (part[self.graph.symbol] for part in (whole, slope, error, larger))
+        rest = w * error + change * larger + np.abs(v) * (larger - np.abs(whole))
+        parts = w * whole, w * slope + v * whole, rest
+        return tuple(_summed(part, self.graph) for part in parts)
 
     def forms(self, x: float, size: np.ndarray) -> np.ndarray:
         """Forms that decay at x, on average by the squares of the states over their sizes, NaN where there are none."""
@@ -176,6 +211,23 @@ def _summed(parts, graph):
     whole = np.zeros((nodes, size, nodes, size))
     np.add.at(whole, (graph.target, slice(None), graph.source), parts)
     return whole.reshape(nodes * size, nodes * size)
+
+
+def _grow(operator, off) -> bool:
+    """Whether an operator within these errors has an eigenvalue outside the unit circle."""
+    one = np.eye(len(operator))
+    count, clear = count_outside((operator - one)[None], (off + ROUNDING * one)[None])
+    return bool(count[0] > 0 and clear[0])
+
+
+def _line(points):
+    """What is on a Bezier curve: `middle + s slope`, s from -1 to 1, and bounds on the rest; points: control points."""
+    n = len(points) - 1
+    if not n:
+        return points[0], 0 * points[0], 0 * points[0]
+    middle, slope = (points[-1] + points[0]) / 2, (points[-1] - points[0]) / 2
+    line = middle + np.multiply.outer(np.linspace(-1, 1, n + 1), slope)
+    return middle, slope, np.abs(points - line).max(0)
 
 
 def _acting(A):
@@ -394,6 +446,21 @@ def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float
             parts.append((edges[i], edges[i + 1]))
     outside = [x for x, inside in zip(middles, stable, strict=True) if not inside]
     return [tuple(end if end in (low, high) else _polished(loop, part, end, outside) for end in part) for part in parts]
+
+
+def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
+    """Return whether second moments are proved to grow at all numbers of an interval in which probabilities can be."""
+    open_ = [loop.probable(low, high)]
+    for _ in range(min(TRIES, WORK // len(loop.operator(open_[0][0])) ** 3)):
+        if not open_:
+            return True
+        left, right = open_.pop()
+        middle = (left + right) / 2
+        if left < right and not loop.grow(left, right):
+            if loop.decays(middle):
+                return False
+            open_ += [(middle, right), (left, middle)]
+    return False
 
 
 def nearest_growing(loop: Chances, start: float, limit: float, scanned: int = SCANNED) -> tuple[float, tuple[int, ...]]:

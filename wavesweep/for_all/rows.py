@@ -22,7 +22,7 @@ from wavesweep.core.tables.row_kinds import counterexample_in_words
 from wavesweep.for_all.frames import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
-from wavesweep.for_all.mean_square import brackets_on_average, parts_that_decay
+from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
 from wavesweep.for_all.members import agree, members, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
@@ -155,7 +155,10 @@ def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, 
     loop = _Loop(rules, along, span, loop)
     rows = loop.varying() if rules.vary else loop.intervals()
     agreed = all(agree(members(rules, case), along, span, rows) for case in loop.cases)
-    none = not (rules.vary or rows) and not searched(loop.cases, span)  # some member is unstable at every value
+    if rules.at_random:
+        none = not rows and loop.grows_everywhere()
+    else:
+        none = not (rules.vary or rows) and not searched(loop.cases, span)  # some member is unstable at every value
     return recorded(rows, loop.certified, agreed=agreed, none=none)
 
 
@@ -253,6 +256,11 @@ class _Loop:
             both = [all_of(pair) for pair in product(rows, own)]
             rows = [row for row in both if row.low < row.high]
         return rows
+
+    def grows_everywhere(self) -> bool:
+        """Whether the mean square of some case is proved to grow at every value."""
+        families = (self.rules.family(case.values, self.along) for case in self.cases if not case.ranges)
+        return any(each.family.drift is None and grows_everywhere(each, *self.span) for each in families)
 
     def _row(self, case, family, found) -> Row:
         texts = [text_of(family, word) for word in found.words]
