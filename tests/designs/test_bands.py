@@ -60,3 +60,12 @@ def test_free_motion_is_that_at_a_resonance_which_hardly_decays(ratio, gain):
     found = wished(ratio, gain, free_motion={"at_most": 1000})["free_motion"]
     assert found.certified[0]
     assert found.value[0] == pytest.approx(np.abs(impedance(ratio, gain)).max(), rel=1e-4)
+
+
+def test_over_a_band_unstable_designs_alone_have_no_value():
+    tables = {"controller": {"kind": "pmw-lm", "Kp": 1e5}, "environment": {"integration": "explicit", "delay": 1}}
+    over = {"transparency": {"band_hz": [0.1, 10], "walls": [100]}, "felt": {"B_VE": [1], "band_hz": [0.1, 3]}}
+    spec = load(tables | {"design": {"vary": {"b": {"start": 5, "stop": 60}}, "wish": over}})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([10.0, 20.0])}, 2000.0)
+    assert np.isnan(found["transparency"].value).all()
+    assert (found["felt"].value == 0).all()

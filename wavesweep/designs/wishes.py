@@ -173,6 +173,8 @@ def _felt_over(spec, band, points, stiffest):
     """
     wall, certified = stiffest.wall, stiffest.certified.copy()
     value, some = np.where(wall > 0, np.nan, wall), np.flatnonzero(wall > 0)
+    if not some.size:
+        return value, certified
     ties = {path: points.changes[path] * wall for path in points.ties}
     there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(some)
 
@@ -236,6 +238,8 @@ def _transparency(spec, wish, points):
     """
     stable = _radii(spec, points) < 1
     some = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    if not some.size:
+        return np.where(stable, 0.0, np.nan), stable
     there, place = points.some(some), np.searchsorted(some, np.arange(points.size))
     ideal, coupled, which = _coupled(spec, there)
     modes, of_ideal = _modes(spec, there), _modes(ideal, coupled).some(which)
