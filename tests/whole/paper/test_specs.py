@@ -1,6 +1,5 @@
 """The paper's specs: complete, marked, in agreement with each other, and part of what is installed."""
 
-import tomllib
 from pathlib import Path
 
 import pytest
@@ -43,16 +42,6 @@ def test_the_loops_of_one_section_are_the_same():
     assert dict(two) == dict(pmw)
     explicit = load_paper("fig5-explicit").values
     assert dict(explicit) == {**five, "environment.integration": "explicit"}
-
-
-def test_the_wheel_has_every_spec_and_example_and_both_programs():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
-    files = [*ROOT.glob("sweeps/paper/*.toml"), *ROOT.glob("sweeps/examples/*.toml")]
-    files += ROOT.glob("sweeps/examples/bench-*.csv")  # which one of them names
-    folders = ["benchmarks/bench", "sweeps/paper/reproduce", "sweeps/recipes", "sweeps/templates"]
-    names = {*folders, *(path.relative_to(ROOT).as_posix() for path in files)}
-    assert included == {name: f"wavesweep/_bundled/{name}" for name in names}
 
 
 def test_what_is_inside_an_installed_package_goes_first_and_nothing_anywhere_is_an_error(tmp_path, monkeypatch):

@@ -1,0 +1,48 @@
+"""What a forge runs, by hand: `nox --list`, `nox -s lint`, `nox -s least`. It stands here because nox looks for it here.
+
+Python versions that are not on this machine are skipped.
+"""
+
+import re
+from pathlib import Path
+
+import nox
+
+PROJECT = nox.project.load_toml("pyproject.toml")["project"]
+PYTHONS = [each.rpartition(" ")[2] for each in PROJECT["classifiers"] if re.fullmatch(r".* :: 3\.\d+", each)]
+TESTS = ("python", "-m", "pytest", "-q", "-n", "2", "--dist", "worksteal")
+nox.options.default_venv_backend = "venv"
+nox.options.sessions = ["lint", "ci"]
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """The linter, the format, and the types of the library."""
+    session.install("-c", "constraints.txt", "ruff", "mypy", "pandas-stubs")
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+    session.run("mypy")
+
+
+@nox.session(python=PYTHONS)
+def ci(session: nox.Session) -> None:
+    """All of `.ci/run`, of the last commit."""
+    session.run(".ci/run", external=True)
+
+
+@nox.session(python=PYTHONS[0])
+def least(session: nox.Session) -> None:
+    """The tests with the least version of everything that pyproject.toml allows."""
+    extra = PROJECT["optional-dependencies"]["test"]
+    bounds = [re.sub(r"\[.*\]", "", each).split(">=") for each in (*PROJECT["dependencies"], *extra)]
+    file = Path(session.create_tmp(), "least.txt")
+    file.write_text("".join(f"{name}=={version}\n" for name, version in bounds), encoding="utf-8")
+    session.install("-c", str(file), ".[test]")
+    session.run(*TESTS, *session.posargs)
+
+
+@nox.session(python=PYTHONS[-1])
+def newest(session: nox.Session) -> None:
+    """The tests with the newest version of everything."""
+    session.install(".[test]")
+    session.run(*TESTS, *session.posargs)
