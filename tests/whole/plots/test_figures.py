@@ -4,23 +4,30 @@ import pathlib
 import re
 import struct
 import threading
-from itertools import pairwise
+from itertools import pairwise, product
 
 import matplotlib
 import numpy as np
 import pytest
+from core.plots.conftest import table_of_intervals
 
 import wavesweep
 import wavesweep.core.sweep
 from wavesweep.core import plots
+from wavesweep.core.cli import main
+from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.plots import style
 from wavesweep.core.plots.files import save
-from wavesweep.core.plots.layout import lay_out
+from wavesweep.core.plots.layout import best_row, lay_out
+from wavesweep.core.plots.shown import Shown
 from wavesweep.core.plots.style import about_figure, as_asked, figure, note_below, warn_above
+from wavesweep.core.spec import sweep_axes
 from wavesweep.core.tables.intervals import intervals
+from wavesweep.core.tables.planes import smooth_axes
 from wavesweep.core.tables.specs import intervals_of_specs
 
 pytestmark = pytest.mark.slow
+SWEEPS = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps"
 
 
 def size_of(png):
@@ -433,3 +440,20 @@ def test_texts_have_the_same_size_in_both_widths_of_a_journal_and_none_is_cut_of
     boxes = [text.get_window_extent() for text in texts if text.get_text().strip()]
     assert min(box.x0 for box in boxes) >= 0
     assert max(box.x1 for box in boxes) <= width * drawn.dpi + 1
+
+
+DRAWN = sorted([*(SWEEPS / "templates").glob("*.toml"), *(SWEEPS / "recipes").glob("*.toml")])
+
+
+@pytest.mark.parametrize("name", [*CONTROLLERS, *(each.stem for each in DRAWN)])
+def test_the_first_figure_of_a_spec_to_begin_with_shows_its_own_design(name, tmp_path):
+    """The sweep of `init pmw` left its own b out."""
+    assert main(("init", name, "--out", str(tmp_path / "mine.toml"))) == 0
+    spec = wavesweep.load(tmp_path / "mine.toml")
+    along, others = sweep_axes(spec, None)
+    axes = {axis.name: [float(value) for value in axis.values] for axis in others}
+    span = (float(along.start), float(along.stop), np.nan, np.nan, True)
+    columns = table_of_intervals([*axes], along.name, [(place, [span]) for place in product(*axes.values())])
+    facts, best = {"spec": spec.tables()}, best_row(columns)
+    layout = lay_out(axes, best, smooth=smooth_axes(axes, facts))
+    assert Shown(columns, facts, layout, best).own_design(layout.panel_values or (np.nan,))[1] == ""

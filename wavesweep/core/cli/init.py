@@ -51,7 +51,7 @@ NOTES = {
     "controller.K_VC": "soft, since a slow avatar that is a frame late makes a stiff one unstable",
     "filters.lp1.order": "or give band edges, see `wavesweep keys filters.lp1`",
 }
-AXES = {"K_VE": "{ start = 0, stop = 5000 }", "B_VE": "{ start = 0, stop = 10, num = 41 }", "b": "[10, 20, 40, 80]"}
+AXES = {"K_VE": "{ start = 0, stop = 5000 }", "B_VE": "{ start = 0, stop = 10, num = 41 }", "b": "[10, 25, 40, 80]"}
 
 # Folder of drawn loops -> its heading in --list. The named recipes are loops that one begins with, too.
 DRAWN = {
