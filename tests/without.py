@@ -18,7 +18,7 @@ from wavesweep.capabilities import CAPABILITIES
 ROOT = Path(__file__).parents[1]
 NAMES = tuple(each.name for each in CAPABILITIES)
 WHOLE = ("tests/whole/", "tests/stress/test_")  # tests that are about everything together
-SPECS = {"sweeps/templates/five-bar.toml": "axes"}  # that draw blocks of a capability
+SPECS = {f"sweeps/templates/{name}.toml": "axes" for name in ("delta", "five-bar")}  # that draw blocks of a capability
 ASKED = (("zwidth", "fig4"), ("zwidth", "fig5"), ("stability-region", "fig4-b25"), ("bode", "fig6"))
 
 

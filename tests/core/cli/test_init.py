@@ -181,7 +181,7 @@ def test_all_names_are_listed(wavesweep):
     code, out, _ = wavesweep("init", "--list")
     named = [line.split()[0] for line in out.splitlines() if line.startswith("  ")]
     shipped = {path.stem for folder in ("templates", "recipes", "examples") for path in (SWEEPS / folder).glob("*.toml")}
-    assert (code, sorted(named)) == (0, sorted({*CONTROLLERS, *shipped}))
+    assert (code, sorted(named)) == (0, sorted({*CONTROLLERS, *DEVICES, *shipped}))
     assert max(map(len, out.splitlines())) < 130
 
 

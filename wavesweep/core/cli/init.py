@@ -128,6 +128,10 @@ def _listed() -> Iterator[str]:
     width = max(map(len, drawn))
     yield "A hand, a wall and one of the built-in controllers:"
     yield from (f"  {kind:{width}}  {each.description}" for kind, each in CONTROLLERS.items())
+    yield from ("", "Its device by name, with --device NAME, or as device.preset in a spec of your own:")
+    for name, device in DEVICES.items():
+        own = " and ".join(path.removeprefix("device.") for path in device.unknown())
+        yield f"  {name:{width}}  {device.title}{f'; nobody publishes its {own}: put your own' if own else ''}"
     for folder, heading in DRAWN.items():
         yield from ("", heading)
         for name, path in drawn.items():
