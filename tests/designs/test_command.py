@@ -396,3 +396,28 @@ def test_a_study_of_the_channel_alone_says_that_it_shows_no_loop(wish, said):
     tables["design"] |= {"population": 8, "generations": 1}
     found = wavesweep.design(tables)
     assert any("may be unstable" in notice for notice in found.attrs["facts"]["notices"]) == said
+
+
+@pytest.mark.slow
+def test_it_is_said_where_a_range_ends_the_search(run):
+    """Of walls, for every wish that is better the stiffer they are, and of a number; and not where none does."""
+    vary = (
+        "--no-plot",
+        "--set",
+        "design.generations=2",
+        "--set",
+        "design.population=8",
+        "--set",
+        "design.vary={b={start=10, stop=12}}",
+    )
+    vary += ("--set", "design.wish={felt={B_VE=[1]}}", "--set", "design.for_all={}")
+    said = run(*vary, "--set", "sweep.K_VE={start=0, stop=300}")[1]
+    assert "felt ends where the range of K_VE ends, at 300; a longer one in [sweep] may show more" in said
+    code, said, results = run(*vary, "--set", "sweep.K_VE={start=0, stop=3000}", "--overwrite")
+    felt, b = (read(results / "design.csv")[name][0] for name in ("felt", "b"))
+    assert code == 0
+    assert "felt ends where" not in said
+    own = run(*vary, "--set", f"design.vary.b.stop={b}", "--overwrite")[1]  # the best, which lies inside of its range or not
+    assert ("b lies near an end of the range in [design.vary]" in said) == (min(b - 10, 12 - b) <= 0.02)
+    assert "b lies near an end of the range in [design.vary]; a longer one may have better designs" in own
+    assert felt > 300

@@ -352,7 +352,10 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
 
     def found(_spec, asked, _scenarios, designs, _stop):
         count = len(next(iter(designs.values())))
-        return {wish.name: Worst(np.ones(count), np.full(count, between), np.ones(count, bool)) for wish in asked}
+        return {
+            wish.name: Worst(np.ones(count), np.full(count, between), np.ones(count, bool), np.zeros(count, bool))
+            for wish in asked
+        }
 
     monkeypatch.setattr(study, "evaluate", found)
     run = study._Run(job, type("", (), {"remove": None}), None)

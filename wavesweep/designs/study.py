@@ -59,8 +59,9 @@ class Study:
 
 
 def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
-    """A value, a scenario and a certificate for each wish; with a box of hands its stiffest wall, and whether it is settled."""
-    parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
+    """A value, a scenario and flags for each wish, see `Worst`; with a box of hands its stiffest wall, and if it is settled."""
+    types = {"": "<f8", "_scenario": "<i4", "_certified": "?", "_at_end": "?"}
+    parts = [[(wish.name + part, kind) for part, kind in types.items()] for wish in wishes]
     hands = [(BOX, "<f8"), (SETTLED, "?")] if box else []
     return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
 
@@ -104,7 +105,7 @@ def evaluated(
     found = evaluate(spec, spec.design.wishes, scenarios, designs, stop, proof) if count else {}
     for name, worst in found.items():
         records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
-        records[f"{name}_certified"] = worst.certified
+        records[f"{name}_certified"], records[f"{name}_at_end"] = worst.certified, worst.at_end
     if box:
         _hold(spec, scenarios, designs, box, records)
     return records
@@ -188,11 +189,18 @@ def design(
     facts |= {
         "own": own_design(spec, job),
         "stop": job.asked.stop,
+        "at_end": [wish.name for wish in asked.wishes if _ends_with_walls(wish, records[still])],
         "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
         **proved,
     }
     facts |= {"scenarios": len(job.asked.scenarios), "checked_scenarios": len(job.asked.finest), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
+
+
+def _ends_with_walls(wish, records):
+    """Whether the best value of a wish among the designs of a result is that of a wall at which the range of walls ends."""
+    value = records[wish.name] if wish.kind.more else -records[wish.name]
+    return bool(records[f"{wish.name}_at_end"][np.argmax(np.where(np.isnan(value), -np.inf, value))])
 
 
 def _proof_of(spec):

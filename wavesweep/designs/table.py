@@ -13,7 +13,7 @@ from wavesweep.core.tables.kind import Line, Numbers, count, plain, whole_kind
 from wavesweep.designs.columns import DESIGN
 from wavesweep.designs.wish_keys import WISHES, Wish
 
-THIN = 0.01  # of a bound, within which a design is near it
+THIN = 0.01  # of a bound or a range, within which a design is near it, or near an end
 BOX, SETTLED = "z_width_box", "box_settled"
 
 
@@ -42,6 +42,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     }
     best = {name: int(np.argmax(size)) for name, size in sizes.items()}
     values = {name: {wish: plain(columns[wish][row]) for wish in wishes} for name, row in best.items()}
+    varied_of = {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()}
     bounded = [wish for name in wishes if (wish := wish_of(name, facts)).bound is not None]
     found = {
         "designs": len(columns["certified"]),
@@ -51,11 +52,14 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "scenarios": facts["scenarios"],
         **{name: facts[name] for name in ("proved", "ranked") if name in facts},
         "best": values,
-        "numbers": {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()},
+        "numbers": varied_of,
         "own": dict(facts["own"]),
         "units": dict(facts["units"]),
         "files": list(facts.get("best", ())),
         "walls_to": facts["stop"],
+        "at_end": list(facts.get("at_end", ())),
+        "wall": facts["spec"].get("ports", {}).get("wall", {}).get("stiffness", "K_VE"),
+        "ends": {name: _ends(numbers, facts["spec"]["design"]["vary"]) for name, numbers in varied_of.items()},
         "margins": {name: margins_of(each, facts) for name, each in values.items()},
         "near": {wish.name: int((np.abs(wish.margin(columns[wish.name])) < THIN).sum()) for wish in bounded},
         "free": [name for name in wishes if name not in {wish.name for wish in bounded}],
@@ -66,6 +70,20 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         share = np.divide(columns[BOX], wall, out=np.ones(len(wall)), where=wall > 0)
         proved = int((kept & columns[SETTLED]).sum())
         found["box"] = {"kept": int(kept.sum()), "settled": proved, "least": float(share.min())}
+    return found
+
+
+def _ends(numbers: Mapping[str, float], vary: Mapping[str, Any]) -> list[str]:
+    """The numbers of a design that lie near an end of their ranges."""
+
+    def place(value: float, scale: str) -> float:
+        return float(np.log(value)) if scale == "log" else value
+
+    found = []
+    for name, axis in vary.items():
+        if isinstance(axis, Mapping):
+            low, value, high = (place(each, axis.get("scale", "")) for each in (axis["start"], numbers[name], axis["stop"]))
+            found += [name] * (min(value - low, high - value) <= THIN * (high - low))
     return found
 
 
@@ -92,6 +110,9 @@ def _lines(found: Numbers) -> Iterator[Line]:
     for names in _alike(found["numbers"]):
         first = "best" if found["designs"] == 1 else f"best {' and '.join(names)}"
         yield f"{first} of {tried}: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
+        if ends := found["ends"][names[0]]:
+            where, more = "near an end of the range in [design.vary]", "a longer one may have better designs"
+            yield f"  {' and '.join(ends)} lie{'s' * (len(ends) == 1)} {where}; {more}", False
     yield from _bound_lines(found)
     for each in found["runners_up"]:
         margins = f"; margins: {_shares(each['margins'])}" if each["margins"] else ""
@@ -99,9 +120,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
     if found["designs"] == 1 and not found["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
     yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
-    if found["walls_to"] in [values.get("z_width") for values in (*found["best"].values(), found["own"])]:
-        further = "a longer range of K_VE in [sweep] may show stiffer ones"
-        yield f"walls are searched up to {found['walls_to']:g} N/m and no further: {further}", False
+    if found["at_end"]:
+        names, wall = " and ".join(found["at_end"]), found["wall"]
+        where = f"where the range of {wall} ends, at {found['walls_to']:g}"
+        yield f"{names} end{'s' * (len(found['at_end']) == 1)} {where}; a longer one in [sweep] may show more", False
     if found["files"]:
         number = f"{len(found['files'])} of them " if 1 < len(found["files"]) < found["designs"] else ""
         named = " ... ".join(dict.fromkeys([found["files"][0], found["files"][-1]]))

@@ -35,11 +35,15 @@ DELAY = "environment.delay"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Worst(Rows):
-    """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified."""
+    """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified.
+
+    at_end: whether it is that of a wall at which the range of walls ends.
+    """
 
     value: np.ndarray
     scenario: np.ndarray
     certified: np.ndarray
+    at_end: np.ndarray
 
 
 def evaluate(
@@ -71,8 +75,10 @@ def evaluate(
             if "band_hz" in wish.options:
                 value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
             worst, scenario = points.worst(value, more=True)
-            others = ~stiffest.of_all | (value != np.repeat(worst, points.size // worst.size))
-            found[wish.name] = Worst(worst, np.where(points.all_of(others), scenario, OF_ALL), points.all_of(certified))
+            others = value != np.repeat(worst, points.size // worst.size)
+            scenario = np.where(points.all_of(~stiffest.of_all | others), scenario, OF_ALL)
+            at_end = ~points.all_of((stiffest.wall < stop) | others)
+            found[wish.name] = Worst(worst, scenario, points.all_of(certified), at_end)
             continue
         walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
         walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
@@ -82,7 +88,8 @@ def evaluate(
         if proof and not wish.kind.reads:  # all of the loop
             said = _of_each(points, lambda own: proof.verdict(spec.with_values(own)), (*designs, *walls))
             value, certified = np.where(said == "refuted", np.nan, value), certified & (said == "proved")
-        found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
+        worst = points.worst(value, wish.kind.more)
+        found[wish.name] = Worst(*worst, points.all_of(certified), np.zeros(len(worst[0]), bool))
     return found
 
 
