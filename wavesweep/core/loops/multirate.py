@@ -132,7 +132,7 @@ class MultirateLoop:
         blocks = [self.placed[index].block for index in running]
         reads = {name: [source for source, gain in terms.items() if np.any(gain)] for name, terms in self.sums.items()}
         for block in blocks:
-            direct = block.D.reshape(-1, len(block.outputs), len(block.inputs)).any(0)
+            direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
             for port, row in zip(block.outputs, direct, strict=True):
                 reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
         from scipy.sparse.csgraph import connected_components

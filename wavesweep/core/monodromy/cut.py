@@ -57,7 +57,9 @@ class Cut:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
-        return self.remembered("batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in PARTS)))
+        return self.remembered(
+            "batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in PARTS), np.shape(self.period))
+        )
 
     def remembered(self, name: object, make: Callable[[], Any]) -> Any:
         """What `make` gives at the first call with this name: of a compiled loop it is asked for in every call."""
