@@ -16,6 +16,7 @@ import wavesweep
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.transforms import ScaledTranslation
 
 FOLDER = Path(__file__).parent
 STEPS = {"elapsed": "step: time since the last frame", "nominal": "step: always 20 ms"}
@@ -43,9 +44,9 @@ def draw(table: pd.DataFrame, target: Path) -> None:
     """Draw what is proved, not known and refuted over b, and the limits of a constant rate beside it."""
     fig, grid = plt.subplots(2, 2, figsize=(7.6, 6), layout="constrained", sharex=True, sharey=True)
     for axes, (step, delay) in zip(grid.flat, product(STEPS, DELAYS), strict=True):
-        for name, (colour, _) in LOOKS.items():
+        for place, (name, (colour, _)) in enumerate(LOOKS.items()):
             rows = table[(table["name"] == name) & (table.step == step) & (table.delay == delay) & (table.interval == 0)]
-            _draw_one(axes, rows, colour)
+            _draw_one(axes, rows, colour, place)
         axes.set_title(f"{STEPS[step]}\n{DELAYS[delay]}", fontsize=9)
         axes.set(xscale="log", yscale="log", xlim=(4.5, 45), xticks=[5, 10, 20, 40], xticklabels=["5", "10", "20", "40"])
         axes.minorticks_off()
@@ -54,8 +55,16 @@ def draw(table: pd.DataFrame, target: Path) -> None:
     fig.supylabel("stiffest wall K_VE (N/m), of B_VE = 1 N·s/m", fontsize=9)
     handles = [plt.Line2D([], [], color=colour, label=words) for colour, words in LOOKS.values()]
     handles += [
-        plt.Line2D([], [], color="0.3", marker="o", markersize=3, label="proved for frames of 16, 20, 25, 33 ms in any order"),
-        plt.Rectangle((0, 0), 1, 1, facecolor="none", edgecolor="0.5", hatch="////", linewidth=0, label="not known"),
+        plt.Line2D(
+            [],
+            [],
+            color="0.3",
+            marker="o",
+            markersize=3,
+            linestyle="none",
+            label="proved up to here: 16, 20, 25, 33 ms in any order",
+        ),
+        plt.Line2D([], [], color="0.3", linewidth=2.5, linestyle=(0, (0.4, 0.4)), label="not known"),
         plt.Line2D([], [], color="0.3", marker=10, markersize=5, linestyle="none", label="refuted from here by a pattern"),
         plt.Line2D([], [], color="0.3", linestyle="--", label="constant rate: frames of 20 ms"),
     ]
@@ -63,14 +72,16 @@ def draw(table: pd.DataFrame, target: Path) -> None:
     fig.savefig(target, dpi=110)
 
 
-def _draw_one(axes, rows: pd.DataFrame, colour: str) -> None:
+def _draw_one(axes, rows: pd.DataFrame, colour: str, place: int) -> None:
     own, proved = (rows[rows.guarantee == word] for word in ("spec", "for_all"))
-    if "b" not in rows or rows.b.isna().all():  # the same for every b
+    if alike := "b" not in rows or bool(rows.b.isna().all()):  # the same for every b
         own, proved = (pd.concat([part.assign(b=4.5), part.assign(b=45.0)]) for part in (own, proved))
     axes.plot(own.b, own.high, "--", color=colour, linewidth=1)
-    axes.plot(proved.b, proved.high, "o-", color=colour, markersize=3, linewidth=1.4)
-    axes.plot(proved.b, proved.fails_from, linestyle="none", marker=10, color=colour, markersize=5)
-    axes.fill_between(proved.b, proved.high, proved.fails_from, facecolor="none", edgecolor=colour, hatch="////", linewidth=0)
+    shift = axes.transData + ScaledTranslation(2.5 * (place - 1.5) / 72, 0, axes.figure.dpi_scale_trans)
+    at = {"color": colour, "transform": shift}
+    axes.vlines(proved.b, proved.high, proved.fails_from, linewidth=2.5, linestyle=(0, (0.4, 0.4)), **at)
+    axes.plot(proved.b, proved.high, "o-" if alike else "o", markersize=3, **at)
+    axes.plot(proved.b, proved.fails_from, linestyle="none", marker=10, markersize=5, **at)
 
 
 def said(table: pd.DataFrame) -> Iterator[str]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.plots.regions import draw_region, handles_of, view_of
+from wavesweep.core.plots.regions import Bars, draw_at_values, draw_region, handles_of, view_of
 from wavesweep.core.plots.scales import scale_magnitudes
 from wavesweep.core.plots.style import (
     IDEAL,
@@ -50,7 +50,9 @@ def draw_planes(planes: Sequence[Plane]) -> Any:
         for axes, plane in zip(grid, planes, strict=True):
             view = view_of(plane.x, False, width / len(planes), 2.8)
             for look, (_, columns, facts) in zip(family_looks(len(plane.designs)), plane.designs, strict=True):
-                draw_region(axes, region_of(*curves_of([columns], view, facts), view), look, filled=False)
+                region = region_of(*curves_of([columns], view, facts), view)
+                draw_region(axes, region, look, filled=False)
+                draw_at_values(axes, region.bars, look, Bars())
             if plane.mark is not None:
                 axes.plot(*plane.mark, "x", color="black", markersize=7, zorder=4)
             x = plane.designs[0][1][plane.x]

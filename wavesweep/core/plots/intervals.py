@@ -38,7 +38,7 @@ _ROOM = 1.03  # times the largest value of a boundary
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 _HOW = {  # how stable sets are drawn, in the notes below the figure
     "strokes": "Strokes point to the unstable side.",
-    "between": "Lines are computed between swept values too, to half a pixel.",
+    "between": "Lines are computed between swept values too.",
     "bars": "Bars hold at their value of {} alone.",
 }
 
