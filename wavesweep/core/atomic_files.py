@@ -6,14 +6,16 @@ New names have a random part, and files are made with O_EXCL and, if the system 
 import errno
 import filecmp
 import os
+import re
 import stat
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from wavesweep.core.platform_compat import OPEN, READ
 
+SCRATCH = ".wavesweep.new-"  # what the names of folders of incomplete files begin with
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)  # folders of some file systems, or of other users
 
 
@@ -38,32 +40,79 @@ def open_file(path: Path, how: int = READ) -> BinaryIO:
 
 
 def write_file(path: Path, *pieces: bytes) -> None:
-    """Write a file under a temporary name and rename it, so that it is there whole or not at all."""
+    """Write a file in a folder beside it and rename it, so that it is there whole or not at all."""
     write_files({path: pieces})
 
 
 def write_files(files: Mapping[Path, Iterable[bytes]]) -> None:
-    """Write files under temporary names, and rename them once all are written, so that each is there whole or not at all.
+    """Write files in a folder beside each, and rename them once all are written, so that each is there whole or not at all.
 
     Raises OSError with the path of the file that could not be written.
     """
-    temporary, path = {}, None
+    with ExitStack() as opened:
+        folders = {parent: opened.enter_context(scratch(parent)) for parent in dict.fromkeys(path.parent for path in files)}
+        path = None
+        try:
+            for path, pieces in files.items():
+                descriptor = os.open(folders[path.parent] / path.name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o666)
+                with os.fdopen(descriptor, "wb") as file:
+                    file.writelines(pieces)
+            for path in files:
+                (folders[path.parent] / path.name).replace(path)
+        except OSError as error:  # which names the temporary file, or none if the disk is full
+            raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+@contextmanager
+def scratch(parent: Path) -> Iterator[Path]:
+    """A new folder in `parent` for files that are not complete yet; what runs that were killed have left of such is removed.
+
+    The folder is locked while it is used, and the lock ends with the process. Without locks, leftovers stay.
+    """
+    from shutil import rmtree
+
+    for left in parent.glob(f"{SCRATCH}*"):
+        with suppress(OSError):
+            if re.fullmatch("[0-9a-f]{12}", left.name.removeprefix(SCRATCH)) and is_folder(left):
+                held = _held(left, wait=False)
+                rmtree(left, ignore_errors=True)
+                os.close(held)
+    while True:
+        folder = parent / f"{SCRATCH}{random_part()}"
+        try:
+            folder.mkdir(0o700)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(parent)) from error
+        try:
+            held = _held(folder, wait=True)
+        except FileNotFoundError:  # another run took it for a leftover
+            continue
+        except OSError:  # a system without locks of folders
+            held = None
+        if held is None or os.fstat(held).st_nlink:
+            break
+        os.close(held)
     try:
-        for path, pieces in files.items():
-            scratch = path.with_name(f"{path.name}.{random_part()}.tmp")
-            descriptor = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o666)
-            temporary[path] = scratch
-            with os.fdopen(descriptor, "wb") as file:
-                file.writelines(pieces)
-        for path in files:
-            temporary[path].replace(path)
-            del temporary[path]
-    except OSError as error:  # which names the temporary file, or none if the disk is full
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+        yield folder
     finally:
-        for scratch in temporary.values():
-            with suppress(OSError):
-                scratch.unlink()
+        rmtree(folder, ignore_errors=True)
+        if held is not None:
+            os.close(held)
+
+
+def _held(folder: Path, wait: bool) -> int:
+    """Lock a folder and return what is closed to release it. Raises OSError if that cannot be, or not now and wait is false."""
+    try:
+        import fcntl
+    except ImportError as error:  # Windows
+        raise OSError(errno.ENOTSUP, "no locks of folders") from error
+    descriptor = os.open(folder, READ)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
 
 
 def put(new: Path, place: Path) -> None:

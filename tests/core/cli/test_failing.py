@@ -141,7 +141,7 @@ def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_pat
     make, made = os.open, []
 
     def full(path, *rest, **more):
-        temporary = str(path).endswith(".tmp")
+        temporary = ".wavesweep.new-" in str(path) and bool(rest[0] & os.O_CREAT)
         made.extend([path] if temporary else [])
         if temporary and len(made) == 4:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

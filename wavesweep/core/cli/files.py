@@ -8,7 +8,7 @@ from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
-from wavesweep.core.atomic_files import write_files
+from wavesweep.core.atomic_files import read_file, write_files
 from wavesweep.core.errors import UsageError
 
 LONGEST = 80  # letters of what --set changes, in the name of a folder
@@ -65,8 +65,15 @@ def refuse_no_folder(target: Path) -> None:
         raise UsageError(f"{target}: expected a file in a folder that exists, found no folder {target.parent}; make it first")
 
 
-def write_whole(*files: tuple[Path, str]) -> None:
-    """Write files whole, each given by its path and text; none of them is touched if one does not fit the disk."""
-    for target, _ in files:
+def write_whole(*files: tuple[Path, str], overwrite: bool = True, expected: str = "") -> None:
+    """Write files whole, each given by its path and text; none of them is touched if one does not fit the disk.
+
+    Without `overwrite`, UsageError if one is there with another content; expected: the end of its message. One with the same
+    content is no reason to refuse: a run that was killed may have put some of the files in place.
+    """
+    contents = {target: text.encode(errors="backslashreplace") for target, text in files}
+    for target, content in contents.items():
         refuse_no_folder(target)
-    write_files({target: [text.encode(errors="backslashreplace")] for target, text in files})
+        if not overwrite and target.exists() and read_file(target) != content:
+            raise UsageError(f"{target}: the file exists; expected {expected}")
+    write_files({target: [content] for target, content in contents.items()})

@@ -11,7 +11,7 @@ from textwrap import shorten, wrap
 import click
 
 from wavesweep.core.bundled import bundled
-from wavesweep.core.cli.files import refuse_no_folder, write_whole
+from wavesweep.core.cli.files import write_whole
 from wavesweep.core.cli.options import overwriting
 from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.drawing.drawing import RATE
@@ -109,10 +109,7 @@ def command(
     if out == "-":
         click.echo(text, nl=False)
         return
-    refuse_no_folder(target)
-    if target.exists() and not overwrite:
-        raise UsageError(f"{target}: the file exists; expected another --out FILE, or --overwrite to replace it")
-    write_whole((target, text))
+    write_whole((target, text), overwrite=overwrite, expected="another --out FILE, or --overwrite to replace it")
     click.echo(str(target), err=True)
 
 

@@ -6,7 +6,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from wavesweep.core.atomic_files import random_part
+from wavesweep.core.atomic_files import scratch
 from wavesweep.core.plots.style import DOTS_PER_INCH, style
 
 MOST_MARKS, PRINTED = 500, 400  # marks of a line in an SVG, of which more are an image with so many dots per inch
@@ -37,21 +37,20 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
 
 
 def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
-    """Write a figure in several formats, each in one atomic step, into a folder, which is created; returns the paths.
+    """Write a figure in several formats, each whole or not at all, into a folder, which is created; returns the paths.
 
     about: see `save`.
     """
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
-    for each in written:
-        temporary = each.with_name(f".{random_part()}.new{each.suffix}")
-        try:
-            save(canvas, temporary, about)
-            temporary.replace(each)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror or str(error), str(each)) from error
-        finally:
-            temporary.unlink(missing_ok=True)
+    with scratch(directory) as folder:
+        for each in written:
+            try:
+                save(canvas, folder / each.name, about)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror or str(error), str(each)) from error
+        for each in written:
+            (folder / each.name).replace(each)
     return written
 
 

@@ -12,7 +12,7 @@ from tempfile import SpooledTemporaryFile, TemporaryDirectory
 from typing import Any, BinaryIO
 
 from wavesweep.core.arguments import boolean
-from wavesweep.core.atomic_files import put, sync
+from wavesweep.core.atomic_files import put, scratch, sync
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.errors import UsageError
 from wavesweep.core.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
@@ -120,17 +120,16 @@ def save(table: Table, path: Path) -> Path:
     fields, blocks = _opened(table)
     if os.path.lexists(path) and not (path.is_file() and not path.is_symlink()):
         raise UsageError(f"{path}: expected a file or none, found a link, a folder or a device; move it away")
-    folder, suffix = new_folder(table.kind, path.parent), path.suffix.lower()
+    suffix = path.suffix.lower()
     try:
-        _write_all(folder / table.kind, table, fields, blocks, [suffix[1:]] if suffix in FIGURES else (), None, suffix)
-        whole = folder / f"{table.kind}{suffix}"
-        sync(whole)
-        put(whole, path)
+        with scratch(path.parent) as folder:
+            _write_all(folder / table.kind, table, fields, blocks, [suffix[1:]] if suffix in FIGURES else (), None, suffix)
+            whole = folder / f"{table.kind}{suffix}"
+            sync(whole)
+            put(whole, path)
         sync(path.parent)
     except OSError as error:
         raise _of_folder(error, path) from error
-    finally:
-        abandon(folder)
     return path
 
 

@@ -9,7 +9,6 @@ import click
 
 from wavesweep.core.cli.options import folder, override, overwriting
 from wavesweep.core.cli.talk import talk
-from wavesweep.core.errors import UsageError
 
 
 @click.command("export")
@@ -56,9 +55,9 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     paths = [folder / name for name in found]
     refuse_other_things(*paths)
     refuse_inputs(loaded.files, *paths)
-    _refuse_existing(paths, overwrite)
     folder.mkdir(parents=True, exist_ok=True)
-    write_whole(*zip(paths, found.values(), strict=True))
+    expected = "another --out DIR, or --overwrite to replace the files"
+    write_whole(*zip(paths, found.values(), strict=True), overwrite=overwrite, expected=expected)
     simulated = loaded.asking("simulate")
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
     outputs, assumed = terms_of(loaded), assumes(loaded, run=run_in_words(loaded))
@@ -85,12 +84,6 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
         for line in over_preset(loaded):
             say(line)
         say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
-
-
-def _refuse_existing(paths: list[Path], overwrite: bool) -> None:
-    existing = [path for path in paths if path.exists()]
-    if existing and not overwrite:
-        raise UsageError(f"{existing[0]}: the file exists; expected another --out DIR, or --overwrite to replace the files")
 
 
 def _coefficients(terms: list[dict[str, Any]]) -> str:
