@@ -154,7 +154,7 @@ def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, spa
     """The same on the bar of the for_all rows, at `place` with `half` of its height."""
     for below, above in _open_parts(columns, span):
         for low, high in zip(below.tolist(), above.tolist(), strict=True):
-            if low < high:
+            if high - low > _SEEN * (span[1] - span[0]):
                 axes.barh(place, high - low, left=low, height=2 * half, **UNKNOWN)
     for name, caret in (("fails_below", LEFT), ("fails_from", RIGHT)):
         known = columns[name][np.isfinite(columns[name])]
