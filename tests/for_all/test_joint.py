@@ -10,6 +10,7 @@ import pytest
 from wavesweep.for_all.checking import Norms, shrink
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
+from wavesweep.for_all.words import nearest, short_words
 
 ONE = Graph.least(np.ones((1, 1), bool))
 GOLDEN = (1 + 5**0.5) / 2
@@ -185,3 +186,25 @@ def test_a_check_needs_every_sequence_small_errors_and_symmetric_forms():
 def test_a_form_that_is_not_positive_proves_nothing():
     """With P = -1, `P - A P A` is positive for A = 1.1, which grows."""
     assert not shrink(Norms(np.array([[[-1.0]]]), ONE), np.array([[[0.1]]]), np.zeros((1, 1, 1)), np.ones((1, 1), bool))
+
+
+def test_a_refutation_is_the_nearest_number_at_which_its_own_word_grows():
+    """`(0.6 + x) (1.5 - x)` is 1 or more from 0.13 to 0.77, and again in size from 1.9 on."""
+    family = Affine.of([[[0.6]], [[1.5]]], [[[1.0]], [[-1.0]]])
+    assert nearest(family, (0, 1), 0.0, 4.5) == pytest.approx((0.9 - 0.41**0.5) / 2, rel=1e-7)
+    assert nearest(family, (0, 1), 1.0, 4.5) == pytest.approx((0.9 + 8.41**0.5) / 2, rel=1e-7)
+
+
+def test_short_words_are_each_cycle_once_of_those_that_may_follow():
+    assert short_words(np.ones((2, 2), bool)) == [
+        (0,),
+        (1,),
+        (0, 1),
+        (0, 0, 1),
+        (0, 1, 1),
+        (0, 0, 0, 1),
+        (0, 0, 1, 1),
+        (0, 1, 1, 1),
+    ]
+    assert short_words(np.array([[False, True], [True, False]])) == [(0, 1)]
+    assert len(short_words(np.ones((30, 30), bool))) == 30  # those of two would be too many

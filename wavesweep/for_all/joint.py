@@ -7,7 +7,19 @@ import numpy as np
 from wavesweep.for_all.checking import Norms, shrink
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.norms import WORK, Centre, advanced, find_norms, finer, first_centre
-from wavesweep.for_all.words import KEPT, LONGEST, Word, crossing, growing, growth, is_refuted, refuted_beyond
+from wavesweep.for_all.words import (
+    KEPT,
+    LONGEST,
+    Word,
+    crossing,
+    growing,
+    growing_of,
+    growth,
+    is_refuted,
+    nearest,
+    refuted_beyond,
+    short_words,
+)
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 WITHIN = 0.93  # distance of a first proof from the refuted number, relative to the tolerance
@@ -163,6 +175,8 @@ def _side(family, start, limit, tolerance, first, work):
     side = _Side(reached, fails, word, False, stretches, centre or first)
     if word and abs(fails - reached) <= tolerance * _scale(fails, start):
         side = _refined(family, side, start, tolerance)
+    if word:
+        side = replace(side, fails=nearest(family, side.word, start, side.fails))
     end = side.fails if word else limit
     return replace(side, settled=abs(end - side.end) <= tolerance * _scale(end, start))
 
@@ -225,13 +239,10 @@ def _inside(end, start, share):
 
 def nearest_refuted(family: Family, start: float, limit: float, tolerance: float) -> tuple[float, Word]:
     """Return the refuted number closest to the start that a search finds, and its word; NaN and () if there is none."""
-    fails, word = np.nan, ()
-    alone = [(i,) for i in np.flatnonzero(family.follows.diagonal()).tolist()]
-    before = start
+    fails, word, before, short = np.nan, (), start, short_words(family.follows)
     for i, x in enumerate(start + (limit - start) * np.geomspace(1e-4, 1.0, SCANNED)):
         A = family.at(x)
-        radius = np.abs(np.linalg.eigvals(A)).max(-1)
-        grows = [each for each in alone if radius[each] >= 1]
+        grows = growing_of(A, short)
         if not grows and i % EVERY == EVERY - 1:
             grows = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
         if grows:
@@ -244,14 +255,14 @@ def nearest_refuted(family: Family, start: float, limit: float, tolerance: float
         if not nearer:
             break
         fails, word = nearer
-    return fails, word
+    return nearest(family, word, start, fails) if word else fails, word
 
 
 def _grown(family, start, x, centre, word=(), more=1):
     """The refuted number closest to the start of words that grow at x, and its word; None if none is found."""
     words = growing(family.at(x), family.follows, centre.basis, [word] if word else [], more * KEPT, more * LONGEST)
-    nearest = _first(family, words, start, x, x)
-    return nearest if nearest[1] else None
+    found = _first(family, words, start, x, x)
+    return found if found[1] else None
 
 
 def _first(family, words, stable, unstable, limit):

@@ -15,6 +15,9 @@ LEADING = 8  # words of each length, and of all lengths, that are joined in pair
 IMPROVED = 3  # of these, the words that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
+BEYOND = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)  # of a number where a word begins to grow, how far beyond it that is proved
+LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
+SHORTEST, MOST = 4, 400  # matrices of the words that are all tried, and how many these are at most
 SHORT = 2  # matrices of the words that are looked for to rank numbers, before these are joined and improved
 RANKED, STEPS, HALVED = 1e-2, 24, 6  # of the limit, from where on numbers are tried; how many, and bisections after them
 
@@ -133,6 +136,45 @@ def _least(word):
     return min(word[i:length] + word[:i] for i in range(length))
 
 
+def short_words(follows: np.ndarray) -> list[Word]:
+    """Return all words of few matrices, each cycle once: of up to SHORTEST matrices, or fewer if they are more than MOST."""
+    one_way, found = [(i,) for i in range(len(follows))], {}
+    for _ in range(SHORTEST):
+        closed = {_least(word) for word in one_way if follows[word[-1], word[0]]}
+        if found and len(found) + len(closed) > MOST:
+            break
+        found |= dict.fromkeys(sorted(closed, key=lambda word: (len(word), word)))
+        one_way = [(*word, i) for word in one_way for i in np.flatnonzero(follows[word[-1]]).tolist()]
+        if len(one_way) > MOST * SHORTEST:
+            break
+    return list(found)
+
+
+def growing_of(A: np.ndarray, words: Sequence[Word]) -> list[Word]:
+    """Return those of some words whose products have a spectral radius of 1 or more, fastest growth per matrix first."""
+    rates = {}
+    for length in {len(word) for word in words}:
+        some = [word for word in words if len(word) == length]
+        products = A[[word[0] for word in some]]
+        for at in range(1, length):
+            products = A[[word[at] for word in some]] @ products
+        known = np.isfinite(products).all((-1, -2))
+        radius = np.abs(np.linalg.eigvals(np.where(known[:, None, None], products, 0.0))).max(-1)
+        rates |= dict(zip(some, np.where(known, radius, np.inf) ** (1 / length), strict=True))
+    return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
+
+
+def nearest(family: Family, word: Word, start: float, x: float) -> float:
+    """Return the refuted number closest to the start at which a word grows, one that is refuted at x."""
+    inside = start
+    for outside in start + (x - start) * np.linspace(0, 1, LOOKED_BACK + 1)[1:]:
+        if growth(family.at(outside), word) >= 1:
+            at = refuted_beyond(family, word, crossing(family, word, inside, outside), x)
+            return x if at is None else at
+        inside = outside
+    return x
+
+
 def crossing(family: Family, word: Word, stable: float, unstable: float) -> float:
     """Return the number between both at which the word begins to grow, on the side where it does."""
     low, high = stable, unstable
@@ -168,7 +210,7 @@ def seems_refuted_from(family: Family, limit: float) -> float:
 def refuted_beyond(family: Family, word: Word, x: float, limit: float) -> float | None:
     """Return a number just beyond x, towards the limit, at which the word is proved to grow; None if none is found."""
     away = np.sign(limit - x) * max(abs(x), 1e-6 * abs(limit - x))
-    for step in (1e-10, 1e-8, 1e-6):
+    for step in BEYOND:
         at = x + step * away
         if abs(at - x) <= abs(limit - x) and is_refuted(family, word, at):
             return float(at)

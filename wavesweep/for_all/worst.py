@@ -2,7 +2,7 @@
 and proved box by box."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
@@ -14,7 +14,7 @@ from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.mean_square import nearest_growing
 from wavesweep.for_all.norms import first_centre
 from wavesweep.for_all.ranges import Box, FramesAt, cover, units_of
-from wavesweep.for_all.words import Word, crossing, growing, growth, is_refuted, refuted_beyond
+from wavesweep.for_all.words import Word, crossing, growing, growth, is_refuted, nearest, refuted_beyond
 
 TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
@@ -173,6 +173,8 @@ def _worst(loops: Loops, start: float, limit: float) -> Refuted:
             best = moved
         if best is not before:
             best = _refuted_at(loops, best.point, start, best.x, best)
+    if best.word and not loops.on_average:
+        return replace(best, x=nearest(loops.family(best.point), best.word, start, best.x))
     return best
 
 
