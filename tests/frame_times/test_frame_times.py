@@ -320,3 +320,5 @@ def test_the_frames_of_the_page_are_those_of_its_script():
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     assert (EXAMPLES / "frames.csv").read_text(encoding="utf-8").splitlines() == list(script.rows())
+    misses = list(script.rows(script.MISSES, 300, (-1, 0)))
+    assert (EXAMPLES / "misses.csv").read_text(encoding="utf-8").splitlines() == misses

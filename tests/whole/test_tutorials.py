@@ -23,6 +23,7 @@ AT_LENGTH = (
     "report ",
     "zwidth engine.toml",
     "check touch.toml --set",
+    "design touch.toml",
     "simulate shaft.toml",
     "identify run/simulate.csv",
     "identify sweeps/examples/pushed.csv --resolution 2e-5 --out",
