@@ -13,7 +13,7 @@ from wavesweep.core.spec import load
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import loop_numbers, ranges
 from wavesweep.for_all.checking import shrink_over
-from wavesweep.for_all.frames import Frames
+from wavesweep.for_all.frames import Frames, Slow, plan_of
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_numbers import TickSeries
 from wavesweep.for_all.polynomials import Polynomials, monomials
@@ -158,7 +158,7 @@ def test_ticks_over_a_box_are_within_their_bounds(same, order, monkeypatch):
             [np.exp(a) / (3 + b), np.sin(2 * a + b), np.exp(a), np.exp(a) + 1e-3 * np.cos(b), a * b, 0 * a, b, 1 + a]
         )
         E = np.moveaxis(entries.reshape(2, 2, 2, -1), -1, 1)
-        return E, 1e-15 * np.abs(E)
+        return E, 1e-15 * np.abs(E), np.ones((len(x), 1))
 
     box = np.array([[-1.0, 0.2], [1.0, 1.4]])
     part = np.array([[-0.5, 0.4], [0.7, 1.0]])
@@ -175,10 +175,30 @@ def test_ticks_over_a_box_are_within_their_bounds(same, order, monkeypatch):
 def test_a_part_of_a_box_keeps_what_counts_beside_an_entry_that_is_zero_in_all_ticks():
     def evaluate(x):
         E = np.stack([[np.exp(x[:, 0]), np.sin(x[:, 0])], [0 * x[:, 0], np.cos(x[:, 0])]])[None]
-        return np.moveaxis(E, -1, 1), np.zeros((1, len(x), 2, 2))
+        return np.moveaxis(E, -1, 1), np.zeros((1, len(x), 2, 2)), np.ones((len(x), 1))
 
     part = TickSeries.of(evaluate, np.array([[-1.0], [1.0]]), (16,)).part(np.array([[0.0], [0.1]]))
     assert part.polynomials(5).rest.max() < 1e-9
+
+
+@pytest.mark.parametrize("stop", [1.0, 0.15])
+def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(stop):
+    """What it adds to the frame, 5e-10/((p - 0.3)^2 + 1e-9), is 1/2 at 0.3 and next to nothing at the nodes."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"p": 0.1, "n": 2},
+        "block": {
+            "s": {"type": "ss", "discrete": True, "inputs": ["u"], "outputs": ["y"], "A": [[0.9]], "B": [[1]], "C": [[1]]},
+            "one": {"type": "gain", "k": 1.0},
+            "h": {"type": "hold", "every": "n"},
+        },
+        "wire": {"one.u": "(1 - (p - 0.3)**2 - 1e-9)*one.y + s.y", "h.u": "s.y", "s.u": "-0.3*h.y + 5e-10*one.y"},
+    }
+    tables["block"]["s"]["D"] = [[0]]
+    loop = load(tables)
+    plan = plan_of(loop.drawing, loop.values, Frames((2, 3)), Slow.of(loop.drawing, loop.values))
+    found = plan.over(["numbers.p"], lambda sides: sides, np.array([[0.0], [stop]]))
+    assert found == 0 if stop == 1 else found.polynomials().rest.max() < 1e-6
 
 
 def frames_at(kind, box):

@@ -43,6 +43,11 @@ def without_folded(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.ndarr
     return counted_from_rest(E, dE, V, dV, drift)
 
 
+def pivots_of(ticks: Ticks, points: int) -> np.ndarray:
+    """Return what is zero where the algebraic loops of a kind of tick have no solution, `(points, kinds)`."""
+    return np.stack([np.broadcast_to(each.pivot, points) for each in ticks.maps], -1)
+
+
 def counted_from_rest(E, dE, V, dV, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return changes of the states that are kept, counted from the rest, and bounds on their errors; V, dV: of `shift_of`."""
     rest, folded = np.array(drift.kept, int), np.array(drift.folded, int)

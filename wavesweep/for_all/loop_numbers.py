@@ -10,6 +10,7 @@ from itertools import groupby, product
 import numpy as np
 
 from wavesweep.core.monodromy.product import pattern_of
+from wavesweep.core.stability.frames import level, pole_inside
 from wavesweep.core.stability.positive import along, nodes, to_series
 from wavesweep.for_all.loop_frames import Symbol, alive
 from wavesweep.for_all.polynomials import UNIT, Polynomials, monomials, to_powers
@@ -26,8 +27,9 @@ SPARED = 1e-11  # of the size of the entries, for each number: coefficients that
 MOST_FUNCTIONS, SAME = 200, 1e-13  # functions of which ticks are sums, and how well, relative to the size of an entry
 CLOSE = 1e-9  # largest error of an interpolant that is wanted, relative to the size of the entries
 
-Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""From points `(points, numbers)` to the changes of each kind of tick, `(kinds, points, n, n)`, and bounds on their errors."""
+Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+"""From points `(points, numbers)` to the changes of each kind of tick, `(kinds, points, n, n)`, bounds on their errors, and
+what is zero where these have a pole, `(points, k)`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,22 +46,27 @@ class TickSeries:
     error: np.ndarray
 
     @staticmethod
-    def of(evaluate: Evaluate, box: np.ndarray, counts: Sequence[int]) -> TickSeries:
-        """Interpolate at so many nodes in each number.
+    def of(evaluate: Evaluate, box: np.ndarray, counts: Sequence[int]) -> TickSeries | int:
+        """Interpolate at so many nodes in each number; or return that along which a pole may be in the ellipse.
 
         Accuracy: along each number the error at real places is at most that on an ellipse about it, times how much smaller
-        the polynomial of the nodes is there. It is looked at in RIM_POINTS of each ellipse, the other numbers being at nodes.
+        the polynomial of the nodes is there, if no pole is inside. It is looked at in RIM_POINTS of each ellipse, the other
+        numbers being at nodes.
         """
         middle, half = box.mean(0), (box[1] - box[0]) / 2
         grid = np.array(list(product(*map(nodes, counts))))
-        E, dE = evaluate(middle + half * grid)
+        E, dE, pivots = evaluate(middle + half * grid)
+        pivots = pivots.reshape(*counts, -1)
         kinds, n = len(E), E.shape[-1]
         values = (E + np.eye(n)).reshape(kinds, *counts, n, n)
         lebesgue = np.prod([2 / np.pi * np.log(count) + 1 for count in counts])
         error = 2 * lebesgue * (dE.max(1) + 8 * len(grid) * UNIT * np.abs(values).reshape(kinds, -1, n, n).max(1))
         for axis, count in enumerate(counts):
             if half[axis] > 0:
-                error += lebesgue * SAFE * _missed(evaluate, values, middle, half, counts, axis, count)
+                missed = _missed(evaluate, values, pivots, middle, half, counts, axis, count)
+                if missed is None:
+                    return axis
+                error += lebesgue * SAFE * missed
         for axis, count in enumerate(counts):
             values = along(to_series(count), values, 1 + axis)
         whole = np.moveaxis(values, 0, -3).reshape(len(grid), -1)
@@ -132,14 +139,20 @@ def _few(whole):
     return whole[:, few], weights, left + 2 * (count + 2) * UNIT * (size[few] @ np.abs(weights) + size)
 
 
-def _missed(evaluate, values, middle, half, counts, axis, count):
-    """A bound on the error of the interpolation along a number, `(kinds, n, n)`, but for points between those looked at."""
+def _missed(evaluate, values, pivots, middle, half, counts, axis, count):
+    """A bound on the error of the interpolation along a number, `(kinds, n, n)`, but for points between those looked at.
+
+    None if a pole may be inside.
+    """
     others = [np.unique([0, size // 2, size - 1]) if at != axis else np.array([0]) for at, size in enumerate(counts)]
     index = list(product(*others))
     points = np.array([[nodes(size)[i] for size, i in zip(counts, each, strict=True)] for each in index], complex)
     points = np.repeat(points, RIM_POINTS, 0)
     points[:, axis] = np.tile(RIM, len(index))
-    E, _ = evaluate(middle + half * points)
+    E, _, around = evaluate(middle + half * points)
+    within = np.stack([pivots[(*each[:axis], slice(None), *each[axis + 1 :])] for each in index])
+    if pole_inside(around.reshape(len(index), RIM_POINTS, -1), level(within)).any():
+        return None
     kinds, n = len(E), E.shape[-1]
     rim = (E + np.eye(n)).reshape(kinds, len(index), RIM_POINTS, n, n)
     lines = np.stack([values[(slice(None), *each[:axis], slice(None), *each[axis + 1 :])] for each in index], 1)
@@ -150,10 +163,10 @@ def _missed(evaluate, values, middle, half, counts, axis, count):
 
 
 def _in_units(evaluate, units, points):
-    E, dE = evaluate(points)
+    E, dE, pivots = evaluate(points)
     unit = np.exp(points @ units)
     ratio = unit[:, :, None] / unit[:, None, :]
-    return E * ratio, dE * np.abs(ratio)
+    return E * ratio, dE * np.abs(ratio), pivots
 
 
 def _counts(evaluate, box):
@@ -192,7 +205,7 @@ class FramesOver:
 
     @staticmethod
     def of(evaluate: Evaluate, box: np.ndarray, rows, samples, symbols, units=None) -> FramesOver | int:
-        """Return the frames; or the side along which the box has to be divided first, for there would be too many nodes.
+        """Return the frames; or the side along which the box has to be divided first, for a pole or too many nodes.
 
         units: `(sides, n)`; the states x are replaced by `exp(units' s) x`, which are similar at every s.
         """
@@ -201,11 +214,14 @@ class FramesOver:
         counts = _counts(evaluate, box)
         if np.prod(counts) > MOST_NODES:
             return int(np.argmax(counts))
+        series = TickSeries.of(evaluate, box, counts)
+        if isinstance(series, int):
+            return series
         inside = box[0] + (box[1] - box[0]) * np.array([[0.3], [0.7]])
         changes = list(evaluate(inside)[0])
         patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
         kept = alive(np.logical_or.reduce(patterns), np.arange(changes[0].shape[-1]))
-        return FramesOver(TickSeries.of(evaluate, box, counts), rows, samples, symbols, kept)
+        return FramesOver(series, rows, samples, symbols, kept)
 
     def part(self, box: np.ndarray) -> FramesOver:
         """The frames in a part of the box."""

@@ -22,7 +22,7 @@ from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar
 from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.core.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
 from wavesweep.core.monodromy.periodic import Ticks, ticks_of
-from wavesweep.for_all.folded import without_folded
+from wavesweep.for_all.folded import pivots_of, without_folded
 from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.loop_numbers import FramesOver
 from wavesweep.for_all.plan import ANY, INSIDE
@@ -179,7 +179,8 @@ def messages_over(
     symbols = tuple(symbol for _, symbol, *_ in steps)
 
     def evaluate(points):
-        return without_folded(counted_ticks(ticks_at(points)[1], drift)[0], drift)
+        ticks = counted_ticks(ticks_at(points)[1], drift)[0]
+        return *without_folded(ticks, drift), pivots_of(ticks, len(points))
 
     return FramesOver.of(evaluate, box, tuple(ahead), tuple(last), symbols, units)
 

@@ -13,7 +13,7 @@ from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
 from wavesweep.core.monodromy.open_ticks import OpenTicks
 from wavesweep.core.monodromy.periodic import Ticks, ticks_of
-from wavesweep.for_all.folded import lasting, without_folded
+from wavesweep.for_all.folded import lasting, pivots_of, without_folded
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.loop_numbers import FramesOver
 
@@ -135,7 +135,12 @@ class Plan:
 
         drift = lasting(drift, counted_at, box)
         rows, samples, symbols, _ = self.written(index)
-        return FramesOver.of(lambda points: without_folded(counted_at(points), drift), box, rows, samples, symbols, units)
+
+        def evaluate(points):
+            ticks = counted_at(points)
+            return *without_folded(ticks, drift), pivots_of(ticks, len(points))
+
+        return FramesOver.of(evaluate, box, rows, samples, symbols, units)
 
     def _kinds(self, ticks_at):
         """The different maps of ticks, the step and the place that each is from, and the index of each kind at each step."""
