@@ -2,6 +2,7 @@
 
 import gc
 import os
+import re
 import signal
 import sys
 from pathlib import Path
@@ -33,7 +34,15 @@ workers.PROCESSES = 1  # tests are many processes already: those that are about 
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
 THERE = {each.name for each in CAPABILITIES}
+_, _, LISTED = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").partition("## The capabilities")
+MISSING = set(re.findall(r"^\| `(\w+)/` \|", LISTED.partition("\n## ")[0], re.MULTILINE)) - THERE
+collect_ignore_glob = ["whole/*", "stress/test_*"] if MISSING else []
 THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
+
+
+def pytest_report_header():
+    """Say so if tests are left out."""
+    return f"without {', '.join(sorted(MISSING))}: tests of everything together are left out" if MISSING else None
 
 
 def pytest_collection_modifyitems(items):
@@ -48,7 +57,7 @@ def pytest_collection_modifyitems(items):
         if THOROUGH.intersection(item.fixturenames):
             item.add_marker("thorough")
         gone = {name for mark in item.iter_markers("asks") for name in mark.args} - THERE
-        if gone or ("WAVESWEEP_WITHOUT" in os.environ and item.get_closest_marker("whole")):
+        if gone or (MISSING and item.get_closest_marker("whole")):
             item.add_marker(pytest.mark.skip(reason="asks for capabilities that are taken away"))
     for number, same in sampled.values():
         kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}

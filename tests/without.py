@@ -17,7 +17,6 @@ from wavesweep.capabilities import CAPABILITIES
 
 ROOT = Path(__file__).parents[1]
 NAMES = tuple(each.name for each in CAPABILITIES)
-WHOLE = ("tests/whole/", "tests/stress/test_")  # tests that are about everything together
 SPECS = {f"sweeps/templates/{name}.toml": "axes" for name in ("delta", "five-bar")}  # that draw blocks of a capability
 ASKED = (("zwidth", "fig4"), ("zwidth", "fig5"), ("stability-region", "fig4-b25"), ("bode", "fig6"))
 
@@ -31,7 +30,7 @@ def copy_without(names, folder):
     gone += tuple(spec for spec, needed in SPECS.items() if needed in names)
     compiled = f".{sys.implementation.cache_tag}.pyc"  # which the time of its source goes with
     for name in listed:
-        if not name.startswith((*gone, *WHOLE)) and (ROOT / name).is_file():
+        if not name.startswith(gone) and (ROOT / name).is_file():
             place = (ROOT / name).parent / "__pycache__" / f"{Path(name).stem}{compiled}"
             for each in (ROOT / name, *([place] if place.is_file() else [])):
                 there = folder / each.relative_to(ROOT)
@@ -55,7 +54,7 @@ def without_lines(text, names):
 
 def run(folder, package, *arguments):
     """Run Python in a folder with the package of a checkout or of a copy."""
-    environment = {**os.environ, "PYTHONPATH": str(package), "WAVESWEEP_WITHOUT": "some"}
+    environment = {**os.environ, "PYTHONPATH": str(package)}
     return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, check=False)
 
 

@@ -76,6 +76,12 @@ def test_the_front_is_that_of_the_other_commands(run):
         found = wavesweep.zwidth(results / name)
         assert found.high.min() == pytest.approx(rows["z_width"][row], rel=1e-12)
         assert tomllib.loads((results / name).read_text())["controller"]["b"] == rows["b"][row]
+    assert main(["verify", str(results)]) == 0
+    best = results / names[0]
+    best.write_text(best.read_text() + "# changed\n")
+    assert main(["verify", str(results)]) == 1
+    best.unlink()
+    assert main(["verify", str(results)]) == 1
 
 
 @pytest.mark.thorough

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -207,8 +208,57 @@ def test_a_number_that_was_changed_in_the_csv_is_found_whatever_the_package_says
     package = package_of(folder)
     package["resources"][0] |= {"bytes": len(content), "hash": f"sha256:{hashlib.sha256(content).hexdigest()}"}
     (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
-    (difference,) = verify(folder).differences
+    difference = verify(folder).differences[-1]
     assert "zwidth.parquet and zwidth.csv: row 3, column high: " in difference
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.thorough)])
+def test_whatever_is_flipped_or_edited_in_a_package_is_found(folder, seed, monkeypatch):
+    monkeypatch.setattr("wavesweep.core.results.verification._again", lambda *_: None)
+    package, random = folder / "zwidth.datapackage.json", np.random.default_rng(seed)
+    whole = package.read_bytes()
+    assert verify(folder).differences == ()
+    for _ in range(60):
+        flipped = bytearray(whole)
+        flipped[random.integers(len(whole))] ^= 1 << random.integers(8)
+        package.write_bytes(flipped)
+        assert verify(folder).differences, bytes(flipped)
+    content = json.loads(whole)
+    places = list(leaves({name: each for name, each in content.items() if name != "hash"}))
+    for at in random.permutation(len(places))[:60]:
+        edited = json.loads(whole)
+        *way, last = places[at]
+        inner = reduce(lambda inner, step: inner[step], way, edited)
+        if random.integers(2):
+            del inner[last]
+        else:
+            inner[last] = {"a": 1} if isinstance(inner[last], str) else "other"
+        package.write_text(json.dumps(edited, indent=2) + "\n")
+        assert str(package) in " ".join(verify(folder).differences), places[at]
+
+
+def leaves(value, way=()):
+    """The way to each number, text or flag of a JSON value."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for step, each in inner:
+        yield from leaves(each, (*way, step)) if isinstance(each, (dict, list)) else [(*way, step)]
+
+
+def test_an_edit_is_named_with_its_place_and_what_belongs_there(folder, monkeypatch):
+    monkeypatch.setattr("wavesweep.core.results.verification._again", lambda *_: None)
+    package = folder / "zwidth.datapackage.json"
+    content = json.loads(package.read_text())
+    fields = content["resources"][0]["schema"]["fields"]
+    at = next(number for number, field in enumerate(fields) if field["name"] == "low")
+    fields[at]["unit"] = "N/mm"
+    package.write_text(json.dumps(content, indent=2) + "\n")
+    assert verify(folder).differences == (f'{package}: resources[0].schema.fields[{at}].unit is "N/mm", not "N/m"',)
+
+
+def test_a_package_of_more_bytes_than_any_table_has_is_refused_unread(folder, monkeypatch):
+    monkeypatch.setattr("wavesweep.core.results.package.LARGEST", 100)
+    assert "cannot be read as a data package" in verify(folder).differences[0]
 
 
 def test_a_package_that_asks_for_other_numbers_of_rows_has_none_computed(tmp_path, monkeypatch):

@@ -312,6 +312,20 @@ def schema_facts(path: Path) -> dict[str, Any]:
         return {}
 
 
+def schema_fields(path: Path) -> tuple[Field, ...]:
+    """The columns of a Parquet table with kind, unit and description, as its schema has them."""
+    import pyarrow.parquet
+
+    kinds = {str(arrow): kind for kind, arrow in _types().items()}
+    with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
+        schema = pyarrow.parquet.read_schema(file)
+    texts = [{name.decode(): text.decode() for name, text in (each.metadata or {}).items()} for each in schema]
+    return tuple(
+        Field(each.name, kinds[str(each.type)], text["unit"], text["description"])
+        for each, text in zip(schema, texts, strict=True)
+    )
+
+
 def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[str] | None = None) -> dict[str, np.ndarray]:
     """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups.
 

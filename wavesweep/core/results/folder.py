@@ -10,12 +10,11 @@ from typing import Any
 
 from wavesweep.core.atomic_files import is_folder, read_file
 from wavesweep.core.errors import UsageError
-from wavesweep.core.results.package import PART, packaged_facts
+from wavesweep.core.results.package import BEST, PART, packaged_facts
 from wavesweep.core.spec import SYMBOLS
 
 FIGURES = (".png", ".svg", ".pdf", ".eps")
 PACKAGE = ".datapackage.json"
-BEST = "best"  # the folder of specs beside the table `design`
 DESIGNS = r"[^/]+-\d\d\.toml"  # their names
 HEADER = "# A design that wavesweep found: "  # which they begin with
 LONGEST = 40  # characters of a list in a message

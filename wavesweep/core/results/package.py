@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,10 @@ _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQ
 _MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", "eps": "application/postscript"}
 _HASH_BLOCK = 1 << 20
 OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
+OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
+BEST = "best"  # the folder of specs beside the table `design`
+LARGEST = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
+MOST_DIFFERENCES = 5  # that are named
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
 
@@ -30,6 +34,7 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
         "resources": [
             *_tables(kind, stem, schema),
             *(figure_resource(kind, facts, figure) for figure in figures),
+            *(_design(kind, design) for design in sorted((stem.parent / BEST).glob("*.toml")) if kind == "design"),
         ],
         "wavesweep": facts,
     }
@@ -59,10 +64,26 @@ def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, 
     ]
 
 
+def _design(kind: str, design: Path) -> dict[str, Any]:
+    """The entry of a spec in the folder BEST."""
+    return {
+        "name": f"{kind}-{design.stem}".lower(),
+        "profile": "data-resource",
+        "type": "file",
+        "format": "toml",
+        "mediatype": "application/toml",
+        **file_facts(design),
+        "path": f"{BEST}/{design.name}",
+    }
+
+
 def loaded(package: Path) -> dict[str, Any]:
-    """Give the content of a data package. Raises OSError, also for a pipe or a device, or ValueError."""
+    """Give the content of a data package. Raises OSError, also for a pipe or a device, or ValueError, also if too large."""
     with open_file(package) as file:
-        return json.load(file)
+        text = file.read(LARGEST + 1)
+    if len(text) > LARGEST:
+        raise ValueError(f"expected at most {LARGEST} bytes, found more")
+    return json.loads(text)
 
 
 def packaged_parts(package: Path) -> int:
@@ -125,6 +146,7 @@ def same_but_for_the_run(one: Path, other: Path) -> bool:
     try:
         packages = [loaded(each) for each in (one, other)]
         for each in packages:
+            each.pop("hash", None)
             each["wavesweep"] = {name: fact for name, fact in each["wavesweep"].items() if name not in OF_RUN}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return False
@@ -146,7 +168,48 @@ def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
 
 
 def _as_text(package: Mapping[str, Any]) -> str:
-    return json.dumps(package, indent=2, allow_nan=False) + "\n"
+    """The text of a package, with a hash of what is in it."""
+    content = {name: each for name, each in package.items() if name != "hash"}
+    digest = hashlib.sha256(json.dumps(content, indent=2, allow_nan=False).encode()).hexdigest()
+    return json.dumps(content | {"hash": f"sha256:{digest}"}, indent=2, allow_nan=False) + "\n"
+
+
+def package_differences(package: Path, kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any]) -> Iterator[str]:
+    """Yield where a package differs from the one that this program writes for the files beside it.
+
+    fields, facts: those in the Parquet file; what such a file does not have is held against the hash in the package.
+    Sizes and hashes of files are not compared. Raises OSError, ValueError, KeyError or TypeError if something cannot be read.
+    """
+    found, stem = loaded(package), package.with_name(kind)
+    own = {name: found["wavesweep"][name] for name in OWN_FACTS if name in found["wavesweep"]}
+    figures = [package.parent / each["path"] for each in found["resources"] if each.get("format") in _MEDIA]
+    figures = [figure for figure in figures if figure in {stem.with_suffix(f".{form}") for form in _MEDIA}]
+    text = package_text(kind, fields, {**facts, **own}, stem, figures)
+    expected = json.loads(text)
+    for each, entry in zip(expected["resources"], found["resources"], strict=False):
+        each |= {name: entry[name] for name in ("bytes", "hash") if name in entry}
+    expected.pop("hash")
+    given = {name: each for name, each in found.items() if name != "hash"}
+    places = list(_differences(given, expected, ""))
+    yield from places[:MOST_DIFFERENCES]
+    if not places and package.read_text(encoding="utf-8") not in (_as_text(found), json.dumps(given, indent=2) + "\n"):
+        yield "its text does not have the hash that it gives"
+
+
+def _differences(found: Any, expected: Any, place: str) -> Iterator[str]:
+    """Yield each place of a JSON value that is not as expected, and how."""
+    if isinstance(found, Mapping) and isinstance(expected, Mapping):
+        for name in {**expected, **found}:
+            at = f"{place}.{name}" if place else name
+            if name not in found or name not in expected:
+                yield f"{at} is {'missing' if name in expected else 'in it, and expected by nothing'}"
+            else:
+                yield from _differences(found[name], expected[name], at)
+    elif isinstance(found, list) and isinstance(expected, list) and len(found) == len(expected):
+        for number, (one, other) in enumerate(zip(found, expected, strict=True)):
+            yield from _differences(one, other, f"{place}[{number}]")
+    elif type(found) is not type(expected) or found != expected:
+        yield f"{place} is {json.dumps(found)[:60]}, not {json.dumps(expected)[:60]}"
 
 
 def packaged_kinds(csv: Path) -> dict[str, FieldKind]:

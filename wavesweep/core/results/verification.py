@@ -12,9 +12,9 @@ from wavesweep.capabilities import modules
 from wavesweep.core.columns import Columns
 from wavesweep.core.errors import UsageError, WavesweepError
 from wavesweep.core.reproducibility import versions
-from wavesweep.core.results.files import GROUP_ROWS, csv_blocks, read_rows, rows_in
-from wavesweep.core.results.folder import PACKAGE
-from wavesweep.core.results.package import file_facts, loaded, packaged_facts
+from wavesweep.core.results.files import GROUP_ROWS, csv_blocks, read_rows, rows_in, schema_facts, schema_fields
+from wavesweep.core.results.folder import BEST, PACKAGE
+from wavesweep.core.results.package import file_facts, loaded, package_differences, packaged_facts
 from wavesweep.core.tables import HOMES, kind_named
 from wavesweep.core.tables.kind import Recompute
 
@@ -99,7 +99,9 @@ def _of_package(
     if not facts:
         yield f"{package}: cannot be read as a data package of this program", True
         return
-    damaged = list(_files(package))
+    damaged = list(_files(package)) or list(_described(package))
+    if not package.with_name(package.name.replace(PACKAGE, ".parquet")).is_dir():
+        damaged += _between(*(package.with_name(package.name.replace(PACKAGE, suffix)) for suffix in (".csv", ".parquet")))
     yield from ((text, True) for text in damaged)
     if not damaged:
         yield f"{package}: the files have the bytes and hashes of the package", False
@@ -138,7 +140,7 @@ def _files(package: Path) -> Iterator[str]:
     for name in sorted(here - set(known)):
         yield f"{package}: {name} is not in its list of files"
     for name, (size, digest) in known.items():
-        own = name.removeprefix(f"{parts.name}/")
+        own = name.removeprefix(f"{parts.name}/").removeprefix(f"{BEST}/" if stem == "design" else "")
         if own != Path(own).name:
             yield f"{package}: {name} in its list of files is in another folder"
             continue
@@ -151,8 +153,17 @@ def _files(package: Path) -> Iterator[str]:
         if (found["bytes"], found["hash"]) != (size, digest):
             bytes_, hash_ = found["bytes"], found["hash"]
             yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
-    if not parts.is_dir():
-        yield from _between(package.with_name(f"{stem}.csv"), package.with_name(f"{stem}.parquet"))
+
+
+def _described(package: Path) -> Iterator[str]:
+    """Yield what the package says otherwise than the Parquet file, or than this program says of such a table."""
+    kind = package.name.removesuffix(PACKAGE)
+    parquet = package.with_name(f"{kind}.parquet")
+    try:
+        for text in package_differences(package, kind, schema_fields(parquet), schema_facts(parquet)):
+            yield f"{package}: {text}"
+    except (*FAULTS, OSError) as error:
+        yield f"{package}: cannot be held against its Parquet file: {error}"
 
 
 def _between(csv: Path, parquet: Path) -> Iterator[str]:

@@ -18,14 +18,13 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.core.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.core.results.lock import at_work
-from wavesweep.core.results.package import OF_RUN, package_text
+from wavesweep.core.results.package import OWN_FACTS, package_text
 from wavesweep.core.results.placing import abandon, new_folder, put_in_place
 from wavesweep.core.tables.columns import checked, fields_of
 from wavesweep.core.tables.fields import Field
 from wavesweep.core.tables.table import Table
 
 IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
-OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
 
 
 def publish(
@@ -65,10 +64,10 @@ def publish(
         try:
             stem = folder / table.kind
             _write_all(stem, table, fields, blocks, formats, partition)
-            package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
-            stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             if table.beside is not None:
                 table.beside(folder)
+            package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
+            stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             return put_in_place(table.kind, folder, directory)
         except OSError as error:
             raise _of_folder(error, directory) from error
