@@ -1,18 +1,17 @@
 """What the documents say of commands, keys, blocks, tables, doubts, summaries and the library, made from the program itself.
 
-A page has a comment, `<!-- from the code: keys -->`, in whose place `filled` puts the Markdown of that name. `docs/conf.py`
-calls it for every page while the site is built.
+`python docs/reference.py` writes it into the pages, between `<!-- from the code: keys -->` and `<!-- end -->`, where a test
+holds it against the code. `python docs/reference.py figures` draws the figures of the pages as well.
 """
 
 from __future__ import annotations
 
-import base64
-import html
 import inspect
 import io
 import json
 import re
 import shlex
+import sys
 import tempfile
 import tomllib
 from collections import Counter
@@ -31,17 +30,26 @@ from wavesweep.core.spec import describing
 from wavesweep.explain.words import MESSAGES, TERMS
 
 HERE = Path(__file__).parent
+README = HERE.parent / "README.md"
 GALLERY = HERE / "gallery.md"
-MARK = re.compile(r"^<!-- from the code: ([\w-]+) ?([\w-]*) -->$", re.MULTILINE)
-INCLUDED = re.compile(r"^```{include} (\S+)", re.MULTILINE)
+FIGURES = HERE / "figures"
+MARK = re.compile(r"^(<!-- from the code: ([\w-]+) ?([\w-]*) -->\n)(.*?)(<!-- end -->)$", re.MULTILINE | re.DOTALL)
 SHARED = 3  # commands: an option that so many have is explained once, for all of them
 
 
 def filled(text: str) -> str:
-    """The text of a page with what its marks stand for, and links to files that other pages include as links to these pages."""
-    pages = {each[1]: path.name for path in HERE.glob("*.md") for each in INCLUDED.finditer(path.read_text(encoding="utf-8"))}
-    text = re.sub(r"\]\((\.\./[^)#]+)(#[^)]*)?\)", lambda link: f"]({pages[link[1]]})" if link[1] in pages else link[0], text)
-    return MARK.sub(lambda mark: MADE[mark[1]](*filter(None, [mark[2]])), text)
+    """The text of a page with what the program says between its marks."""
+    return MARK.sub(lambda mark: f"{mark[1]}\n{MADE[mark[2]](*filter(None, [mark[3]]))}\n\n{mark[5]}", text)
+
+
+def without(text: str) -> str:
+    """The text of a page without what stands between its marks."""
+    return MARK.sub(r"\1\5", text)
+
+
+def install() -> str:
+    """How the README says to install."""
+    return README.read_text(encoding="utf-8").partition("\n## Install\n")[2].partition("\n## ")[0].strip()
 
 
 def commands() -> str:
@@ -250,7 +258,7 @@ def switches(name: str) -> set[str]:
 def _short(found, most=3):
     """A summary without the tails of long texts, lists and numbers."""
     if isinstance(found, dict):
-        return {name: _short(value) for name, value in found.items()}
+        return {name: 0.1 if name == "seconds" else _short(value) for name, value in found.items()}
     if isinstance(found, list):
         return [_short(value) for value in found[:most]] + ["…"] * (len(found) > most)
     if isinstance(found, float):
@@ -335,44 +343,74 @@ def _section(title, text) -> str:
 
 
 def diagram(kind: str) -> str:
-    """The picture of a controller's loop with the defaults of its keys, and with the gain Kp if it may have one."""
-    waves = {"Kp": 20.0} if kind.startswith("pmw") else {}
-    return _picture({"controller": {"kind": kind, **waves}}, kind)
+    """The picture of a controller's loop."""
+    return f"![Blocks and wires of {kind}](figures/{kind}.svg)"
 
 
 def drawn(page: str) -> str:
     """The picture of the loop that a page draws."""
-    text = (HERE / f"{page}.md").read_text(encoding="utf-8")
-    return _picture(tomllib.loads(text.split("```toml\n")[1].split("```")[0]), "the loop")
+    return f"![Blocks and wires of the loop](figures/{page}.svg)"
 
 
 def picture(name: str) -> str:
-    """The figure that the commands before this mark of the gallery draw, of the table of this name if there are several."""
+    """The figure that the commands before this mark of the gallery draw."""
+    return f"![Figure of wavesweep {lines_before(name)[0]}](figures/{name}.png)"
+
+
+def lines_before(name: str) -> list[str]:
+    """The commands before a figure of the gallery."""
     shown = GALLERY.read_text("utf-8").partition(f"\n\n<!-- from the code: picture {name} -->")[0].rpartition("\n\n")[2]
-    lines = [line.removeprefix("    wavesweep ") for line in shown.splitlines()]
+    return [line.removeprefix("    wavesweep ") for line in shown.splitlines()]
+
+
+def draw(name: str) -> bytes:
+    """The PNG that the commands before a figure of the gallery draw, of the table of this name if there are several."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         Path("sweeps").symlink_to(HERE.parent / "sweeps")
-        for line in lines:
+        for line in lines_before(name):
             if code := main([*shlex.split(line), "--quiet"]):
                 raise RuntimeError(f"wavesweep {line}: exit code {code}")
         found = {path.stem: path for path in Path("results").rglob("*.png")}
-        data = base64.b64encode(found.get(name, next(iter(found.values()))).read_bytes()).decode()
-    return f'<img alt="Figure of wavesweep {html.escape(lines[0])}" width="720" src="data:image/png;base64,{data}">'
+        return found.get(name, next(iter(found.values()))).read_bytes()
 
 
-def _picture(tables, name):
+def draw_loop(kind: str, name: str) -> bytes:
+    """The SVG of a controller's loop with the defaults of its keys, and with the gain Kp if it may have one; or of a page."""
+    if kind == "diagram":
+        waves = {"Kp": 20.0} if name.startswith("pmw") else {}
+        tables = {"controller": {"kind": name, **waves}}
+    else:
+        text = (HERE / f"{name}.md").read_text(encoding="utf-8")
+        tables = tomllib.loads(text.split("```toml\n")[1].split("```")[0])
+    import matplotlib as mpl
+
     from wavesweep.core.plots import diagram
 
     picture = io.StringIO()
-    diagram(replace(wavesweep.load(tables), name="the loop")).savefig(picture, format="svg")
-    data = base64.b64encode(picture.getvalue().encode()).decode()
-    return f'<img alt="Blocks and wires of {name}" style="background: white" src="data:image/svg+xml;base64,{data}">'
+    with mpl.rc_context({"svg.hashsalt": name}):
+        canvas = diagram(replace(wavesweep.load(tables), name="the loop"))
+        canvas.savefig(picture, format="svg", metadata={"Date": None}, facecolor="white")
+    return "\n".join(line.rstrip() for line in picture.getvalue().splitlines()).encode() + b"\n"
 
 
 OF_WORDS = (doubts, glossary, messages)
 MADE = {
     made.__name__: made
-    for made in (commands, keys, devices, blocks, steps, tables, *OF_WORDS, summaries, library, diagram, drawn, picture)
+    for made in (
+        install,
+        commands,
+        keys,
+        devices,
+        blocks,
+        steps,
+        tables,
+        *OF_WORDS,
+        summaries,
+        library,
+        diagram,
+        drawn,
+        picture,
+    )
 }
 
 
@@ -420,3 +458,19 @@ def _meaning(key):
     meanings = [f"`{each}`: {_plain(meaning)}" for each, meaning in (key["choices"] or {}).items() if meaning]
     symbol = [f"symbol `{key['symbol']}`"] if key["symbol"] else []
     return "; ".join([_plain(key["description"]), *symbol, *meanings])
+
+
+def write(figures: bool) -> None:
+    """Write what is made from the code into the pages, and the figures beside them."""
+    for path in sorted(HERE.glob("*.md")):
+        text = path.read_text(encoding="utf-8")
+        for _, kind, name, *_ in MARK.findall(text) if figures else ():
+            if kind == "picture":
+                (FIGURES / f"{name}.png").write_bytes(draw(name))
+            elif kind in ("diagram", "drawn"):
+                (FIGURES / f"{name}.svg").write_bytes(draw_loop(kind, name))
+        path.write_text(filled(text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write(figures=sys.argv[1:] == ["figures"])

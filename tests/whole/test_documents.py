@@ -48,9 +48,23 @@ def reference():
 
 
 def test_the_pages_have_each_part_that_is_made_from_the_code(reference):
-    marks = [mark[1] for text in PAGES.values() for mark in reference.MARK.finditer(text)]
+    marks = [mark[2] for text in PAGES.values() for mark in reference.MARK.finditer(text)]
     assert set(marks) == set(reference.MADE)
     assert {*COMMANDS} - OTHERWISE - {*WITHOUT_SUMMARY} == set(reference.SAMPLED)
+
+
+@pytest.mark.slow
+def test_the_pages_stand_as_the_program_makes_them(reference):
+    """If not, after a change of a help or a column: `.venv/bin/python docs/reference.py` writes them again."""
+    assert [name for name, text in PAGES.items() if reference.filled(text) != text] == []
+
+
+def test_a_forge_shows_the_pages_whole(reference):
+    """No directives of the site's builder, and all figures stand beside the pages."""
+    assert [name for name, text in TEXTS.items() if re.search(r"^```{", text, re.MULTILINE)] == []
+    shown = re.findall(r"!\[.*?\]\((.*?)\)", MANUAL)
+    assert [path for path in shown if not (ROOT / "docs" / path).exists()] == []
+    assert {*reference.FIGURES.iterdir()} == {ROOT / "docs" / path for path in shown if path.startswith("figures/")}
 
 
 @pytest.mark.slow
@@ -75,7 +89,7 @@ PICTURES = re.findall(r"^<!-- from the code: picture ([\w-]+) -->$", PAGES["gall
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("name", PICTURES)
 def test_the_commands_of_the_gallery_draw(name, reference):
-    assert len(reference.MADE["picture"](name)) > 10_000
+    assert len(reference.draw(name)) > 10_000
 
 
 OTHERWISE = {

@@ -31,12 +31,23 @@ table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabu
 th, td { text-align: left; padding: .2rem .9rem .2rem 0; border-bottom: 1px solid #ddd; vertical-align: top;
   overflow-wrap: normal; }
 td:not(:last-child) { white-space: nowrap; }
-td:last-child { overflow-wrap: anywhere; }
+td:last-child { overflow-wrap: anywhere; min-width: 11rem; }
 th { vertical-align: bottom; }
 figure { margin: 1rem 0; break-inside: avoid; }
 figure svg { max-width: 100%; height: auto; }
 pre, code { font: .8rem/1.45 ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace; }
 pre { white-space: pre-wrap; padding: .6rem .8rem; background: #f6f6f4; }
+@media screen and (prefers-color-scheme: dark) {
+  html { color-scheme: dark; }
+  body { color: #e4e4e4; background: #17191c; }
+  h2, th, td { border-color: #454a50; }
+  .words, figcaption, .small { color: #a9afb6; }
+  .verdict { border-color: #4aa3dd; background: #1b2a36; }
+  .verdict.doubt { border-color: #e58a3c; background: #35251a; }
+  .doubt strong, li.doubt { color: #ffab70; }
+  pre { background: #22262a; }
+  figure svg { filter: invert(.91) hue-rotate(180deg); } /* light and dark change places, and colours stay */
+}
 @media print { body { max-width: none; margin: 0; padding: 0; font-size: 10pt; }
   .wide { overflow: visible; } td:not(:last-child) { white-space: normal; } }
 </style>

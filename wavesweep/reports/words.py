@@ -23,7 +23,13 @@ if TYPE_CHECKING:
 MOST_VALUES = 6  # of an axis that are named
 MOST_ROWS = 24  # of a table of intervals that a report shows; of a longer one the rows with the largest and the least end
 BEYOND = (1e-3, 1e-6, 1e-9)  # of an end, how far beyond it the loop is looked at: there may be another interval next to it
-HEADS = {"guarantee": "for", "hand": "for", "high": "to", "low_hz": "limited at", "high_hz": "and at"}
+HEADS = {
+    "guarantee": "for",
+    "hand": "for",
+    "high": "to",
+    "low_hz": "lower limit oscillates at",
+    "high_hz": "upper limit oscillates at",
+}
 HEADS |= {"fails_below": "refuted below", "fails_from": "refuted from"}
 OWN = ("", "spec", "operator")  # whose rows are those of the spec's own loop
 
@@ -37,7 +43,10 @@ def question(spec: Spec) -> str:
     what = f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
     text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {what}"
     if others:
-        text += f", for each {' and '.join(_values(spec, axis) for axis in others)}"
+        single = [axis for axis in others if len(axis.values) == 1]
+        several = [axis for axis in others if axis not in single]
+        text += f", at {' and '.join(_values(spec, axis) for axis in single)}" if single else ""
+        text += f", for each of {' and of '.join(_values(spec, axis) for axis in several)}" if several else ""
     if spec.for_all:
         text += f", {'; '.join(_ranges(spec))}"
     return f"{text}?"
@@ -46,7 +55,7 @@ def question(spec: Spec) -> str:
 def _values(spec: Spec, axis: Axis) -> str:
     unit = _unit(spec, axis)
     if len(axis.values) > MOST_VALUES:
-        return f"of {len(axis.values)} {axis.name} from {min(axis.values):g} to {max(axis.values):g}{unit}"
+        return f"{len(axis.values)} {axis.name} from {min(axis.values):g} to {max(axis.values):g}{unit}"
     return f"{axis.name} = {', '.join(f'{value:g}' for value in axis.values)}{unit}"
 
 
