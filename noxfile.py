@@ -4,7 +4,6 @@ Python versions that are not on this machine are skipped.
 """
 
 import re
-from pathlib import Path
 
 import nox
 
@@ -32,13 +31,8 @@ def ci(session: nox.Session) -> None:
 
 @nox.session(python=PYTHONS[0])
 def least(session: nox.Session) -> None:
-    """The tests with the least version of everything that pyproject.toml allows."""
-    extra = PROJECT["optional-dependencies"]["test"]
-    bounds = [re.sub(r"\[.*\]", "", each).split(">=") for each in (*PROJECT["dependencies"], *extra)]
-    file = Path(session.create_tmp(), "least.txt")
-    file.write_text("".join(f"{name}=={version}\n" for name, version in bounds), encoding="utf-8")
-    session.install("-c", str(file), ".[test]")
-    session.run(*TESTS, *session.posargs)
+    """The fast tests with the least version of everything that pyproject.toml allows."""
+    session.run(".ci/least", *session.posargs, external=True)
 
 
 @nox.session(python=PYTHONS[-1])
