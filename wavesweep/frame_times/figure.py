@@ -16,7 +16,7 @@ def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
     shares = np.array([each["frames"] for each in facts["lengths"]]) / facts["frames"]
     with figure(TWO_COLUMNS, 3.0) as canvas:
         left, right = canvas.subplots(1, 2)
-        left.bar(ticks, 100 * shares, width=0.8, color=distinct_colour(0))
+        left.bar(ticks, 100 * shares, width=0.8 * facts["every"], color=distinct_colour(0))
         left.set(xlabel="length of a frame (ticks)", ylabel="share (%)")
         right.scatter(columns["ticks"], columns["next_ticks"], 60 * columns["share"], color=distinct_colour(1), linewidths=0)
         right.set(xlabel="length of a frame (ticks)", ylabel="length of the next (ticks)")
@@ -28,5 +28,6 @@ def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
         independent = "do not depend" if facts["independent"] else "depend"
         note_below(canvas, as_it_stands(f"{facts['frames']} frames; lengths {independent} on those before"))
         unfit = facts["unfit"]["frames"]
-        warn_above(canvas, f"{unfit} of {facts['frames']} frames do not last whole ticks" if unfit else "")
+        whole = "whole ticks" if facts["every"] == 1 else f"multiples of {facts['every']} ticks, and count as such"
+        warn_above(canvas, f"{unfit} of {facts['frames']} frames do not last {whole}" if unfit else "")
     return canvas
