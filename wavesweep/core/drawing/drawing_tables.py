@@ -274,10 +274,12 @@ class _TableReader(PortReader):
         wires = {port: parse(leaf.value) for port, leaf in tables["wire"].items() if isinstance(leaf.value, str)}
         ways: dict[str, tuple[list[str], list[str]]] = {name: ([], []) for name in texts}  # ports: held there, or continuous
         for port, tree in wires.items():
-            own = port.rpartition(".")[0]
+            own, there = port.rpartition(".")[0], whole(tree)
             for name in texts if own in plants else ():
+                if (rest := whole(tree, name)) == there:
+                    continue
                 with suppress(Fault):  # without the name, the rest may be no spring
-                    known, less = (parted(whole(tree, each), self.signals, own, plants) for each in ("", name))
+                    known, less = (parted(each, self.signals, own, plants) for each in (there, rest))
                     differ = [any(dict(known[i]).get(each) != dict(less[i]).get(each) for each in read[name]) for i in (0, 1)]
                     if any(differ):
                         ways[name][differ[1]].append(port)
