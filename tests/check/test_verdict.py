@@ -8,6 +8,7 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
+from wavesweep.check import on_check
 from wavesweep.check import ranges as judging
 from wavesweep.check.verdict import verdict_lines
 from wavesweep.core.spec import SYMBOLS, load
@@ -320,3 +321,10 @@ def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
     assert "0.08" not in found["assumes"]  # which is about the spec's own numbers
     (outside, *_) = verdict_lines(changed := load(tables | {"sweep": {"B_VE": [2.0, 3.0]}}), wavesweep.verdict(changed))
     assert outside[1].strip() == "for the spec's own B_VE = 1 N*s/m, not in [sweep] 2, 3"
+
+
+def test_no_command_is_named_for_a_range_that_a_pose_of_a_linkage_may_end():
+    """It would be refused: with other values of [sweep] the pose ends elsewhere."""
+    spec = load(ROOT / "sweeps/templates/five-bar.toml")
+    limit = judging._limit(spec, "x", spec.names.find("x").path)
+    assert (limit["doubt"], on_check._going_on(spec, limit)) == (judging.LATE, "")

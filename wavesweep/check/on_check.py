@@ -90,9 +90,12 @@ def _limit(spec: Spec, limit: Facts) -> str:
 
 
 def _going_on(spec: Spec, limit: Facts) -> str:
-    """What finds the rest of a range that ended early, unless both ends of the interval are known."""
+    """What finds the rest of a range that ended early, unless both ends of the interval are known, or a pose may end it."""
     name = limit["name"]
-    start, stop = ranges.searched(spec, name, spec.names.find(name).path)
+    path = spec.names.find(name).path
+    if spec.drawing and path in spec.drawing.posing:
+        return ""
+    start, stop = ranges.searched(spec, name, path)
     ended = [limit["low"] is None and limit["from"] > start, limit["high"] is None and limit["to"] < stop]
     if not (limit["stopped"] and any(ended)):
         return ""
