@@ -156,6 +156,8 @@ def build(request: Request) -> ForAll | None:
         if len(mistakes) > before:
             continue
         axis = build_axis("for_all", name, {"": parts["values"]} if "values" in parts else parts, mistakes, request.names)
+        if axis and len(set(axis.values)) < len(axis.values):
+            mistakes.refuse(axis.place, label, "values that differ", ", ".join(f"{value:g}" for value in axis.values))
         if axis and varies and varies.value:
             varying.add(axis.path)
             if (count := len(values_of_range(axis))) > MOST_VARYING:

@@ -62,8 +62,10 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     from wavesweep.core import plots, results
     from wavesweep.core.cli.files import refuse_other_things
     from wavesweep.core.cli.messages import say
+    from wavesweep.core.columns import whose_column
     from wavesweep.core.plots.files import save_all
     from wavesweep.core.plots.style import about_figure
+    from wavesweep.core.tables.row_kinds import COMPUTED, row_kinds
 
     plots.refuse_settings()
     path = Path(table)
@@ -81,6 +83,10 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
         if by := facts.get("drawn_by"):
             expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
             raise UsageError(f"{path}: {expected}")
+        known = {*COMPUTED, *row_kinds()} if (whose := whose_column(columns)) in ("guarantee", "hand") else ()
+        if known and (foreign := set(columns[whose].tolist()) - known):
+            expected = f"expected the capability that makes rows of {', '.join(sorted(foreign))}, found that it is not there"
+            raise UsageError(f"{path}: {expected}; plot the table where it is")
         figure = plots.figure_of(kind)(columns, facts)
         written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
         package = directory / f"{path.stem}.datapackage.json"

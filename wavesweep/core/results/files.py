@@ -16,7 +16,7 @@ from wavesweep.core.errors import UsageError, WavesweepError
 from wavesweep.core.platform_compat import memory
 from wavesweep.core.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
 from wavesweep.core.tables import kind_named, kinds
-from wavesweep.core.tables.columns import fields_of, in_order, kind_of, kinds_by_name
+from wavesweep.core.tables.columns import checked, fields_of, in_order, kind_of, kinds_by_name
 from wavesweep.core.tables.fields import Field
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
@@ -277,7 +277,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
             raise UsageError(f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}")
         columns = in_order(kind, read(path), facts)
         if kind not in kinds() or kind_named(kind).fields:  # the columns of a design study follow from its spec
-            fields_of(kind, columns, facts)
+            checked(fields_of(kind, columns, facts), columns)
     except (AttributeError, KeyError, IndexError, TypeError, ValueError, WavesweepError) as error:
         if isinstance(error, UsageError):
             raise

@@ -33,8 +33,8 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
         "title": _title(kind, facts),
         "resources": [
             *_tables(kind, stem, schema),
-            *(figure_resource(kind, facts, figure) for figure in figures),
             *(_design(kind, design) for design in sorted((stem.parent / BEST).glob("*.toml")) if kind == "design"),
+            *(figure_resource(kind, facts, figure) for figure in figures),
         ],
         "wavesweep": facts,
     }
