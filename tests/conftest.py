@@ -2,14 +2,12 @@
 
 import gc
 import os
-import re
 import signal
 import sys
 from pathlib import Path
 
 import pytest
 
-from wavesweep.capabilities import CAPABILITIES
 from wavesweep.core.reproducibility import ONE_THREAD
 
 ROOT = Path(__file__).parents[1]
@@ -27,15 +25,13 @@ from support.command_line import (  # noqa: E402, F401 - fixtures of all tests o
     sweep,
     write,
 )
+from support.missing import MISSING, THERE  # noqa: E402
 
 from wavesweep.core.sweep import workers  # noqa: E402
 
 workers.PROCESSES = 1  # tests are many processes already: those that are about workers ask for them
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
-THERE = {each.name for each in CAPABILITIES}
-_, _, LISTED = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8").partition("## The capabilities")
-MISSING = set(re.findall(r"^\| `(\w+)/` \|", LISTED.partition("\n## ")[0], re.MULTILINE)) - THERE
 collect_ignore_glob = ["whole/*", "stress/test_*"] if MISSING else []
 THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
 

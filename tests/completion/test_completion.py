@@ -56,6 +56,7 @@ def test_commands_are_completed(complete):
     assert complete("--ver") == ["--version"]
 
 
+@pytest.mark.asks("margins")
 def test_cuts_and_numbers_of_a_root_locus_are_those_of_the_spec(complete):
     spec = str(Path(__file__).parents[2] / "sweeps" / "templates" / "drive.toml")
     assert complete("margins", spec, "--cut", "") == ["control.y", "current.y", "motor.v"]

@@ -132,6 +132,7 @@ def test_forces_are_held_over_the_ticks_of_the_spec():
     assert table.port_passive.tolist() == [True, False]
 
 
+@pytest.mark.asks("for_all")
 def test_lists_that_do_not_fit_are_refused():
     good = device(np.eye(2).tolist(), [], [], [1.0, 0.0], 1.0, 1)
     for hand in (

@@ -1,10 +1,10 @@
 """Flat values of a spec: the paper's, and random ones of every kind."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 
+from support.missing import MISSING
 from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.errors import SpecError
 from wavesweep.core.spec import load
@@ -89,7 +89,7 @@ def nested(values):
 def shipped():
     """The specs of the project; if capabilities are taken away, without those that ask for one of them."""
     found = sorted(ROOT.glob("sweeps/**/*.toml"))
-    return [path for path in found if is_readable(path)] if "WAVESWEEP_WITHOUT" in os.environ else found
+    return [path for path in found if is_readable(path)] if MISSING else found
 
 
 def is_readable(path):
