@@ -9,9 +9,11 @@ import sys
 from contextlib import contextmanager
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from wavesweep.core.cli import main, messages
+from wavesweep.core.sweep.job import Chunks
 
 
 @pytest.fixture(autouse=True)
@@ -116,7 +118,7 @@ def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys, clock):
     assert out == ""
     assert err.splitlines() == [
         f"{500 + 2 * at:,} of 2,000 done ({(500 + 2 * at) // 20} %) after {after}, about {left} left; fewer values take less"
-        for at, after, left in ((1, "1 s", "12 min"), (10, "10 s", "12 min"), (20, "20 s", "12 min"), (40, "40 s", "12 min"),
+        for at, after, left in ((5, "5 s", "12 min"), (10, "10 s", "12 min"), (20, "20 s", "12 min"), (40, "40 s", "12 min"),
                                 (80, "80 s", "11 min"), (160, "3 min", "10 min"), (320, "5 min", "7 min"),
                                 (640, "11 min", "2 min"))
     ]  # fmt: skip
@@ -134,6 +136,7 @@ def test_a_run_goes_on_saying_lines_between_reports_that_are_far_apart(capsys, c
         if second == 150:
             watch.hear(3, 3)
     assert capsys.readouterr().err.splitlines() == [
+        "still at work on margins after 5 s",
         "still at work on margins after 10 s",
         "still at work on margins after 20 s",
         "at work on margins: 1 of 3 done (33 %) after 40 s",
@@ -141,6 +144,52 @@ def test_a_run_goes_on_saying_lines_between_reports_that_are_far_apart(capsys, c
         "at work on margins: 2 of 3 done (66 %) after 2 min, about 70 s left",  # at once, since it is more than a minute
         "at work on margins: all 3 done, still at work after 3 min",
     ]
+
+
+def run_of(clock, watch, costs, chunk, kept=0, start=0.0, workers=2):
+    """A run as `Watch` hears of it, chunks far apart first; gives the seconds that it took."""
+    numbers = [*Chunks(len(costs), 1, chunk, 1).spread(range(-(-len(costs) // chunk)))]
+    seconds = [costs[number * chunk : (number + 1) * chunk].sum() for number in numbers]
+    sizes = [len(costs[number * chunk : (number + 1) * chunk]) for number in numbers]
+    free, ends, done = [start] * workers, [], sum(sizes[:kept])
+    for each, size in zip(seconds[kept:], sizes[kept:], strict=True):
+        at = free.index(min(free))
+        free[at] += each
+        ends.append((free[at], size))
+    watch.hear(done, len(costs))
+    for end, size in sorted(ends):
+        while clock[0] + 0.5 < end:  # as the thread looks
+            clock[0] += 0.5
+            watch.look()
+        clock[0], done = end, done + size
+        watch.hear(done, len(costs))
+    return clock[0]
+
+
+SCALE = {"s": 1, "min": 60, "h": 3600}
+
+
+@pytest.mark.parametrize(
+    ("slices", "chunk", "kept"),
+    [(60, 1, 0), (60, 1, 20), (20_000, 200, 0), (20_000, 200, 60), (200_000, 4096, 0), (400_000, 4096, 70)],
+)
+@pytest.mark.parametrize("cost", ["equal", "rising", "a quarter takes long"])
+@pytest.mark.parametrize("start", [0.0, 3.0])
+def test_the_time_that_is_left_is_right_within_a_factor_of_two(slices, chunk, kept, cost, start, capsys, clock):
+    shape = {
+        "equal": lambda share: 1.0,
+        "rising": lambda share: (0.05 + share) ** 2,
+        "a quarter takes long": lambda share: np.where((share > 0.5) & (share < 0.75), 10.0, 1.0),
+    }[cost]
+    costs = shape(np.arange(slices) / slices) + np.zeros(slices)
+    watch = watched(clock, "", "")
+    total = run_of(clock, watch, 400 * costs / costs.sum(), chunk, kept, start)
+    said = re.findall(r"after (\d+) (s|min|h), about ([\d.]+) (s|min|h) left", capsys.readouterr().err)
+    assert len(said) >= 3
+    for after, unit, left, of in said[1:]:
+        true, told = total - float(after) * SCALE[unit], float(left) * SCALE[of]
+        rounding = 0.5 * SCALE[unit]
+        assert true / 2 - rounding < told + 0.5 * SCALE[of] and told < 2 * (true + rounding) + 0.5 * SCALE[of], (said, total)
 
 
 def test_work_that_is_done_says_nothing_more(capsys, clock):

@@ -73,7 +73,16 @@ def test_chunks_cover_every_column_once(loops, points):
     assert columns == list(range(loops * points))
     owner = np.concatenate([np.full(chunks[number].slices, number) for number in range(len(chunks))])
     assert np.array_equal(chunks.of(np.arange(loops * points)), owner)
-    assert chunks[0].slices == (15625 if loops == 500_000 else min(loops * points, 4096 // points * points or 4096))
+    assert chunks[0].slices == min(loops * points, 4096 // points * points or 4096)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 64, 1000])
+def test_the_chunks_that_are_computed_first_lie_far_apart(count):
+    chunks = Chunks(count + 3, 1, 1, 1)
+    order = [*chunks.spread(range(3, 3 + count))]
+    assert sorted(order) == [*range(3, 3 + count)]
+    if count >= 64:
+        assert np.diff(np.sort(order[:16])).max() <= count / 8
 
 
 def _columns(chunks: Chunks, number):

@@ -20,7 +20,19 @@ from wavesweep.core.reading.tables import Asked
 from wavesweep.core.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.core.stability.certificate import words
 from wavesweep.core.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
-from wavesweep.core.sweep.job import CHECKED, Chunk, Chunks, Job, Kind, cut_up, resolve_all, some_loops
+from wavesweep.core.sweep.job import (
+    CHECKED,
+    MOST,
+    MOST_DRAWN,
+    MOST_SLOW,
+    Chunk,
+    Chunks,
+    Job,
+    Kind,
+    cut_up,
+    resolve_all,
+    some_loops,
+)
 
 # Seconds per slice and squared order, measured: one polynomial per slice; dominance, along any
 # parameter but the wall, and for crowded poles of high order.
@@ -194,7 +206,8 @@ def job_over(grid: Grid, axis: Axis, *, require: Asked | None = None) -> Job:
     orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
-    return interval_job(grid, cut_up(grid.loops, 1, cost), resolved, replace(asked, way=way))
+    most = MOST_SLOW if way is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
+    return interval_job(grid, cut_up(grid.loops, 1, cost, most), resolved, replace(asked, way=way))
 
 
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:

@@ -18,7 +18,7 @@ Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 NARROWEST, WIDEST = 80, 100  # letters in a line
 SCHEMA_VERSION = 1  # of what --json prints; another one if a key goes away or changes its meaning
-FIRST_WORD = 10.0  # s after which a run says that it goes on
+FIRST_WORD = 5.0  # s after which a run says that it goes on
 MINUTE = 60.0  # s of work that are left, from which on that is said at once
 SHORT = 1.0  # s from which on an estimate is one, and a terminal has a bar
 LOOK = 0.5  # s
@@ -108,7 +108,7 @@ class Watch:
     def __init__(self, doing: str, less: str, bar: Progress | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._doing, self._less, self._bar = doing, less, bar
         self._clock, self._started, self._next = clock, clock(), FIRST_WORD
-        self._reports: list[tuple[float, int]] = []  # of about the second half of the time
+        self._reports: list[tuple[float, int]] = []  # but those of the first sixth of the time, in which workers start
         self._total, self._certified, self._estimated, self._ended = 0, None, False, False
         self._lock = Lock()
 
@@ -117,7 +117,7 @@ class Watch:
         with self._lock:
             seconds = self._clock() - self._started
             self._reports.append((seconds, done))
-            while len(self._reports) > 2 and self._reports[1][0] < seconds / 2:  # what comes later may take longer
+            while len(self._reports) > 2 and self._reports[1][0] < seconds / 6:
                 del self._reports[0]
             self._total, self._certified = total, certified
         self.look()
@@ -129,8 +129,8 @@ class Watch:
             if self._ended:
                 return
             left = self._left(seconds)
-            if not self._estimated and left > MINUTE:
-                self._estimated, self._next = True, max(2 * seconds, FIRST_WORD)
+            if not self._estimated and left > MINUTE and seconds >= FIRST_WORD:
+                self._estimated, self._next = True, 2 * seconds
                 say("\n" * (self._bar is not None and seconds > SHORT) + self._line(seconds, left))
             elif (self._bar is None or not self._reports) and seconds >= self._next:
                 self._next = 2 * seconds
@@ -150,7 +150,8 @@ class Watch:
         (began, before), (reported, done) = self._reports[0], self._reports[-1]
         if done == before or reported - began < SHORT:
             return 0.0
-        each = max((reported - began) / (done - before), seconds - reported)
+        step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much
+        each = max((reported - began) / (done - before), (seconds - began) / (done - before + step))
         return max(each * (self._total - done) - (seconds - reported), 0.0)
 
     def _line(self, seconds: float, left: float) -> str:
@@ -182,7 +183,8 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
                 bars.append((done, time.monotonic(), room > rates))
             bar, (first, started, shown) = bars
             seconds = time.monotonic() - started
-            said = [f"{(done - first) / seconds:,.0f}/s"] if seconds > 1 and done > first else []  # without a checkpoint's
+            rate = (done - first) / seconds if seconds > 1 else 0.0  # without a checkpoint's
+            said = [f"{rate:,.0f}/s" if rate > 9.5 else f"{60 * rate:,.0f}/min"] if rate > 1 / 120 else []
             said += [] if certified is None else [f"{certified:,} certified"]
             bar.update(done - bar.pos, "  ".join(said) * shown)
 

@@ -15,8 +15,8 @@ from wavesweep.core.sweep.pools import Task
 
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
-FEWEST, MANY, MOST = 16, 4096, 16384  # slices of a chunk; more would leave the processor's cache
-ENOUGH = 32  # chunks, from which on they may have more than MANY slices: the last ones leave no worker idle for long
+FEWEST, MOST = 16, 4096  # slices of a chunk; with more, none takes less time
+MOST_DRAWN, MOST_SLOW = 256, 128  # of drawn loops, and of those by panels or with dead times: one may take 20 ms
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +59,17 @@ class Chunks:
         loops = range(down * self.deep, min((down + 1) * self.deep, self.loops))
         points = range(across * self.wide, min((across + 1) * self.wide, self.points))
         return Chunk(number, loops, points, loops.start * self.points + points.start)
+
+    def spread(self, numbers: range) -> Iterator[int]:
+        """Yield numbers of chunks, the first ones far apart: slices that take longer lie together, and these tell of all.
+
+        The order is that of van der Corput: 0, a half, a quarter, three quarters, ...
+        """
+        bits = max(len(numbers) - 1, 0).bit_length()
+        for each in range(1 << bits):
+            at = int(f"{each:0{bits}b}"[::-1], 2) if bits else 0
+            if at < len(numbers):
+                yield numbers[at]
 
     def of(self, slices) -> np.ndarray:
         """Number of the chunk that each slice is in."""
@@ -146,9 +157,9 @@ def slices_in(records: np.ndarray) -> np.ndarray:
     return np.diff(records["slice"], prepend=-1) != 0
 
 
-def cut_up(loops: int, points: int, cost: float) -> Chunks:
-    """The slices in chunks of about `SECONDS`; cost: expected s per slice."""
-    slices = int(np.clip(SECONDS / cost, FEWEST, np.clip(loops * points // ENOUGH, MANY, MOST)))
+def cut_up(loops: int, points: int, cost: float, most: int = MOST) -> Chunks:
+    """The slices in chunks of about `SECONDS`; cost: expected s per slice, of which `most` keeps an error small."""
+    slices = int(np.clip(SECONDS / cost, FEWEST, most))
     if points > slices:
         return Chunks(loops, points, 1, slices)
     return Chunks(loops, points, slices // points, points)

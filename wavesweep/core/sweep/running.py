@@ -219,7 +219,7 @@ def compute(
         except DamagedError as error:
             store.set_aside(number, error)
     finished = set(store.finished())
-    missing = (number for number in numbers if number not in finished)
+    missing = (number for number in job.chunks.spread(numbers) if number not in finished)
 
     def report():
         if progress:
