@@ -147,7 +147,7 @@ def test_a_run_goes_on_saying_lines_between_reports_that_are_far_apart(capsys, c
 
 
 def run_of(clock, watch, costs, chunk, kept=0, start=0.0, workers=2):
-    """A run as `Watch` hears of it, chunks far apart first; gives the seconds that it took."""
+    """A run as `Watch` hears of it, chunks far apart first; gives the seconds that it took, and those of its longest chunk."""
     numbers = [*Chunks(len(costs), 1, chunk, 1).spread(range(-(-len(costs) // chunk)))]
     seconds = [costs[number * chunk : (number + 1) * chunk].sum() for number in numbers]
     sizes = [len(costs[number * chunk : (number + 1) * chunk]) for number in numbers]
@@ -163,7 +163,7 @@ def run_of(clock, watch, costs, chunk, kept=0, start=0.0, workers=2):
             watch.look()
         clock[0], done = end, done + size
         watch.hear(done, len(costs))
-    return clock[0]
+    return clock[0], max(seconds)
 
 
 SCALE = {"s": 1, "min": 60, "h": 3600}
@@ -177,19 +177,20 @@ SCALE = {"s": 1, "min": 60, "h": 3600}
 @pytest.mark.parametrize("start", [0.0, 3.0])
 def test_the_time_that_is_left_is_right_within_a_factor_of_two(slices, chunk, kept, cost, start, capsys, clock):
     shape = {
-        "equal": lambda share: 1.0,
+        "equal": np.ones_like,
         "rising": lambda share: (0.05 + share) ** 2,
         "a quarter takes long": lambda share: np.where((share > 0.5) & (share < 0.75), 10.0, 1.0),
     }[cost]
-    costs = shape(np.arange(slices) / slices) + np.zeros(slices)
+    costs = shape(np.arange(slices) / slices)
     watch = watched(clock, "", "")
-    total = run_of(clock, watch, 400 * costs / costs.sum(), chunk, kept, start)
+    total, longest = run_of(clock, watch, 400 * costs / costs.sum(), chunk, kept, start)
     said = re.findall(r"after (\d+) (s|min|h), about ([\d.]+) (s|min|h) left", capsys.readouterr().err)
     assert len(said) >= 3
     for after, unit, left, of in said[1:]:
         true, told = total - float(after) * SCALE[unit], float(left) * SCALE[of]
-        rounding = 0.5 * SCALE[unit]
-        assert true / 2 - rounding < told + 0.5 * SCALE[of] and told < 2 * (true + rounding) + 0.5 * SCALE[of], (said, total)
+        near, told_near = 0.5 * SCALE[unit], 0.5 * SCALE[of]  # as both are rounded
+        if true > longest:  # of the last chunk nobody knows how far it is
+            assert (true - near) / 2 - told_near < told < 2 * (true + near) + told_near, (said, total)
 
 
 def test_work_that_is_done_says_nothing_more(capsys, clock):

@@ -152,7 +152,8 @@ class Watch:
             return 0.0
         step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much
         each = max((reported - began) / (done - before), (seconds - began) / (done - before + step))
-        return max(each * (self._total - done) - (seconds - reported), 0.0)
+        rest = each * (self._total - done)
+        return max(rest - (seconds - reported), min(rest, each * step) / 2)
 
     def _line(self, seconds: float, left: float) -> str:
         after = f"after {_duration(seconds)}"
