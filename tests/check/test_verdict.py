@@ -323,6 +323,7 @@ def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
     assert outside[1].strip() == "for the spec's own B_VE = 1 N*s/m, not in [sweep] 2, 3"
 
 
+@pytest.mark.slow
 def test_no_command_is_named_for_a_range_that_a_pose_of_a_linkage_may_end():
     """It would be refused: with other values of [sweep] the pose ends elsewhere."""
     spec = load(ROOT / "sweeps/templates/five-bar.toml")
