@@ -12,8 +12,8 @@ from wavesweep.core.cli.studies import one_spec
     "--over",
     metavar="NUMBER",
     default="",
-    help="The number over which the root locus is wanted, over its range in [sweep], or else from 0 or a tenth of its value to "
-    "ten times that.",
+    help="The number over which the root locus is wanted, over its range in [sweep], from the least to the largest value of "
+    "a list, or else from 0 or a tenth of its value to ten times that.",
 )
 @run_options()
 def poles(spec: str, options: Options, over: str) -> None:

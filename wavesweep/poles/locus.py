@@ -18,13 +18,17 @@ End = tuple[float, list[float], list[float], float, bool]
 
 
 def axis_over(spec: Spec, name: str) -> Axis:
-    """The values of a root locus: over the range of a number in [sweep], or that in which `check` looks. Errors: UsageError."""
+    """The values of a root locus: over the range of a number in [sweep], from the least to the largest of a list, or in which
+    `check` looks. A number that decides how the loop is built has the values of its list alone. Errors: UsageError."""
     key = key_named(spec, name)
     of_sweep = [axis for axis in spec.sweep if axis.path == key.path]
-    if of_sweep and of_sweep[0].values:
+    listed = of_sweep[0].values if of_sweep else ()
+    if listed and of_sweep[0].structural:
         return of_sweep[0]
-    start, stop = (of_sweep[0].start, of_sweep[0].stop) if of_sweep else searched(spec, name, key.path)
-    values = np.linspace(start, stop, LOCUS)
+    ranged = of_sweep and of_sweep[0].start < of_sweep[0].stop
+    start, stop = (of_sweep[0].start, of_sweep[0].stop) if ranged else searched(spec, name, key.path)
+    spaced = np.geomspace if ranged and of_sweep[0].scale == "log" else np.linspace
+    values = spaced(start, stop, LOCUS)
     (axis,) = axes_asked(spec, {name: np.unique(values.round().astype(int)) if key.type == "integer" else values})
     return axis
 
