@@ -153,5 +153,6 @@ KINDS = (
         _lines,
         figure="wavesweep.margins.figure.margins",
         again=from_spec(margins, "cut"),
+        vouched=("value",),
     ),
 )

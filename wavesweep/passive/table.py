@@ -279,6 +279,7 @@ KINDS = (
         _filter_lines,
         figure="wavesweep.passive.figure.passivity_filters",
         again=from_spec(filter_choices, "tolerance"),
+        vouched=("channel_norm", "bank_norm"),
     ),
     Kind(
         "passivity-ports",

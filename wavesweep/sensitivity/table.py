@@ -206,4 +206,4 @@ def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
     return Recompute(spec.sha256, why(spec, facts["along"]["name"]).blocks)
 
 
-KINDS = (whole_kind("why", _numbers, _lines, "wavesweep.sensitivity.figure.why", again=_again),)
+KINDS = (whole_kind("why", _numbers, _lines, "wavesweep.sensitivity.figure.why", again=_again, vouched=("limit_value",)),)

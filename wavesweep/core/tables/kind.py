@@ -68,7 +68,8 @@ class Kind:
     table as numbers. lines: the same numbers in words, each line with a flag that is true for a warning. figure: the function
     that draws it, as "package.module.function". again: a function of the facts of a table, and of one that gives
     the name of its spec, that says how to compute its rows again; None if that is impossible. study: the table of the spec
-    that has its axes. before: number of its own columns that stand before those of the axes.
+    that has its axes. before: number of its own columns that stand before those of the axes. vouched: the columns without
+    which no row is certified; a row of intervals may have none.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Kind:
     again: Callable[[Mapping[str, Any], Callable[[], str]], Recompute | None] = field(default=lambda *_: None, repr=False)
     study: Literal["sweep", "bode"] = "sweep"
     before: int = 0
+    vouched: tuple[str, ...] = ()
 
     @property
     def fields(self) -> tuple[Field, ...]:
@@ -97,6 +99,20 @@ class Kind:
         if taken := [each.name for each in self.fields if each.derived and each.name in columns]:
             raise UsageError(f"{taken[0]}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}")
         return self.ordered({**columns, **{each.name: each.derived(columns) for each in self.fields if each.derived}})
+
+    def lawful(self, columns: Columns) -> Columns:
+        """The columns; a row that is certified without one of its values is in doubt."""
+        import numpy as np
+
+        if not self.vouched or "certified" not in columns:
+            return columns
+        broken = columns["certified"] & np.logical_or.reduce([np.isnan(columns[name]) for name in self.vouched])
+        if not broken.any():
+            return columns
+        changed = {name: columns[name] & ~broken for name in ("certified", "settled") if name in columns}
+        if "doubt" in columns:
+            changed["doubt"] = np.where(broken, "search", columns["doubt"]).astype(object)
+        return {**columns, **changed}
 
     def ordered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """The columns in the order of the table; any column that its kind does not have is an axis."""

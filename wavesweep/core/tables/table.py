@@ -10,6 +10,7 @@ from typing import Any
 
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.reproducibility import versions
+from wavesweep.core.tables import HOMES, kind_named
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +35,11 @@ class Table:
     beside: Callable[[Path], None] | None = None
     forget: Callable[[], None] = lambda: None
     rows: int = 0
+
+    def __post_init__(self) -> None:
+        if self.kind in HOMES and (kind := kind_named(self.kind)).vouched:
+            blocks = self.blocks
+            object.__setattr__(self, "blocks", lambda: map(kind.lawful, blocks()))
 
     @classmethod
     def of(cls, kind: str, columns: Columns, facts: Mapping[str, Any], **more: Any) -> Table:
