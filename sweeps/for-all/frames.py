@@ -49,6 +49,7 @@ def draw(table: pd.DataFrame, target: Path) -> None:
             _draw_one(axes, rows, colour, place)
         axes.set_title(f"{STEPS[step]}\n{DELAYS[delay]}", fontsize=9)
         axes.set(xscale="log", yscale="log", xlim=(4.5, 45), xticks=[5, 10, 20, 40], xticklabels=["5", "10", "20", "40"])
+        axes.set_ylim(0.8 * table.high.min(), 1.25 * table.high.max())  # shifted dots do not count for matplotlib's own limits
         axes.minorticks_off()
         axes.grid(visible=True, color="0.9", linewidth=0.5)
     fig.supxlabel("wave impedance b (N·s/m)", fontsize=9)
