@@ -107,7 +107,7 @@ def along(rng, hands):
 
     def rows_of(tables):
         found = wavesweep.zwidth(tables, "q", hands or ())
-        found = found[found["hand"] == hands] if hands else found
+        found = found[(found["hand"] == hands) if hands else found["certified"]]
         return [row | {"of": {"low": row["low"], "high": row["high"]}} for row in found.to_dict("records")]
 
     return Claim(tables, "q", hands, member, f"along, {hands} {q.text}", None if hands else at, rows_of)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 from types import MappingProxyType
 
@@ -123,7 +123,7 @@ class Case:
 
     def parts(self, narrow: bool = True) -> list[Part]:
         """What none of the numbers that are looked at refutes; narrow: whether a search goes to the worst ones for each end."""
-        parts = self.met([Part(*self.span)], self._points())
+        parts = self.met([Part(*self.span)], self._points)
         return self.narrowed(parts) if narrow else parts
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
@@ -142,13 +142,18 @@ class Case:
         both = [by for part in parts for by in (part.low_by, part.high_by) if by is not None]
         return [by for by in both if self.fixed.items() <= by.items()]
 
+    @cached_property
     def _points(self):
         count = len(self.ranges)
         share = [*product((0.0, 1.0), repeat=count), (0.5,) * count]
         if count:
             golden = np.sqrt(np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]))[:count]
             share += list(np.mod(np.outer(np.arange(1, SCATTERED + 1), golden), 1.0))
-        return np.array(share).reshape(-1, count) * (self.box[1] - self.box[0]) + self.box[0] if count else np.zeros((1, 0))
+        if not count:
+            return np.zeros((1, 0))
+        points = np.array(share).reshape(-1, count) * (self.box[1] - self.box[0]) + self.box[0]
+        extremes = Resolution(*self.loop, [Side(axis.path) for axis in self.ranges]).extremes(self.box)
+        return np.concatenate([points, extremes])
 
     def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
         """What is left of the parts after the exact intervals at points of the box."""
@@ -195,7 +200,7 @@ class Case:
 
     def unstable(self) -> Mapping[str, float] | None:
         """Numbers among those that are looked at with which the loop is not stable, or not known to be; None without."""
-        points = self._points()
+        points = self._points
         for some in distinct(list((points == 0).T), len(points)):
             arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
             radius = radii_of(self.loop.changed(arrays), some.size)

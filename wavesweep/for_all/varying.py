@@ -242,15 +242,16 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
             return to_divide(unresolved, part, np.column_stack([part[:, : len(numbers) - len(paths)], ranged]))
         return over(numbers, lambda sides: as_numbers(sides, zeros), part, units)
 
+    loops = partial(LoopsOver, family, frames_at, box, zeros, Resolution(*own, list(map(Side, paths))).extremes(box))
     if not rules.at_random:
-        return LoopsOver(family, frames_at, box, zeros)
+        return loops()
     lost = losses_at_random(rules.drawing, values) if rules.messages else {}
     chain = cache(partial(chain_of, rules.for_all.lengths, rules.for_all.results, lost=lost))
     if alike:
         middle = family(tuple(box.mean(0).tolist()))
         found = middle.graph, middle.weights(0.0, 0.0)[0]
-        return LoopsOver(family, frames_at, box, zeros, OnAverage(lambda _: found))
-    return LoopsOver(family, frames_at, box, zeros, OnAverage(chain))
+        return loops(OnAverage(lambda _: found))
+    return loops(OnAverage(chain))
 
 
 def decided_over(rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:

@@ -59,14 +59,21 @@ class Loops:
 
     family: gives the frames at a point of the box as a family along the number. frames_at: gives the frames over a box of sides
     (see `as_sides`), the first of which is that number. zeros: from where each is counted, as sides have it. on_average: if
-    frames are at random; families are then `Chances`, and the word of what grows is (0,).
+    frames are at random; families are then `Chances`, and the word of what grows is (0,). extremes: points at which an
+    expression is least or largest, `(points, numbers)`.
     """
 
     family: Callable[[tuple[float, ...]], Family]
     frames_at: FramesAt
     box: Box
     zeros: np.ndarray
+    extremes: np.ndarray
     on_average: OnAverage | None = None
+
+    @property
+    def tried(self) -> list[tuple[float, ...]]:
+        """Members that are tried first: the corners, the middle, and the extremes."""
+        return [*sorted(set(product(*self.box.T.tolist()))), self.middle, *map(tuple, self.extremes.tolist())]
 
     @property
     def middle(self) -> tuple[float, ...]:
@@ -155,12 +162,11 @@ def _left(loops, found, end):
 def _worst(loops: Loops, start: float, limit: float) -> Refuted:
     """The refuted number closest to the start that a search over the box finds, towards a limit.
 
-    Words are searched at the corners and in the middle; then the best point is moved, with its word, as long as that refutes a
-    number closer to the start, and words are searched there again.
+    Words are searched at the members that are tried first; then the best point is moved, with its word, as long as that refutes
+    a number closer to the start, and words are searched there again.
     """
-    corners = sorted(set(product(*loops.box.T)))
     best = Refuted()
-    for point in [*corners, tuple(loops.box.mean(0))]:
+    for point in loops.tried:
         best = _refuted_at(loops, point, start, limit, best)
     for halving in range(1, 1 + SHRINK):
         before = best
@@ -233,7 +239,7 @@ def decide_over(loops: Loops, work: float = WORK) -> tuple[tuple[float, ...], Wo
     def refuted(family, word):
         return family.refuted(0.0) if loops.on_average else is_refuted(family, word, 0.0)
 
-    for point in [*sorted(set(product(*loops.box.T))), loops.middle]:
+    for point in loops.tried:
         family, words = loops.family(point), [(0,)]
         if not loops.on_average:
             A = family.at(0.0)

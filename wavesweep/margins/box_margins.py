@@ -9,7 +9,7 @@ peak inside. Delays are no factors of a frame: see `Arc`.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
@@ -181,9 +181,12 @@ class _Case:
             self.known[point] = known if found or doubt else None
         return self.known[point]
 
-    @property
+    @cached_property
     def _corners(self):
-        return [*product(*self.box.T.tolist()), tuple(self.box.mean(0).tolist())] if self.ranged else [()]
+        """The corners of the box, its middle, and where expressions are least or largest."""
+        extremes = Resolution(*self.loop, list(map(Side, self.ranged))).extremes(self.box)
+        points = [*product(*self.box.T.tolist()), tuple(self.box.mean(0).tolist()), *map(tuple, extremes.tolist())]
+        return points if self.ranged else [()]
 
     def unstable(self) -> Iterator[dict[str, object]]:
         """Yield the numbers with which a loop at a corner or in the middle of the box is not stable."""

@@ -35,6 +35,8 @@ LARGER = 6.0, 9.0  # the same of the ellipses on which expressions are enclosed,
 DEGREE = 16  # N, as many as there are samples on a rim
 SMALL = 0.3  # part of the change of an expression that the rest of its series may be on the rim of RHO
 NOTHING = 1e-10  # of the expression itself, what counts as no change
+PARTS = 400  # of a box, in which extremes of an expression are looked for
+CLIMBS = 60  # steps towards an extreme
 DEEPEST = 3  # times that a rectangle is halved both ways before an ellipse is given up
 COST = 1  # points of a loop that take as long as the balls of one rectangle
 PLACES = np.exp(1j * np.pi * (np.arange(DEGREE // 2) + 0.5) / (DEGREE // 2))
@@ -74,6 +76,40 @@ class Resolution:
             found |= part.unresolved(box)
             self.used += COST * (part.used - before)
         return found
+
+    def extremes(self, box: np.ndarray) -> np.ndarray:
+        """Return points of a box, `(points, sides)`, at which an expression is about least or largest: members to try first.
+
+        The box is divided until it is resolved, in up to PARTS parts, and each part is looked at in a few points; expressions
+        of more than three sides are not looked at.
+        """
+        found = [np.zeros((0, len(self.sides)))]
+        for part in self.parts:
+            wide = [at for at in part.bent if box[0, at] < box[1, at]]
+            if not 0 < len(wide) <= 3:
+                continue
+            queue, points = [box], []
+            while queue and len(points) < PARTS:
+                piece = queue.pop(0)
+                if (unresolved := part.unresolved(piece)).any():
+                    queue += halves(piece, to_divide(unresolved, piece, box))
+                shares = np.array(list(product(*[np.linspace(0, 1, 9 if len(wide) < 3 else 5)] * len(wide))))
+                some = np.repeat(piece.mean(0)[None], len(shares), 0)
+                some[:, wide] = piece[0, wide] + shares * np.ptp(piece, 0)[wide]
+                points.append(some)
+            points = np.concatenate(points)
+            value = part.values(points)
+            for sign in (-1, 1) if np.isfinite(value).any() else ():
+                at = points[np.argmax(np.where(np.isfinite(value), sign * value, -np.inf))]
+                found.append(part.climbed(at, box, wide, sign)[None])
+        return np.unique(np.concatenate(found), axis=0)
+
+
+def halves(box: np.ndarray, side: int) -> list[np.ndarray]:
+    """Return the halves of a box along a side."""
+    lower, upper = box.copy(), box.copy()
+    lower[1, side] = upper[0, side] = box[:, side].mean()
+    return [lower, upper]
 
 
 def to_divide(unresolved: np.ndarray, box: np.ndarray, whole: np.ndarray) -> int:
@@ -203,6 +239,26 @@ class _Part:
             return False
         return all(self._is_small(at, middle, half, centre, change) for at in wide)
 
+    def values(self, points):
+        """The values at points, real or complex, `(points,)`."""
+        numbers = dict(self.known)
+        with np.errstate(all="ignore"):
+            for at in self.own:
+                side = self.sides[at]
+                numbers[self.names[at]] = side.offset + side.scale * np.exp(points[:, at]) if side.scale else points[:, at]
+            return np.broadcast_to(np.asarray(self.expression.value(numbers, np)), (len(points),))
+
+    def climbed(self, at, box, wide, sign):
+        """A point near another one at which the value, times the sign, is larger, as far as steps along the sides lead."""
+        step = np.ptp(box, 0)[wide] / 16
+        for _ in range(CLIMBS):
+            near = np.repeat(at[None], 1 + 2 * len(wide), 0)
+            near[1:, wide] += np.concatenate([np.diag(step), -np.diag(step)])
+            near = np.clip(near, *box)
+            best = np.argmax(np.nan_to_num(sign * self.values(near), nan=-np.inf))
+            at, step = near[best], step if best else step / 2
+        return at
+
     def _samples(self, middle, half, wide):
         """The value in the middle, and the largest difference from it at places about each side, with others at three each."""
         others = [at for at in self.own if half[at] > 0]
@@ -214,14 +270,8 @@ class _Part:
                 some[:, rest] += np.array(shares) * half[rest]
                 some[:, at] += half[at] * PLACES
                 points.append(some)
-        points = np.concatenate([middle[None].astype(complex), *points])
-        numbers = dict(self.known)
+        value = self.values(np.concatenate([middle[None].astype(complex), *points]))
         with np.errstate(all="ignore"):
-            for at in self.own:
-                side = self.sides[at]
-                numbers[self.names[at]] = side.offset + side.scale * np.exp(points[:, at]) if side.scale else points[:, at]
-            value = np.asarray(self.expression.value(numbers, np))
-            value = np.broadcast_to(value, (len(points),))
             return value[0], np.abs(value - value[0]).max()
 
     def _is_small(self, at, middle, half, centre, change):

@@ -1,0 +1,46 @@
+"""Claims about numbers that a loop reads through peaks, poles, steps and pulses hold for members right beside these."""
+
+import numpy as np
+import pytest
+from support import mean_members
+
+TRIES = 40  # members of each interval that is claimed, most of them next to what is narrow
+
+
+def contradictions(make, seeds):
+    found = {}
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 77])
+        claim = make(rng)
+        if wrong := claim.contradicted(rng, TRIES):
+            found[seed] = claim.kind, wrong
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.sample(12)
+@pytest.mark.parametrize("ten", range(100))
+def test_intervals_along_an_expression_hold_between_their_ends(ten):
+    assert not contradictions(mean_members.mean_alone, range(10 * ten, 10 * ten + 10))
+
+
+@pytest.mark.slow
+@pytest.mark.sample(12)
+@pytest.mark.parametrize("seed", range(1000))
+def test_intervals_for_all_of_a_range_hold_where_an_expression_is_narrow(seed):
+    assert not contradictions(mean_members.mean_range, [seed])
+
+
+@pytest.mark.slow
+@pytest.mark.asks("passive")
+@pytest.mark.sample(5)
+@pytest.mark.parametrize("seed", range(500))
+def test_intervals_for_every_passive_hand_hold_where_an_expression_is_narrow(seed):
+    assert not contradictions(mean_members.mean_hands, [seed])
+
+
+@pytest.mark.thorough
+@pytest.mark.asks("margins")
+@pytest.mark.parametrize("seed", range(200))
+def test_margins_for_all_of_a_range_hold_where_an_expression_is_narrow(seed):
+    assert not contradictions(mean_members.mean_margins, [seed])
