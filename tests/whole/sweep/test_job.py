@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import wavesweep
@@ -11,7 +12,7 @@ from wavesweep.core.analyses.intervals import job_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.spec import load
 from wavesweep.core.sweep import estimates, job, running, workers
-from wavesweep.core.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
+from wavesweep.core.sweep.estimates import _samples, expected_bytes, expected_seconds, refuse_full_disk
 from wavesweep.core.sweep.workers import WORTH, choose
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.core.tables.responses import responses
@@ -93,6 +94,12 @@ def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, 
     chosen = choose(jobs, backend, None, chunks, lambda: seconds)
     assert (chosen.count, chosen.backend) == expected
     assert chosen.why
+
+
+def test_samples_of_a_run_come_from_its_ends_and_from_between(long):
+    small, samples = _samples(job_of(long))
+    places = np.array([chunk.number for chunk in samples]) / (len(small.chunks) - 1)
+    np.testing.assert_allclose(places, [0, 0.6, 1, 0.2, 0.8, 0.4], atol=0.51 / (len(small.chunks) - 1))
 
 
 def test_the_expectation_is_of_the_whole(long):
