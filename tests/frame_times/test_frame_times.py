@@ -322,3 +322,8 @@ def test_the_frames_of_the_page_are_those_of_its_script():
     assert (EXAMPLES / "frames.csv").read_text(encoding="utf-8").splitlines() == list(script.rows())
     misses = list(script.rows(script.MISSES, 300, (-1, 0)))
     assert (EXAMPLES / "misses.csv").read_text(encoding="utf-8").splitlines() == misses
+
+
+def test_frames_of_one_length_have_neither_shares_nor_a_chain(written):
+    table = identified(written("time", stamps(np.full(50, 20))), 1000.0, "rates.ratio", {}, {})
+    assert tomllib.loads(spec_text(table.facts))["for_all"]["rates.ratio"].keys() == {"values", "varying"}
