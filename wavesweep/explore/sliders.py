@@ -1,5 +1,6 @@
 """The numbers of a spec that a page can vary, with the range of each slider, and the spec with other numbers."""
 
+import re
 from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
@@ -26,7 +27,8 @@ class Slider:
 
     path, name: its key, as a path and as it is called. low, high: ends of the slider. least, most: limits of the spec, None if
     there are none. scale: "log" or "linear". step: 1 for whole numbers. search: the range that is searched for stable
-    intervals, None if the key decides the structure of the loop. values: those that the spec sweeps.
+    intervals, None if the key decides the structure of the loop. values: those that the spec sweeps. limited: why an end is
+    where other numbers of the spec put it; empty if none is.
     """
 
     path: str
@@ -42,6 +44,7 @@ class Slider:
     step: int | None
     search: tuple[float, float] | None
     values: tuple[float, ...]
+    limited: str
 
 
 def sliders_of(spec: Spec) -> list[Slider]:
@@ -84,7 +87,9 @@ def _slider(spec: Spec, key: Key) -> Slider:
     if spec.drawing and not whole and value > low and not _accepts(spec, key.path, low):  # a mass of 0, which its block refuses
         low = min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
         scale = "log" if low > 0 and not stepped else "linear"
-    low, high = (taken(spec, key.path, value, end, whole) for end in (low, high))
+    wanted = low, high
+    low, high = (taken(spec, key.path, value, end, whole) for end in wanted)
+    limited = [_limited(spec, key.path, *ends) for ends in zip((low, high), wanted, strict=True) if ends[0] != ends[1]]
     return Slider(
         path=key.path,
         name=names.get(key.path, key.path),
@@ -99,7 +104,18 @@ def _slider(spec: Spec, key: Key) -> Slider:
         step=1 if whole else None,
         search=_search(spec, key, value, axis, (low, high)) if plain else None,
         values=tuple(map(float, axis.values)) if axis else (),
+        limited="; ".join(limited),
     )
+
+
+def _limited(spec, path, end, wanted):
+    """Where a slider ends, and what the spec says of the end that its other numbers rule out."""
+    try:
+        changed(spec, {path: wanted})
+    except SpecError as error:
+        said = re.sub(r"^\S+:\d+:\d+: ", "", str(error).splitlines()[0])
+        return f"ends at {end:g}, for {wanted:g} is refused ({said})"
+    return f"ends at {end:g}"
 
 
 def _accepts(spec, path, value):
