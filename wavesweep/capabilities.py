@@ -242,5 +242,5 @@ def of_library(name: str) -> Any:
     for each in CAPABILITIES:
         if name in each.library:
             return reduce(getattr, name.split("."), each.module("library"))
-    there = ", ".join(each.name for each in CAPABILITIES if each.library) or "none"
-    raise AttributeError(f"wavesweep has no {name}, nor have the capabilities that are there: {there}")
+    listed = f"dir({name.rpartition('.')[0].lower() or 'wavesweep'})"
+    raise AttributeError(f"wavesweep has no {name}; {listed} lists what there is")  # Python adds the nearest name

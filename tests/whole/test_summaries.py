@@ -68,9 +68,9 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     assert (largest["from"], largest["at"], largest["equal_rows"]) == (0.0, {"b": 2.0}, 2)
     assert Words(tally.numbers()).extremes()[1:] == []
     tally.add({name: column[:2] for name, column in columns.items()} | {"high": np.array([500.0, 2000.0])})
-    largest, whole = Words(tally.numbers()).extremes()
+    whole, largest = Words(tally.numbers()).extremes()
     assert "2000 N/m (stable from 700 on) at b = 1" in largest
-    assert whole.startswith("every K_VE from 0 on stable up to 1000 N/m at b = 2")
+    assert whole.startswith("stable for every K_VE from 0 up to 1000 N/m at b = 2")
     felt = "stiffest wall as the hand feels it at rest"
     assert Words(tally.numbers()).stiffest_felt().startswith(f"{felt}: 9 N/m with K_VE = 1000 N/m")
     tally.add(columns | {"felt_high": np.array([-5.0, 9.0, 9.0])})  # what is felt has a pole between

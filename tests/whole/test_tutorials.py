@@ -8,7 +8,8 @@ import shlex
 import pytest
 
 ROOT = pathlib.Path(__file__).parents[2]
-SHOWN = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SHOWN = {path.name: path.read_text(encoding="utf-8") for path in PAGES}
 SHOWN = {name: text for name, text in SHOWN.items() if "\n    $ wavesweep " in text}
 # A file that a page writes, or goes on with, whose first line is a comment with its name; or a command with the lines after it.
 STEP = re.compile(

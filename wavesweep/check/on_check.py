@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.check import ranges
 from wavesweep.core.analyses.hardware import hardware_of
+from wavesweep.core.reading.keys import readable
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
@@ -154,7 +155,7 @@ def _factors(limit: Facts) -> str:
 
 def _unit(spec: Spec, name: str) -> str:
     unit = spec.names.find(name).unit
-    return "" if unit in ("", "1") else f" {unit}"
+    return "" if unit in ("", "1") else f" {readable(unit)}"
 
 
 def _delay(delay: Facts) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.columns import Columns, axes_of
 from wavesweep.core.errors import UsageError
+from wavesweep.core.reading.keys import readable
 from wavesweep.core.spec import Axis, Spec, sweep_axes
 from wavesweep.core.spec.loading import naming
 from wavesweep.core.tables.interval_tally import open_in_words
@@ -196,7 +197,7 @@ def _moves(limit: Numbers) -> Line:
 
 
 def _unit(unit: str) -> str:
-    return "" if unit in ("", "1") else f" {unit}"
+    return "" if unit in ("", "1") else f" {readable(unit)}"
 
 
 def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:

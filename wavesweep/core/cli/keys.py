@@ -45,7 +45,8 @@ def command(name: str | None, schema: bool) -> None:
         found = {path: describing.described(key, path) for path, key in describing.EVERY_KEY.items()}
     elif not (found := describing.named(name)):
         meant = describing.meant(name)
-        hint = f"; did you mean {meant}?" if meant else "; `wavesweep keys` lists all"
+        path = describing.SYMBOLS.get(meant, meant)
+        hint = f"; did you mean {meant}{f' ({path})' * (path != meant)}?" if meant else "; `wavesweep keys` lists all"
         raise UsageError(f"{name} is no key, table or type of block of a spec{hint}")
     click.echo(json.dumps(found, indent=2) if talk().as_json else "\n".join(_lines(found)))
 

@@ -52,7 +52,8 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
 
     The table has a row per stable interval of K_VE, from low to high. There can be several, with unstable walls between
     them; all are found. felt_low and felt_high are the stiffness that the hand feels at both ends, which is below K_VE if
-    waves give way. The column certified is 1 if an interval is proved, and otherwise the column doubt gives the reason.
+    waves give way. The column certified is 1 if an interval is verified within bounds on rounding; otherwise the
+    column doubt gives the reason.
 
     With --for-hands the rows go to zwidth-hands.*, beside zwidth.*, with a column hand that says for whom each is: free, the
     device alone; operator, the spec's own; passive, box or port. The column settled is 1 if a row for a box is proved but for a

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from wavesweep.core.reading.keys import RATIO
+from wavesweep.core.reading.keys import RATIO, readable
 from wavesweep.core.results import fields
 from wavesweep.core.tables.columns import at_port, unlike_units
 
@@ -79,7 +79,7 @@ def with_unit(text: str, printed_unit: str) -> str:
 def printed(units: Iterable[str]) -> str:
     """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
     texts = [
-        re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(each).replace("*", "·"))
+        re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(readable(each)).replace("*", "·"))
         if each not in ("1", RATIO)
         else ""
         for each in units

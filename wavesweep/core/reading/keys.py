@@ -3,6 +3,7 @@
 Validation, documents and the units of columns derive from this table.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -243,3 +244,13 @@ class Names:
 
 BUILT_IN = Names(KEYS, SYMBOLS)
 find_key = BUILT_IN.find
+
+
+def readable(unit: str) -> str:
+    """A unit as people write it: `sqrt(N/(m*s))` for the `N^(1/2)*m^(-1/2)*s^(-1/2)` of tables; others as they are."""
+    parts = [re.fullmatch(r"(\w+)\^\((-?)1/2\)", part) for part in unit.split("*")]
+    if not all(parts):
+        return unit
+    over, under = ([part[1] for part in parts if part[2] == sign] for sign in ("", "-"))
+    below = f"/({'*'.join(under)})" if len(under) > 1 else f"/{under[0]}" if under else ""
+    return f"sqrt({'*'.join(over) or '1'}{below})"

@@ -10,6 +10,7 @@ from wavesweep.core.analyses.bound import required_in_words, where_nothing_decid
 from wavesweep.core.analyses.interval_records import open_places
 from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.doubts import DOUBTS, where_explained
+from wavesweep.core.reading.keys import readable
 from wavesweep.core.spec import find_key
 from wavesweep.core.stability.certificate import FELT_ALIKE
 from wavesweep.core.tables.columns import felt_unit, numbers_of, swept_range
@@ -245,7 +246,7 @@ class Words:
     def extremes(self) -> list[str]:
         """Sentences on the largest value, the least one, and the largest one without a gap."""
         upwards = bool((self._found["least"] or {}).get("upwards"))
-        texts = ["" if upwards else self._largest(), self._least(upwards), self._without_gap()]
+        texts = [self._without_gap(), "" if upwards else self._largest(), self._least(upwards)]
         return [text for text in texts if text]
 
     def _largest(self) -> str:
@@ -285,7 +286,7 @@ class Words:
         whole, largest = self._found["largest_without_gap"], self._found["largest"]
         if whole is None or whole["value"] == largest["value"]:
             return ""
-        first = f"every {self._along} from {self._found['range'][0]:.6g} on {self._good} up to"
+        first = f"{self._good} for every {self._along} from {self._found['range'][0]:.6g} up to"
         return f"{first} {whole['value']:.6g}{self._unit}{self._place(whole)}{self._doubtful(whole)}"
 
     def stiffest_felt(self) -> str:
@@ -326,7 +327,7 @@ class Words:
         return f" ({', '.join(said)})" if said else ""
 
     def _unit_of(self, name: str) -> str:
-        unit = self._found["units"].get(name, "")
+        unit = readable(self._found["units"].get(name, ""))
         return f" {unit}" if unit else ""
 
     def _place(self, each: Numbers) -> str:
