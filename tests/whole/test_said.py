@@ -23,6 +23,7 @@ LOOSE = (
     (r"(\b\d+\.\d{8})\d{3,}(?=[,\s])", "\\1..."),
     (r"[\d.]+e-1[5-9]\b", "...e-16"),
     (r"\bin \d+\.\d\d s\b", "in ... s"),
+    (r"tool_version: \S+", "tool_version: ..."),
     (r"about [\d.]+ (m?s|kB|MB|min)\b", "about ... \\1"),
     (r"(    work: .*); .*", "\\1; ..."),
 )
