@@ -30,13 +30,15 @@ class Expression:
 
 def expression(rng):
     """A random factor, up to three times as large or almost 0 where it peaks."""
-    kind = str(rng.choice(["lorentz", "gauss", "pole", "step", "pulses", "corner", "matched", "decades"]))
+    kind = str(rng.choice(["lorentz", "lorentz", "spike", "gauss", "pole", "step", "pulses", "corner", "matched", "decades"]))
     low, width = float(rng.choice([0.0, 1.0, -2.0])), float(10 ** rng.uniform(0, 2))
-    high, h = low + width, float(rng.choice([-0.95, 0.3, 1.0, 2.0]))
+    high, h = low + width, float(rng.choice([-0.95, 0.5, 1.0, 2.0]))
     w, c = width * float(10 ** rng.uniform(*WIDTHS)), float(rng.uniform(low, high))
     match kind:
         case "lorentz":
             text = f"{h * w**2!r}/((q - {c!r})**2 + {w**2!r})"
+        case "spike":
+            text = f"{h * w!r}/sqrt((q - {c!r})**2 + {w**2!r})"
         case "gauss":
             text = f"{h!r}*exp(-((q - {c!r})/{w!r})**2)"
         case "pole":  # next to the range

@@ -73,7 +73,8 @@ def cover(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage, work: 
     number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
     while queue and used < work:
         part = queue[0][-1]
-        parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]))
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
+            parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]))
         used += spent
         if parts is None:
             break

@@ -187,5 +187,5 @@ def test_a_figure_hatches_an_open_place_and_has_a_word_for_it(low, high, ended, 
     (axes,) = canvas.axes
     hatched = [patch.get_bbox() for patch in axes.patches if patch.get_hatch() == "/////"]
     assert [(box.x0, box.x1) for box in hatched] == [(low, high)]
-    said = [text.get_text() for legend in canvas.legends for text in legend.get_texts()]
+    said = [text.get_text() for legend in (*canvas.legends, axes.get_legend()) for text in legend.get_texts()]
     assert ("not known" in said, "beyond the swept range" in said) == (True, ended)

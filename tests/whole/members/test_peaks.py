@@ -18,29 +18,28 @@ def contradictions(make, seeds):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(12)
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("ten", range(100))
 def test_intervals_along_an_expression_hold_between_their_ends(ten):
     assert not contradictions(mean_members.mean_alone, range(10 * ten, 10 * ten + 10))
 
 
 @pytest.mark.slow
-@pytest.mark.sample(12)
-@pytest.mark.parametrize("seed", range(1000))
-def test_intervals_for_all_of_a_range_hold_where_an_expression_is_narrow(seed):
+@pytest.mark.parametrize("seed", [20, 48, 206])  # samples of rims miss these peaks
+def test_intervals_for_all_of_a_range_hold_where_an_expression_peaks(seed):
     assert not contradictions(mean_members.mean_range, [seed])
 
 
 @pytest.mark.slow
 @pytest.mark.asks("passive")
-@pytest.mark.sample(5)
-@pytest.mark.parametrize("seed", range(500))
-def test_intervals_for_every_passive_hand_hold_where_an_expression_is_narrow(seed):
+@pytest.mark.parametrize("seed", [0, 15, 24])
+def test_intervals_for_every_passive_hand_hold_where_an_expression_peaks(seed):
     assert not contradictions(mean_members.mean_hands, [seed])
 
 
 @pytest.mark.thorough
-@pytest.mark.asks("margins")
-@pytest.mark.parametrize("seed", range(200))
-def test_margins_for_all_of_a_range_hold_where_an_expression_is_narrow(seed):
-    assert not contradictions(mean_members.mean_margins, [seed])
+@pytest.mark.asks("passive", "margins")
+@pytest.mark.parametrize("seed", range(1000))
+@pytest.mark.parametrize("make", [mean_members.mean_range, mean_members.mean_hands, mean_members.mean_margins])
+def test_claims_about_thousands_of_expressions_hold_where_these_are_narrow(make, seed):
+    assert not contradictions(make, [seed])
