@@ -84,3 +84,10 @@ def test_pulses_of_an_entire_function_are_seen_along_their_number():
     centres = np.pi / 58 * np.arange(-PULSES + 1, PULSES, 2)
     np.testing.assert_allclose(found["high"][:-1], centres - half, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found["low"][1:], centres + half, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("expression", ["K*p/p", "-(K*p - 2*K*(p*3))/p", "1 + p*(K/2*p)/p"])
+def test_a_number_that_cancels_leaves_nothing_to_resolve(expression):
+    spec = load(spec_of(expression, (0.05, 3)))
+    resolution = Resolution(spec.drawing, {**spec.values, "numbers.K": 0.7}, [Side("numbers.p")])
+    assert not resolution.unresolved(np.array([[0.05], [0.1]])).any()

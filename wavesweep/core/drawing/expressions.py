@@ -309,3 +309,25 @@ def degree(tree: Tree, number: str) -> float:
         return degrees[0]
     whole = tree[0] == "**" and tree[2][0] == "number" and tree[2][1].is_integer()
     return degrees[0] * tree[2][1] if whole else math.inf if any(degrees) else 0
+
+
+def cancelled(tree: Tree) -> Tree:
+    """Return the tree without the factors that a quotient has above and below, such as `b` of `(a*b)/b`."""
+    if tree[0] in ("number", "name"):
+        return tree
+    tree = _same_or(tree, (tree[0], *map(cancelled, tree[1:-1]), tree[-1]))
+    over = _over(tree[1], text_of(tree[2])) if tree[0] == "/" else None
+    return tree if over is None else over
+
+
+def _over(tree: Tree, factor: str) -> Tree | None:
+    """The tree divided by a factor, given as a text; None if it is not one of the tree."""
+    if text_of(tree) == factor:
+        return ONE
+    if tree[0] in ("negative", "+", "-"):
+        parts = [_over(part, factor) for part in tree[1:-1]]
+        return None if None in parts else (tree[0], *parts, tree[-1])
+    for at in {"*": (1, 2), "/": (1,)}.get(tree[0], ()):
+        if (over := _over(tree[at], factor)) is not None:
+            return (*tree[:at], over, *tree[at + 1 :])
+    return None

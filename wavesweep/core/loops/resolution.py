@@ -26,7 +26,7 @@ import numpy as np
 
 from wavesweep.core.drawing.drawing import Drawing, name_of, scalars
 from wavesweep.core.drawing.exact import constants_of, named
-from wavesweep.core.drawing.expressions import FUNCTIONS, ONE, degree, evaluate, is_constant, names_in
+from wavesweep.core.drawing.expressions import FUNCTIONS, ONE, cancelled, degree, evaluate, is_constant, names_in
 from wavesweep.core.drawing.mass_matrix import at_axes, determinant
 from wavesweep.core.loops.domain import divisors
 
@@ -166,7 +166,7 @@ def expressions(drawing: Drawing, names: tuple[str, ...], logarithmic: bool = Fa
     """Return the expressions of a drawing that are no polynomials of a small degree in these numbers: its numbers and 1 over
     its divisors. logarithmic: whether sides are logarithms of numbers, of which powers change faster."""
     most, asked = 4 if logarithmic else DEGREE, {name for name in names if name}
-    trees = {tree: None for _, tree in drawing.trees()}
+    trees = {cancelled(tree): None for _, tree in drawing.trees()}
     plain = dict.fromkeys(
         guard for _, guard in divisors(drawing) if len({*dict(names_in(guard))}) > 1 or not _is_affine(guard, asked)
     )
