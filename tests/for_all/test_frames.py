@@ -17,7 +17,7 @@ from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.core.spec import load
 from wavesweep.core.stability.stable import stable_intervals
 from wavesweep.for_all.frames import FRAME, LOST, Frames
-from wavesweep.for_all.joint import bracket
+from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.words import growth
 
@@ -230,6 +230,12 @@ def test_one_length_alone_is_the_interval_of_today():
     assert found.high == pytest.approx(today.high[0], rel=1e-6)
     assert found.low == pytest.approx(today.low[0], abs=1e-6)
     assert found.fails_from == pytest.approx(today.high[0], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_long_runs_of_the_shortest_and_of_the_longest_of_many_lengths_refute():
+    family = frames_of_controller(fig4(**{"environment.B_VE": 0.0}), Frames(tuple(range(14, 23)), (FRAME,)))
+    assert nearest_refuted(family, 20.0, 5000.0, 0.01)[0] < 290
 
 
 TABLE = [

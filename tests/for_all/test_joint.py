@@ -10,6 +10,7 @@ import pytest
 from wavesweep.for_all.checking import Norms, shrink
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
+from wavesweep.for_all.remembered import Remembered
 from wavesweep.for_all.words import nearest, short_words
 
 ONE = Graph.least(np.ones((1, 1), bool))
@@ -92,6 +93,23 @@ def test_the_golden_pair_to_a_millionth():
     assert decide(family, 1 - 5e-7).verdict == PROVED
     refuted = decide(family, 1 + 5e-7)
     assert (refuted.verdict, sorted(refuted.word)) == (REFUTED, [0, 1])
+
+
+def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_forget():
+    rng = np.random.default_rng(3)
+    lost, (turned, _) = 30 * rng.normal(size=(2, 2, 2)), np.linalg.qr(rng.normal(size=(4, 4)))
+    whole = np.concatenate([np.concatenate([PAIR, lost], 1), np.zeros((2, 4, 2))], 2)
+    family = scaled(turned @ whole @ turned.T)
+    assert Remembered.of(family, [0.3]).at(0.3).shape == (2, 2, 2)
+    found = bracket(family, 0.1, (0.0, 3.0), 1e-3)
+    assert found.fails_from * (1 - 1e-3) < found.high < 1 / GOLDEN < found.fails_from
+    for stretch in found.stretches:
+        assert all(shrink(stretch.norms, *family.enclosed(x), family.follows) for x in (stretch.low, stretch.high))
+
+
+def test_no_norms_are_searched_at_a_start_that_a_short_word_refutes(monkeypatch):
+    monkeypatch.setattr("wavesweep.for_all.joint.find_norms", None)
+    assert np.isnan(bracket(scaled(PAIR), 2.0, (0.0, 3.0)).low)
 
 
 @pytest.mark.slow

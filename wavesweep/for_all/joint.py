@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.for_all.checking import Norms, shrink
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.norms import WORK, Centre, advanced, find_norms, finer, first_centre
+from wavesweep.for_all.remembered import Remembered
 from wavesweep.for_all.words import (
     KEPT,
     LONGEST,
@@ -24,6 +25,7 @@ from wavesweep.for_all.words import (
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 WITHIN = 0.93  # distance of a first proof from the refuted number, relative to the tolerance
 NEAR_START = 0.01  # an end counts as at least this part of its distance from the start, where relative sizes are formed
+NEARBY = 0.1  # of the way to the limits, numbers at which is seen what frames forget
 SCANNED = 48  # numbers between the start and the limit at which short words are tried
 EVERY = 12  # long words are searched at one of so many of these
 TRIED = 8  # words whose crossings are computed
@@ -66,10 +68,10 @@ class Stretch:
 class Bracket:
     """The numbers around a start for which a family decays in every order.
 
-    low, high: every number from low to high, both included, is proved; NaN if nothing is. fails_below, fails_from: the nearest
-    refuted numbers below low and above high, NaN if there is none. words: the patterns that refute them, or (). settled:
-    whether each end is within the tolerance of the refuted number, or is the limit that was asked for. stretches: the proof,
-    from low to high without a gap.
+    low, high: every number from low to high, both included, is proved; NaN if nothing is, and then nothing else is known.
+    fails_below, fails_from: the nearest refuted numbers below low and above high, NaN if there is none. words: the patterns
+    that refute them, or (). settled: whether each end is within the tolerance of the refuted number, or is the limit that was
+    asked for. stretches: the proof, from low to high without a gap.
     """
 
     low: float
@@ -88,14 +90,15 @@ def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
     Accuracy: "proved" and "refuted" hold for all matrices within the errors of `Family.enclosed`, with all rounding. Norms and
     words themselves are searched in plain doubles.
     """
+    family = Remembered.of(family, [x])
     A = family.at(x)
     centre, _ = first_centre(A, family.follows)
     for word in growing(A, family.follows, centre.basis):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     centre, factor = find_norms(A, family.follows, work=work)
-    if factor == 1 and _proves(family, centre, x, x):
-        return Decision(PROVED, centre.norms)
+    if factor == 1 and (norms := _proved(family, centre, x, x)):
+        return Decision(PROVED, norms)
     for word in growing(A, family.follows, centre.basis, (), MORE * KEPT, MORE * LONGEST):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
@@ -112,10 +115,12 @@ def bracket(family: Family, start: float, limits: tuple[float, float], tolerance
     points of the hull of its matrices shrink (see `Family.hull`), and norms are convex. A refuted number says nothing about
     numbers beyond it.
     """
-    first, factor = find_norms(family.at(start), family.follows, work=work)
-    below, above = (_side(family, start, limit, tolerance, first if factor == 1 else None, work) for limit in limits)
-    if np.isnan(below.end) or np.isnan(above.end):
-        below, above = (replace(side, end=np.nan, settled=False, stretches=()) for side in (below, above))
+    family = Remembered.of(family, (start, *(start + NEARBY * (limit - start) for limit in limits)))
+    A = family.at(start)
+    first, factor = (None, 0.0) if growing_of(A, short_words(family.follows)) else find_norms(A, family.follows, work=work)
+    if factor < 1:
+        return Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
+    below, above = (_side(family, start, limit, tolerance, first, work) for limit in limits)
     return Bracket(
         float(below.end),
         float(above.end),
@@ -134,7 +139,7 @@ class _Side:
     word: Word
     settled: bool
     stretches: tuple[Stretch, ...]
-    centre: Centre | None
+    centre: Centre
 
 
 def _side(family, start, limit, tolerance, first, work):
@@ -144,8 +149,6 @@ def _side(family, start, limit, tolerance, first, work):
     a number further on, on a finer graph, and the proof goes back from there to what is already proved; and so on.
     """
     fails, word = nearest_refuted(family, start, limit, tolerance)
-    if first is None:
-        return _Side(np.nan, fails, word, False, (), None)
     goal = _inside(fails, start, WITHIN * tolerance) if word else limit
     stretches, reached, climbed = _covered(family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work)
     # ceiling: a number for which no norms were found.
@@ -207,6 +210,8 @@ def _back(family, centre, factor, aim, reached, work):
     again, on a finer graph if that has not helped before.
     """
     stretches, at, used = (), aim, centre.work
+    if factor == 1 and not _proved(family, centre, aim, aim):  # rounding leaves no room, and a finer graph gives none
+        return (), used
     while factor == 1 and used < work:
         further, far, last = _covered(family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used)
         stretches, used = (*stretches, *further), used + last.work
@@ -280,10 +285,11 @@ def _first(family, words, stable, unstable, limit):
     return best
 
 
-def _proves(family, centre, one, other):
-    """Whether the forms of a centre are proved to be norms for all numbers between two."""
+def _proved(family, centre, one, other):
+    """Norms of all states by the forms of a centre, if they are proved to be norms for all numbers between two; or None."""
     points = family.hull(min(one, other), max(one, other))
-    return points is not None and all(shrink(centre.norms, *point, family.follows) for point in zip(*points, strict=True))
+    norms = None if points is None else family.norms(centre, points[0])
+    return norms if norms and all(shrink(norms, *point, family.follows) for point in zip(*points, strict=True)) else None
 
 
 def _covered(family, centre, start, goal, least, work):
@@ -309,11 +315,12 @@ def _covered(family, centre, start, goal, least, work):
         centre, most = replace(both, graph=graph), 4 * most
         share = least * min(abs(goal - end), max(abs(end), SHORTEST_LEFT * abs(goal - start)))
         shortest = max(min(share, abs(target - end)), SHORTEST * abs(goal - start))
-        while abs(x - end) >= shortest and x != end and not _proves(family, centre, end, x):
+        norms = None
+        while abs(x - end) >= shortest and x != end and not (norms := _proved(family, centre, end, x)):
             x = (x + end) / 2
             most = 2 * abs(x - end)
-        if abs(x - end) < shortest or x == end:
+        if norms is None:
             break
-        stretches.append(Stretch(min(end, x), max(end, x), centre.norms))
+        stretches.append(Stretch(min(end, x), max(end, x), norms))
         end = x
     return tuple(stretches), end, centre

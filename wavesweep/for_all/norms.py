@@ -62,17 +62,22 @@ class Centre:
         return replace(self, P=(P + _transposed(P)) / 2, basis=self.basis @ back, inverse=to @ self.inverse)
 
 
-def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
-    """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph, and a factor: in this form the
-    matrices times the factor shrink."""
+def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a basis in which matrices A `(symbols, n, n)` are small, and its inverse."""
     n = A.shape[-1]
     P = np.eye(n)
     for _ in range(100):
         P = 1e-3 * np.eye(n) + (_transposed(A) @ P @ A).mean(0)
         P /= np.trace(P) / n
     to = _transposed(np.linalg.cholesky(P))
-    graph = Graph.least(follows)
-    centre = Centre(np.broadcast_to(np.eye(n), (graph.nodes, n, n)), graph, np.linalg.inv(to), to)
+    return np.linalg.inv(to), to
+
+
+def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
+    """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph, and a factor: in this form the
+    matrices times the factor shrink."""
+    graph, n = Graph.least(follows), A.shape[-1]
+    centre = Centre(np.broadcast_to(np.eye(n), (graph.nodes, n, n)), graph, *rough_basis(A))
     return centre, 0.5 / max(np.linalg.norm(centre.in_basis(A), 2, axis=(-2, -1)).max(), 0.5)
 
 

@@ -11,6 +11,7 @@ from wavesweep.for_all.graph import Family
 KEPT = 60  # words of each length that are extended
 LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST = 14  # matrices in a word
+RUN = 12  # matrices of each of the two runs of a word
 LEADING = 8  # words of each length, and of all lengths, that are joined in pairs
 IMPROVED = 3  # of these, the words that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
@@ -59,11 +60,11 @@ def growing(
     matrix first.
 
     basis: one in which the matrices are small. known: words to start from. kept: words of each length, those with the largest
-    norms, that are extended. The leading words are joined in pairs, and the best of all are changed matrix by matrix. This is a
-    search: it may return nothing although there are such words.
+    norms, that are extended. These, and words of two runs, are joined in pairs if they lead, and the best of all are changed
+    matrix by matrix. This is a search: it may return nothing although there are such words.
     """
     A = np.linalg.inv(basis) @ A @ basis
-    rates = {word: growth(A, word) ** (1 / len(word)) for word in known}
+    rates = {word: growth(A, word) ** (1 / len(word)) for word in known} | _of_two_runs(A, follows)
     words, products = np.arange(len(A))[:, None], A
     for length in range(1, longest + 1):
         order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
@@ -81,6 +82,30 @@ def growing(
         better = improved(A, follows, word)
         rates[better] = growth(A, better) ** (1 / len(better))
     return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
+
+
+def _of_two_runs(A, follows):
+    """The growth per matrix of the best words of a run of one matrix and a run of another.
+
+    Frames are in the order of their lengths: one of both is the first or the last, the other one of these or of three between.
+    """
+    last, rates = len(A) - 1, {}
+    some = sorted({0, last // 4, last // 2, 3 * last // 4, last})
+    ends = [(i, j) for i in some for j in some if i < j and (i == 0 or j == last) and follows[[i, i, j, j], [i, j, i, j]].all()]
+    if not ends:
+        return rates
+    size = np.linalg.norm(A[some], axis=(-2, -1)).max() or 1.0
+    powers = np.repeat(A[some][None] / size, RUN, 0)
+    for length in range(1, RUN):
+        powers[length] = powers[0] @ powers[length - 1]
+    lengths = np.add.outer(np.arange(1, RUN + 1), np.arange(1, RUN + 1))
+    for i, j in ends:
+        products = powers[None, :, some.index(j)] @ powers[:, None, some.index(i)]
+        radius = np.abs(np.linalg.eigvals(products)).max(-1) ** (1 / lengths)
+        for place in np.argsort(-radius, axis=None)[:LEADING].tolist():
+            one, other = divmod(place, RUN)
+            rates[_least((i,) * (1 + one) + (j,) * (1 + other))] = size * radius.flat[place]
+    return rates
 
 
 def _leading(rates):
