@@ -37,7 +37,6 @@ from wavesweep.core.monodromy.drift import TickDrift
 from wavesweep.core.monodromy.open_ticks import facts_of
 from wavesweep.core.monodromy.periodic import ticks_of
 from wavesweep.core.monodromy.rounding import ROUNDING
-from wavesweep.core.reading.checking import show
 from wavesweep.core.response.port import port_between
 from wavesweep.core.response.ticks import plus, times
 from wavesweep.core.stability.frames import level as level_of
@@ -46,9 +45,10 @@ from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.regions import NEAR_ZERO
 from wavesweep.core.sweep.grid import Loops
 from wavesweep.require.keys import BASE_BAND, GainBound
-from wavesweep.require.maps import on_average, over_frame
+from wavesweep.require.maps import over_frame
 from wavesweep.require.panels import BAD, GOOD, OPEN, RIM, SAFE, Accuracy, along_panels
 from wavesweep.require.pencil import angles_of, clear, off_circle
+from wavesweep.require.sines import Panel
 
 POSITIVE = 1e-9  # of the terms of the form, from which on it is positive at an angle whatever rounding does
 ANGLES = 8  # eigenvalues next to the circle, at whose angles and between which the form is looked at
@@ -56,7 +56,6 @@ TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where the gain at rest 
 EXACT = 1e-8  # of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by its root
 BESIDE, SLOW = 1e-6, 1e-7  # of the span, and of a pole that is 1 at its low end from 1: see `Accuracy`
 AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
-LARGEST = 100  # states of a map: a pencil of these takes half a second for each panel, of which there are hundreds
 
 
 def along_gain(
@@ -76,25 +75,19 @@ def along_gain(
     if port.outputs > 1:
         what = route[1].removeprefix(OUTPUT)
         raise UsageError(f"sweep.require.gain.to: expected an output that comes to rest, found {what}, which drifts")
-    on = wanted.measure == BASE_BAND
-    step = period / port.kind.size if on else period
-    gain = Gain(
-        *(loops, along, route, wanted.at_most, drift, _needed(port.maps), None, on, 1 if on else port.kind.size),
-        *(np.arange(size), stable, _arc(wanted, port.kind.size, step), False),
+    ticks = port.kind.size
+    on = wanted.measure == BASE_BAND and ticks > 1
+    step = period / ticks if on else period
+    gain = (Sine if on else Gain)(
+        *(loops, along, route, wanted.at_most, drift, _needed(port.maps), ticks),
+        *(np.arange(size), stable, _arc(wanted, ticks, step), False),
     )
-    if on and port.kind.size > 1:
-        if (states := gain.kept.size * port.kind.size) <= 4 * LARGEST:  # of which some are not needed in every tick
-            gain = replace(gain, slots=_needed([[part for part, _ in gain.maps(number[: len(TYPICAL)], p[: len(TYPICAL)])[0]]]))
-            states = gain.slots.size
-        if states > LARGEST:
-            raise UsageError(
-                f'sweep.require.gain.measure: expected "lifted" for a loop with {states} states in all ticks of a frame, of '
-                f"which this takes {LARGEST} at most, found {show(BASE_BAND)}"
-            )
     E, G, O, T = (part for part, _ in gain.maps(number, p)[0])
-    H, w = T - O @ solve(E, G), np.full((gain.inputs, 1), gain.inputs**-0.5)
-    signed = np.copysign(gain.level, _t(w) @ H @ w) * w
-    off = np.max([np.abs(each @ w - signed).max((-1, -2)) for each in (H, _t(H))], 0)
+    H, w = T - O @ solve(E, G), np.full((ticks, 1), ticks**-0.5)
+    through = _t(w) @ H @ w
+    signed = np.copysign(gain.level, through) * w
+    differs = [through - np.copysign(gain.level, through)] if on else [each @ w - signed for each in (H, _t(H))]
+    off = np.max([np.abs(each).max((-1, -2)) for each in differs], 0)
     at_rest = (off <= AT_REST * gain.level).reshape(size, -1).all(-1) & (gain.arc[:, 0] == 0)
     columns = [np.flatnonzero(at_rest == touching) for touching in (False, True)]
     judges = [replace(gain, columns=some, at_rest=bool(at_rest[some[0]])) for some in columns if some.size]
@@ -156,9 +149,8 @@ class Gain:
     """The gain of loops between an input and a signal (route) along a number; level: which it has to stay below.
 
     A judge of `panels`, of these columns. kept: states that the input reaches and the signal depends on. inputs: of the
-    map. slots: of the states side by side, those of the map at the frequency itself; None of the lifted map. stable: where
-    loops may be stable, and nothing is looked for elsewhere. arc: its ends (rad), on which it has to be so, `(columns, 2)`.
-    at_rest: see `along_gain`.
+    map, one for each tick. stable: where loops may be stable, and nothing is looked for elsewhere. arc: its ends (rad), on
+    which it has to be so, `(columns, 2)`. at_rest: see `along_gain`.
     """
 
     loops: Loops
@@ -167,8 +159,6 @@ class Gain:
     level: float
     drift: TickDrift
     kept: np.ndarray
-    slots: np.ndarray | None
-    average: bool
     inputs: int
     columns: np.ndarray
     stable: Intervals
@@ -180,12 +170,7 @@ class Gain:
     @property
     def order(self) -> int:
         """Of the pencil."""
-        return 2 * self.states + self.inputs
-
-    @property
-    def states(self) -> int:
-        """Of the map."""
-        return self.kept.size if self.slots is None else self.slots.size
+        return 2 * self.kept.size + self.inputs
 
     def maps(self, column, p):
         """E less identity, G, O and T of a frame, each with a bound on its error, and pivots; NaN without a solution."""
@@ -193,7 +178,7 @@ class Gain:
             port, pivots = _port(self.loops, self.along, self.drift, self.route, self.columns[column], p)
         except IllPosedLoopError:
             if p.size == 1:
-                n, m = self.states, self.inputs
+                n, m = self.kept.size, self.inputs
                 shapes = ((1, n, n), (1, n, m), (1, m, n), (1, m, m))
                 return [(np.full(shape, np.nan),) * 2 for shape in shapes], np.zeros((1, 1))
             halves = [self.maps(column[part], p[part]) for part in np.array_split(np.arange(p.size), 2)]
@@ -201,12 +186,7 @@ class Gain:
                 tuple(map(np.concatenate, zip(*pair, strict=True))) for pair in zip(*(each for each, _ in halves), strict=True)
             ]
             return maps, np.zeros((p.size, 1))  # which may be poles
-        if not self.average:
-            return over_frame(port, self.kept, p.shape), pivots
-        E, G, O, T = on_average(port, self.kept, p.shape)
-        if (own := self.slots) is not None:
-            E, G, O = (tuple(x[:, own[:, None], own] for x in E), tuple(x[:, own] for x in G), tuple(x[:, :, own] for x in O))
-        return (E, G, O, T), pivots
+        return over_frame(port, self.kept, p.shape), pivots
 
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
@@ -217,15 +197,20 @@ class Gain:
             label[inside] = self._label(column[inside], low[inside], high[inside], bounds)
         return label
 
-    def _label(self, column, low, high, bounds):
+    def _about(self, column, low, high, bounds):
+        """The maps in the middles of panels and on rims about them, `(panels * points, ...)`, their number, and where they
+        are known."""
         middle, half = (low + high) / 2, (high - low) / 2
         p = middle[:, None] + 2 * half[:, None] * np.append(0.0, RIM)
         maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
-        form, shape = self.form(p.shape[1], *maps), p.shape
+        known = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
+        return maps, p.shape, known & ~_poles(pivots.reshape(*p.shape, -1))
+
+    def _label(self, column, low, high, bounds):
+        maps, shape, known = self._about(column, low, high, bounds)
+        form = self.form(shape[1], *maps)
         both = [tuple(part.reshape(*shape, *part.shape[1:]) for part in pair) for pair in self.pencil(maps[0], *form)]
         (K, dK), (L, dL) = both
-        known = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
-        known &= ~_poles(pivots.reshape(*shape, -1))
         if self.at_rest:
             known &= ~_poles(_determinants(maps[0][0].reshape(*shape, *maps[0][0].shape[1:]))[..., None])
         known &= np.logical_and.reduce([np.isfinite(part).all((-1, -2, -3)) for part in (K, dK, L, dL)])
@@ -303,6 +288,31 @@ class Gain:
         (K, L), errors = found
         L[..., x, x], L[..., l, l] = np.eye(n), L[..., l, l] - np.eye(n)
         return (K, np.abs(errors[0])), (L, np.abs(errors[1]) + ROUNDING * np.abs(L))
+
+
+class Sine(Gain):
+    """The same at the frequency of a sine itself, of frames of several ticks: see `sines`."""
+
+    __slots__ = ()
+
+    def _label(self, column, low, high, bounds):
+        maps, shape, known = self._about(column, low, high, bounds)
+        maps = [tuple(part.reshape(*shape, *part.shape[1:]) for part in pair) for pair in maps]
+        known &= np.logical_and.reduce([np.isfinite(part).all((1, 2, 3)) for pair in maps for part in pair])
+        label = np.full(column.size, OPEN)
+        for at in np.flatnonzero(known):
+            label[at] = self._panel(column[at], [tuple(part[at] for part in pair) for pair in maps]).label()
+        return label
+
+    def _panel(self, column, maps):
+        return Panel(maps, self.level, self.arc[self.columns[column]], self.at_rest)
+
+    def worst(self, column, p):
+        """As that of `Gain`."""
+        own = np.searchsorted(self.columns, column)
+        maps, _ = self.maps(np.full(p.size, own), p)
+        found = [self._panel(own, [tuple(part[at : at + 1] for part in pair) for pair in maps]).worst() for at in range(p.size)]
+        return tuple(map(np.array, zip(*found, strict=True)))
 
 
 def _t(part):
