@@ -238,6 +238,15 @@ def test_long_runs_of_the_shortest_and_of_the_longest_of_many_lengths_refute():
     assert nearest_refuted(family, 20.0, 5000.0, 0.01)[0] < 290
 
 
+@pytest.mark.slow
+def test_a_pattern_is_met_that_grows_below_all_others_and_decays_again_before_they_grow():
+    """Frames of 14, 14, 22, 22, 22 ticks grow between 1536 and about 1670 N/m; a search from 2000 downwards ends at 1719."""
+    changes = {"controller.b": 15.0, "environment.B_VE": 10.0, "filters.lp1.cutoff_hz": 10.0, "device.mass": 0.25}
+    changes |= {"device.damping": 1.2, "device.dead_time": 0.0015}
+    family = frames_of_controller(fig4(**changes), Frames(tuple(range(14, 23)), (FRAME,)))
+    assert nearest_refuted(family, 100.0, 2000.0, 0.01)[0] < 1540
+
+
 TABLE = [
     ("pmw", Frames(LENGTHS), 196.9, 198.9),
     pytest.param("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.thorough),

@@ -29,9 +29,11 @@ NEARBY = 0.1  # of the way to the limits, numbers at which is seen what frames f
 SCANNED = 48  # numbers between the start and the limit at which short words are tried
 EVERY = 12  # long words are searched at one of so many of these
 TRIED = 8  # words whose crossings are computed
+BACK = 0.03, 0.1  # of a refuted number, how far back words are searched that may decay again next to it
 ROUNDS = 8  # of the search for words that refute a number closer to the start
 MORE = 3  # times as many words are searched where no proof is found
 SPENT = 0.9  # part of the work after which no more norms are searched
+SEARCHES = 8  # into which the work that is left is divided: one for norms that do not exist ends soon
 STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
 FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # factor and last value of finer tolerances that follow if cheap, and the work for them
 STEPS = 300  # norms for one side of the start
@@ -146,7 +148,8 @@ def _side(family, start, limit, tolerance, first, work):
     """What is proved and refuted from the start towards a limit.
 
     first: forms for the start. They need few nodes, and the proof goes as far as it can with them. Then norms are searched for
-    a number further on, on a finer graph, and the proof goes back from there to what is already proved; and so on.
+    a number further on, and the proof goes back from there to what is already proved; and so on. Each search begins with the
+    least graph: one that was refined for other numbers takes up to three times the nodes.
     """
     fails, word = nearest_refuted(family, start, limit, tolerance)
     goal = _inside(fails, start, WITHIN * tolerance) if word else limit
@@ -155,13 +158,18 @@ def _side(family, start, limit, tolerance, first, work):
     spent, centre, ceiling, before = climbed.work, None, None, start
     while reached != goal and spent < SPENT * work:
         if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * _scale(reached, start):
-            if abs(reached - before) <= tolerance * _scale(reached, start):
+            if word or abs(reached - before) <= tolerance * _scale(reached, start):
                 break
-            ceiling, before = None, reached  # the graph has become finer meanwhile
+            ceiling, before = None, reached  # once more, from nearer to the limit
         aim = fails - STRIDE * (fails - reached) if word else goal
         aim = aim if ceiling is None else (reached + ceiling) / 2
         aim = aim if abs(aim - start) < abs(goal - start) else goal
-        centre, factor = find_norms(family.at(aim), family.follows, centre, (work - spent) / 3)
+        nearer = _grown(family, start, aim, centre or first, word)
+        if nearer and abs(nearer[0] - start) > abs(reached - start):
+            (fails, word), ceiling = nearer, None
+            goal = _farther(_inside(fails, start, WITHIN * tolerance), reached, start)
+            continue
+        centre, factor = find_norms(family.at(aim), family.follows, work=(work - spent) / SEARCHES)
         further, used = _back(family, centre, factor, aim, reached, work - spent)
         spent += used
         if further:
@@ -255,8 +263,9 @@ def nearest_refuted(family: Family, start: float, limit: float, tolerance: float
             break
         before = x
     for _ in range(ROUNDS if word else 0):
-        x = _inside(fails, start, tolerance / 4)
-        nearer = _grown(family, start, x, first_centre(family.at(x), family.follows)[0], word)
+        places = (_inside(fails, start, share) for share in (tolerance / 4, *BACK))
+        found = (_grown(family, start, x, first_centre(family.at(x), family.follows)[0], word) for x in places)
+        nearer = next(filter(None, found), None)
         if not nearer:
             break
         fails, word = nearer
