@@ -312,6 +312,42 @@ def test_the_gain_of_a_sine_with_ten_ticks_in_a_frame_is_certified_from_its_true
         assert (beyond_rest(platoon(h, 10), angles, itself=True).max() > 0) == swells
 
 
+@pytest.mark.slow
+def test_a_gain_along_the_step_of_a_simulation_is_right_and_its_frequency_is_of_that_step():
+    """A controller that adds k e + kd e' to the speed in every step, whatever its length; k = 0.45, kd = 0.05, a gap of 1 s."""
+    tables = {
+        "rates": {"tick_hz": "1/h"},
+        "numbers": {"h": 0.1},
+        "block": {
+            "speed": {"type": "integrator"},
+            "gap": {"type": "integrator", "method": "implicit"},
+            "accel": {"type": "difference"},
+        },
+        "wire": {
+            "speed.u": "(0.45*(gap.y - speed.y) + 0.05*(ahead - speed.y + accel.y))/dt",
+            "accel.u": "speed.y",
+            "gap.u": "ahead - speed.y",
+        },
+        "ports": {"inputs": {"ahead": "ahead"}, "outputs": {"own": "speed.y"}},
+        "sweep": {"along": "h", "h": {"start": 0.001, "stop": 5}, "require": bounded("ahead", "own", 1.0)},
+    }
+
+    def beyond(h, z):
+        gap = 0.45 * h * z / (z - 1)
+        own = (gap + 0.05) / (z - 1 + gap + 0.5 - 0.05 * (1 - 1 / z) / h)
+        return (np.abs(own) ** 2 - 1) / np.abs(z - 1) ** 2
+
+    (row,) = wavesweep.stability_region(wavesweep.load(tables)).itertuples()
+    assert (row.certified, row.low_set_by, row.high_set_by) == (True, "gain", "gain")
+    points = np.exp(
+        1j * np.concatenate([np.geomspace(1e-4, np.pi, 3000), row.low * row.low_omega * np.linspace(0.9, 1.1, 2001)])
+    )
+    for h, swells in ((row.low, False), (row.high, True)):
+        assert (beyond(h * (1 - 1e-6), points).max() > 0, beyond(h * (1 + 1e-6), points).max() > 0) == (not swells, swells)
+    at = row.low_omega * np.array([0.99, 1.0, 1.01]) * row.low
+    assert beyond(row.low, np.exp(1j * at)).argmax() == 1
+
+
 def resonance(half, level):
     """A panel about p = 0 of a frame of two ticks, with a peak of about 0.5 + 0.3 p whose angle moves from 0.9."""
 

@@ -273,11 +273,13 @@ def test_what_cannot_be_required_is_one_clear_line(require, expected):
 
 @pytest.mark.asks("passive", "sensitivity")
 def test_what_is_about_stability_alone_refuses_it():
+    gain = {"from": "f_h", "to": "v", "at_most": 1.0, "band_hz": [1.0, 5.0]}
     for refused in (
         lambda: wavesweep.zwidth(SPEC, for_hands="passive"),
         lambda: wavesweep.why(SPEC),
         lambda: intervals_of_specs([load(SPEC)]),
         lambda: wavesweep.compile(SPEC).stable_intervals("rates.fast_hz", (500.0, 2000.0), require={"settling": 0.5}),
+        lambda: wavesweep.compile(SPEC).stable_intervals("rates.fast_hz", (500.0, 2000.0), require={"gain": gain}),
     ):
         with pytest.raises(UsageError, match=r"stability alone|changes the time of a frame"):
             refused()

@@ -101,8 +101,8 @@ class Bound:
         """Raise UsageError for a time to settle, along a number that changes the time of a frame."""
         if self.settling < np.inf:
             raise UsageError(f"{name} changes the time of a frame: require radius along it, and not settling")
-        if self.gain:
-            raise UsageError(f"{name} changes the time of a frame: require no gain along it")
+        if self.gain and self.gain.band_hz:
+            raise UsageError(f"{name} changes the time of a frame: require a gain without band_hz along it")
 
 
 def words_of(written: Mapping[str, object]) -> str:

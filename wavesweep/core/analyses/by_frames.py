@@ -33,6 +33,8 @@ from wavesweep.core.sweep.grid import Loops, distinct_rows
 if TYPE_CHECKING:
     from wavesweep.core.analyses.interval_search import Search
 
+OMEGAS = ("low_omega", "high_omega")
+
 
 def by_dominance(search: "Search", loops: Loops, size: int) -> Intervals:
     """The intervals of `size` slices, from frames whose diagonal dominates; stretches in doubt are asked of balls."""
@@ -73,7 +75,10 @@ def by_gain(search: "Search", loops: Loops, stable: Intervals) -> Intervals:
     """Those of some intervals in which the gain is small enough; stable: of every slice."""
     size = 1 + int(stable.column.max())
     period, _, bounds, resolved = _asked(search, loops, size)
-    return common([stable, search.bound.within_gain(loops, search.along, search.span, period, bounds, resolved, stable)])
+    found = search.bound.within_gain(loops, search.along, search.span, period, bounds, resolved, stable)
+    timed = _in_own_time(search, found, loops)  # ends of stability are so already; those of the gain have a minus
+    omegas = {name: np.where(getattr(found, name) < 0, getattr(timed, name), getattr(found, name)) for name in OMEGAS}
+    return common([stable, replace(found, **omegas)])
 
 
 def _asked(search, loops, size):

@@ -150,8 +150,8 @@ def port_between(drawn: MultirateLoop, source: str, signal: str, drift: TickDrif
 
 
 def _timing(drawn, position):
-    period = float(np.ravel(drawn.period)[0])
-    rate = 1 / period if drawn.rate is None else float(np.ravel(drawn.rate)[0])
+    period = float(np.ravel(drawn.period)[0].real)  # proofs along a rate take complex ones, and do not read it
+    rate = 1 / period if drawn.rate is None else float(np.ravel(drawn.rate)[0].real)
     return period, position, max(each.every for each in drawn.placed), rate
 
 
