@@ -253,7 +253,7 @@ def test_check_says_it_and_ends_with_it(wavesweep, written):
 @pytest.mark.parametrize(
     ("name", "numbers", "said"),
     [
-        ("stamp", [1, 2, 3], "expected a column time or duration, found number, stamp; --column time="),
+        ("stamp", [1, 2, 3], "expected a column time or duration, found number, stamp; --column time=stamp names"),
         ("time", [0, 0.02, 0.02, 0.04], "times.csv:4: time: expected frames of at least a tick of 1 ms, found one of 0 ms"),
         ("duration", [0.02, 0.0002], "times.csv:3: duration: expected frames of at least a tick of 1 ms, found one of 0.2 ms"),
         ("time", [0, 20, 40], "expected frames of at most 10 s, found 20 s for most; --scale time=FACTOR"),
@@ -279,6 +279,14 @@ def test_a_file_that_cannot_be_used_is_refused(written, name, numbers, said):
     with pytest.raises(UsageError) as caught:
         identified(written(name, numbers), 1000.0, "rates.ratio", {}, {})
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["stamp", "time"])
+def test_check_names_no_option_that_only_identify_has(wavesweep, written, name):
+    Path("slow.toml").write_text('controller.kind = "dc-slow"\n')
+    written(name, [0, 20, 40, 60])
+    code, _, err = wavesweep("check", "slow.toml", "--frames", "times.csv")
+    assert (code, "times.csv: " in err, "--column" in err, "--scale" in err) == (2, True, False, False)
 
 
 def test_a_rate_at_which_frames_last_more_ticks_than_a_ratio_has_is_refused(written):

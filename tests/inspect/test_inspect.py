@@ -1,6 +1,7 @@
 """`wavesweep inspect`: what a table has, without opening it in another program."""
 
 import json
+import re
 
 import numpy as np
 import pandas
@@ -42,10 +43,22 @@ def test_a_table_is_found_by_its_path_its_folder_or_the_name_of_the_spec(asked, 
         "largest": 2.0,
     }
     assert (columns["low"]["missing"], columns["certified"]["true"], columns["doubt"]["different"]) == (1, 2, 2)
+    assert columns["doubt"]["missing"] == 2
     assert table["facts"]["spec_sha256"] == load(SPEC).sha256
     out = wavesweep("inspect", asked)[1]
     assert "3 rows; in doubt: search 1" in out
     assert "N*s/m" in out
+    assert re.search(r"along +1 different  ", out)
+    assert re.search(r"doubt +1 different, 2 missing  ", out)
+
+
+@pytest.mark.usefixtures("folder")
+def test_plot_says_which_tables_a_folder_has(wavesweep):
+    code, _, err = wavesweep("plot", "results/wall")
+    assert (code, err) == (
+        2,
+        "Error: results/wall: expected the CSV or Parquet file of a table, found a folder, with zwidth.parquet\n",
+    )
 
 
 def test_a_folder_without_results_is_refused(tmp_path, wavesweep):

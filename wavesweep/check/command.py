@@ -171,7 +171,8 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
         steps.append((f"why {name}", "what sets each limit"))
     if region:
         what = "all stable walls" if region == "zwidth" else "all stable intervals"
-        steps.append((f"{region} {name}", f"{what}, for all of [for_all]" if spec.for_all else what))
+        members = "of [for_all]" if not drawing or (spec.for_all and spec.for_all.axes) else "that messages may do"
+        steps.append((f"{region} {name}", f"{what}, for all {members}" if spec.for_all else what))
     elif limits := [each for each in verdict["limits"] if each["stable"] is not None]:
         axis = min(limits, key=distance)
         span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"

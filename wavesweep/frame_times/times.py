@@ -60,14 +60,19 @@ class Run:
 
 
 def read_run(
-    path: str | Path, fast_hz: float, columns: Mapping[str, str], scales: Mapping[str, float], most: float = MOST_TICKS
+    path: str | Path,
+    fast_hz: float,
+    columns: Mapping[str, str] | None = None,
+    scales: Mapping[str, float] | None = None,
+    most: float = MOST_TICKS,
 ) -> Run:
     """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names time and duration.
 
-    most: ticks that a frame may last.
+    They are None where a command has no options for them. most: ticks that a frame may last.
 
     Errors: UsageError that names the file, the line or the column, what was expected and what was found.
     """
+    options, columns, scales = columns is not None, columns or {}, scales or {}
     file = read_csv(path, MOST_BYTES)
     for option, given in (("--column", columns), ("--scale", scales)):
         if wrong := [name for name in given if name not in ("time", "duration")]:
@@ -76,17 +81,17 @@ def read_run(
     found = {name: next((each for each in wanted if each in file.names), None) for name, wanted in names.items()}
     name = next((name for name in (*columns, "time", "duration") if found[name]), None)
     if name is None:
-        meant = nearest("time", file.names) or next(filter(None, file.names), "NAME")
-        expected = " or ".join(columns.values() or names)
-        raise UsageError(
-            f"{path}: expected a column {expected}, found {file.listed}; --column time={meant} names that of stamps"
-        )
+        likely = (each for each in file.names if any(word in each.lower() for word in ("time", "stamp")))
+        meant = nearest("time", file.names) or next(likely, "NAME")
+        hint = f"--column time={meant} names that of stamps" if options else "give the one of stamps (s) the name time"
+        raise UsageError(f"{path}: expected a column {' or '.join(columns.values() or names)}, found {file.listed}; {hint}")
     given = file.numbers([found[name]], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
     durations = np.diff(given) if name == "time" else given
     begins = given[:-1] if name == "time" else np.cumsum(given) - given
     if (median := float(np.median(durations))) > LONGEST:
         expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
-        raise UsageError(f"{path}: {name}: {expected}; --scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms")
+        hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms" if options else "are they in ms?"
+        raise UsageError(f"{path}: {name}: {expected}; {hint}")
     ticks, tick = durations * fast_hz, f"of {1e3 / fast_hz:.6g} ms"
     for wrong, expected, hint in (
         (ticks < 1 - FITS, f"at least a tick {tick}", ""),

@@ -83,7 +83,7 @@ def within(spec: Spec, path: str) -> dict[str, Any]:
     number; otherwise 1. Errors: UsageError.
     """
     expected, varying = lengths_of(spec)
-    run = read_run(path, spec.tick_hz, {}, {})
+    run = read_run(path, spec.tick_hz)
     allowed = expected if varying else expected and tuple(each for each in expected if each == run.lengths[0])
 
     def outside(each):

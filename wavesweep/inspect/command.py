@@ -70,7 +70,8 @@ def _facts_of(path: Path) -> Mapping[str, Any]:
 def _extent(values: np.ndarray) -> dict[str, Any]:
     """How many values are missing, and the least and the largest of the others; how many texts differ, and are true."""
     if values.dtype == object:
-        return {"different": len(set(values.tolist()))}
+        words = values.tolist()
+        return {"different": len(set(words)), "missing": words.count("")}
     if values.dtype == np.bool_:
         return {"true": int(values.sum())}
     known = values[~np.isnan(values)] if values.dtype == np.float64 else values
@@ -92,8 +93,11 @@ def _lines(path: str, table: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _values(column: Mapping[str, Any]) -> str:
-    if "missing" not in column:
-        return next(f"{column[word]} {word}" for word in ("different", "true") if word in column)
+    if "true" in column:
+        return f"{column['true']} true"
     missing = f"{column['missing']} missing" if column["missing"] else ""
+    if "different" in column:
+        different = column["different"] - bool(missing)
+        return ", ".join(filter(None, [f"{different} different" if different else "", missing]))
     ends = dict.fromkeys(f"{column[end]:g}" for end in ("least", "largest") if end in column)
     return ", ".join(filter(None, [" to ".join(ends), missing]))

@@ -72,8 +72,8 @@ class BoxMargin:
 def refused(spec: Spec) -> str:
     """Why there are no margins for all of the spec's [for_all], empty if there are. Errors: UsageError for too many numbers."""
     varying = boxes.varying(spec)
-    why = f"margins need constant numbers, and {', '.join(varying)} of [for_all] may vary: these are of the spec's own numbers"
-    return why if varying else ""
+    which = "messages may be late or lost" if varying == ["messages"] else f"{', '.join(varying)} of [for_all] may vary"
+    return f"margins need constant numbers, and {which}: these are of the spec's own numbers" if varying else ""
 
 
 def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:

@@ -53,7 +53,7 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
         module = next(modules("frames"), None)
         if module is None:
             raise UsageError(f"{FRAMES}: expected the capability frame_times, which reads {given}, found that it is not there")
-        return tuple(map(Frame, module.read_run(beside(spec, given), spec.tick_hz, {}, {}).lengths.tolist()))
+        return tuple(map(Frame, module.read_run(beside(spec, given), spec.tick_hz).lengths.tolist()))
     asked, found, length, ticks = spec.for_all, [], 0, 0
     lengths, delays = [spec.values.get("rates.ratio")], [None]
     for axis in asked.changing:

@@ -21,6 +21,12 @@ def test_ports_are_read_with_and_without_units():
     assert load(spec.tables()).sha256 == spec.sha256
 
 
+def test_an_input_whose_signal_is_no_signal_is_shown_how_to_name_the_one_that_wires_read():
+    for wrong in ("command", {}):
+        with pytest.raises(UsageError, match=r'inputs\.ref: expected .*, as ref = "ref", found'):
+            load(tables(ports={"inputs": {"ref": wrong}}))
+
+
 def test_an_input_may_be_the_hands_force():
     spec = load(tomllib.loads(WALL.replace("[ports]", '[ports]\ninputs = { push = "hand" }\noutputs = { place = "m.x" }')))
     assert (spec.drawing.outside, spec.routes, spec.routes_between(None, None)) == (("hand",), (), ())

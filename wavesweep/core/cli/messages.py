@@ -164,7 +164,7 @@ class Watch:
             return f"{doing}all {total:,} done, still at work {after}"
         less = f"; {self._less}" if self._less and left > MINUTE else ""
         return f"{doing}{done:,} of {total:,} done ({100 * done // total} %) {after}" + (
-            f", about {_duration(left)} left{less}" if left else ""
+            f", about {_duration(left)} left{less}" if left > LOOK else ""
         )
 
 

@@ -121,7 +121,8 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
     if spec.drawing and spec.drawing.channels:
         if command not in (*FOR_ALL, "simulate"):
-            yield f"{spec.name}: {command} has all messages in time; zwidth, stability-region and check say what holds without"
+            others = "zwidth, stability-region and check"
+            yield f"{spec.name}: {command} has all messages in time; {others} say what holds if some are late or lost"
     elif spec.members and command not in (*FOR_ALL, "margins"):  # which says itself what it cannot hold for
         others = "zwidth, stability-region, margins, check and design"
         yield f"{spec.name}: {command} is of the spec's own numbers; {others} look at all of {spec.members}"

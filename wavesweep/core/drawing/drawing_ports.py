@@ -109,6 +109,8 @@ class PortReader(KeyReader):
         for name, parts in ports["inputs"].items():
             path, leaf = path_of_port("inputs", name), parts["signal"]
             fault = self.fault_from_outside(leaf.value)
+            if fault and name in self.read:
+                fault = (f'{fault[0]}, as {name} = "{name}"', fault[1])
             if fault or leaf.value in [signal for _, signal, _ in inputs]:
                 self.refuse(leaf, path, *(fault or ("a signal of its own", f"{show(leaf.value)} again")), of_key=False)
             else:

@@ -260,7 +260,8 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     """
     path = Path(path)
     if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
-        found = "a folder" if path.is_dir() else "no such file"
+        tables = sorted(each.with_suffix("").with_suffix(".parquet").name for each in path.glob("*.datapackage.json"))
+        found = f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
         raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {found}")
     package = path.with_suffix(".datapackage.json")
     try:

@@ -33,8 +33,8 @@ _TABLES = {
     "passivity and simulate; it turns if they are a torque and an angle; of several axes, both are lists; "
     "environment = { force = NAME, displacement = expression }, a second port that passivity takes together with the hand's; "
     "wall = { stiffness = number, damping = number } for zwidth; "
-    "inputs = { NAME = signal }, signals from outside that wires read, and outputs = { NAME = expression }, each perhaps "
-    "{ signal = ..., unit = ... }, for bode, simulate and to_control",
+    "inputs = { NAME = signal }, signals from outside that wires read, as { ref = 'ref' }, "
+    "and outputs = { NAME = expression }, each perhaps { signal = ..., unit = ... }, for bode, simulate and to_control",
     "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
 }
 _OF_CAPABILITIES = {
