@@ -523,3 +523,18 @@ def test_where_nothing_is_stable_that_is_certified():
     for found in (wavesweep.zwidth(tables | masses), wavesweep.zwidth(tables, for_hands="box")):
         assert not found.intervals.any()
         assert (found.certified & found.settled & (found.doubt == "")).all()
+
+
+@pytest.mark.slow
+def test_nowhere_is_certified_where_frames_of_constant_lengths_have_no_stable_value_in_common():
+    """A coupling of 500 N/m and 5 N*s/m is unstable with every wall at 22 ms, and stable with some at 14 ms."""
+    device = {"mass": 0.25, "damping": 1.2, "dead_time": 0.0015, "velocity": "difference"}
+    spec = {"rates": {"ratio": 14}, "device": device, "controller": {"kind": "dc-vc", "K_VC": 500, "B_VC": 5}}
+    spec |= {"environment": {"integration": "explicit", "delay": "frame", "B_VE": 2}}
+    spec |= {"sweep": {"K_VE": {"start": 0, "stop": 2000}}}
+    assert wavesweep.zwidth(spec).intervals.all()
+    found = wavesweep.zwidth(spec | {"for_all": {"rates.ratio": {"values": [14, 22], "varying": True}}})
+    some = found.guarantee == "for_all"
+    assert some.any()
+    assert not found.intervals[some].any()
+    assert found.certified[some].all()

@@ -62,6 +62,19 @@ def agree(loops: Sequence[Loops], along: str, span: tuple[float, float], rows: S
     return True
 
 
+def nowhere(loops: Sequence[Loops], along: str, span: tuple[float, float]) -> bool:
+    """Return whether there is no value at which all of the loops are stable: their certified intervals have nothing in common,
+    beyond rounding."""
+    common = [span]
+    for loop in loops:
+        records = Search(along, span, ((np.zeros(1, int), loop.read),), felt=False, checked=True).records()
+        if records["certified"].all():
+            stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
+            both = [(max(low, a), min(high, b)) for low, high in common for a, b in stable]
+            common = [(low, high) for low, high in both if low - ROUNDING * abs(low) <= high + ROUNDING * abs(high)]
+    return not common
+
+
 def unstable(loops: Sequence[Loops]) -> bool:
     """Return whether one of the loops is unstable at its own values, beyond rounding."""
     return any(bool((radii_of(loop.read) > 1 + ROUNDING).any()) for loop in loops)

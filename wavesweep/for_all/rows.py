@@ -23,7 +23,7 @@ from wavesweep.for_all.frames import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
-from wavesweep.for_all.members import agree, members, unstable
+from wavesweep.for_all.members import agree, members, nowhere, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import (
     Rules,
@@ -157,8 +157,10 @@ def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, 
     agreed = all(agree(members(rules, case), along, span, rows) for case in loop.cases)
     if rules.at_random:
         none = not rows and loop.grows_everywhere()
+    elif rules.vary:
+        none = not rows and any(nowhere(members(rules, case), along, span) for case in loop.cases)
     else:
-        none = not (rules.vary or rows) and not searched(loop.cases, span)  # some member is unstable at every value
+        none = not rows and not searched(loop.cases, span)  # some member is unstable at every value
     return recorded(rows, loop.certified, agreed=agreed, none=none)
 
 
