@@ -15,7 +15,7 @@ from wavesweep.for_all import loop_numbers, ranges
 from wavesweep.for_all.checking import shrink_over
 from wavesweep.for_all.frames import Frames, Slow, plan_of
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.loop_numbers import TickSeries
+from wavesweep.for_all.loop_numbers import FramesOver, TickSeries
 from wavesweep.for_all.polynomials import Polynomials, monomials
 from wavesweep.for_all.ranges import cover
 
@@ -179,6 +179,20 @@ def test_a_part_of_a_box_keeps_what_counts_beside_an_entry_that_is_zero_in_all_t
 
     part = TickSeries.of(evaluate, np.array([[-1.0], [1.0]]), (16,)).part(np.array([[0.0], [0.1]]))
     assert part.polynomials(5).rest.max() < 1e-9
+
+
+def test_what_is_left_out_of_ticks_does_not_grow_with_each_of_a_long_frame():
+    """Rotations, whose sizes entry by entry have the norm sqrt(2)."""
+    E = np.sqrt(0.5) * np.array([[[1, 1], [-1, 1]], [[1, -1], [1, 1]]]) - np.eye(2)
+    series = TickSeries.of(
+        lambda x: (np.repeat(E[:, None], len(x), 1), np.full((2, len(x), 2, 2), 1e-15), np.ones((len(x), 1))),
+        np.array([[0.0], [1.0]]),
+        (2,),
+    )
+    frame = FramesOver(series, ((*(0, 1, 1, 1) * 31, 0, 1, 1),), (1,), (0,), np.arange(2)).polynomials(2)
+    exact = np.linalg.matrix_power(np.linalg.matrix_power(E[1] + np.eye(2), 3) @ (E[0] + np.eye(2)), 32)
+    assert (np.abs(frame.terms[0, 0] - exact) <= frame.rest[0]).all()
+    assert frame.rest.max() < 1e-8
 
 
 @pytest.mark.parametrize("stop", [1.0, 0.15])

@@ -249,8 +249,9 @@ class FramesOver:
                     known[row] = ticks.of(row[-1]) @ known[row[:-1]]
                 elif len(runs) == 1:
                     known[row] = power(*runs[0])
-                else:
-                    known[row] = power(*runs[-1]) @ joined(row[: -runs[-1][1]])
+                else:  # in halves, since what is left out grows with the depth, and what repeats is multiplied once
+                    first = sum(length for _, length in runs[: 1 << (len(runs) - 1).bit_length() - 1])
+                    known[row] = joined(row[first:]) @ joined(row[:first])
             return known[row]
 
         rows = sorted(set(self.rows), key=len)

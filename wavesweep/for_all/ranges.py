@@ -23,7 +23,8 @@ from wavesweep.for_all.words import Word, growing
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
 # their spectral radius leaves, first the one and then the other.
 MARGIN, SHARES = 3e-4, (0.2, 0.03)
-SEARCH = 4e9  # operations of one search for norms in the middle of a box
+SEARCH = 4e9  # operations of one search for norms in the middle of a box, or more where these are fewer than
+NEWTON = 200  # steps on the smallest graph
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 FEWEST = 12  # parts of parts without norms, at whose middles words are searched
@@ -168,13 +169,14 @@ def _forms(A, follows, start, work):
     radius = np.abs(np.linalg.eigvals(repeated)).max(initial=0.5)
     if not radius < 1:
         return None, spent
-    for share in SHARES:
-        margin = min(MARGIN, share * (1 / radius - 1))
+    size = len(np.unique(follows, axis=0)) * at_middle.shape[-1] * (at_middle.shape[-1] + 1) / 2
+    most = max(SEARCH, NEWTON * (size**3 / 3 + CALLS))
+    for margin in dict.fromkeys(min(MARGIN, share * (1 / radius - 1)) for share in SHARES):
         grown = (1 + margin) * at_middle
         if start is not None and start.shrinks(grown):
             centre, factor = recentred(replace(start, work=0.0), grown, STEPS), 1
         else:
-            centre, factor = find_norms(grown, follows, start, min(work - spent, SEARCH))
+            centre, factor = find_norms(grown, follows, start, min(work - spent, most))
         spent += centre.work
         if factor == 1:
             centre, slopes = sloped(centre.rounded(), (1 + margin) * A.terms[: 1 + A.numbers])
