@@ -324,8 +324,18 @@ def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
 
 
 @pytest.mark.slow
-def test_no_command_is_named_for_a_range_that_a_pose_of_a_linkage_may_end():
-    """It would be refused: with other values of [sweep] the pose ends elsewhere."""
+@pytest.mark.parametrize(
+    ("name", "half"),  # of x = 0 a share of its way to where the far arm is stretched
+    [("x", 0.02 * ((0.23**2 - 0.15**2) ** 0.5 - 0.03)), ("device_l1", 0.002)],
+)
+def test_a_number_that_a_pose_depends_on_is_searched_next_to_its_value(name, half):
+    """A command for all of its range would be refused: with other values of [sweep] the pose ends elsewhere."""
     spec = load(ROOT / "sweeps/templates/five-bar.toml")
-    limit = judging._limit(spec, "x", spec.names.find("x").path)
-    assert (limit["doubt"], on_check._going_on(spec, limit)) == (judging.LATE, "")
+    limit = judging._limit(spec, name, spec.names.find(name).path)
+    assert limit["stable"]
+    assert limit["certified"]
+    assert (limit["value"] - limit["from"], limit["to"] - limit["value"]) == pytest.approx((half, half), rel=1e-6)
+    assert limit["of_key"] == [False, False]
+    said = on_check._stable_where(limit, " m")
+    assert said == f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g} m, searched no further"
+    assert on_check._going_on(spec, limit) == ""

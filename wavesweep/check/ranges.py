@@ -10,6 +10,7 @@ from wavesweep.core.analyses.intervals import Way, cost_of, job_over, searches_o
 from wavesweep.core.analyses.loops import radii_of
 from wavesweep.core.analyses.own_design import searched
 from wavesweep.core.errors import WavesweepError
+from wavesweep.core.loops.domain import domain
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.resolving import longest_delay
 from wavesweep.core.stability.certificate import words
@@ -19,6 +20,7 @@ from wavesweep.core.sweep.running import in_memory
 HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
 WORK = 50_000  # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3 s
 SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
+NEAR, HARDLY = 0.02, 1e-3  # share of a number that a pose depends on, or of its range about 0, that is searched; and of that
 LATE = "it takes longer than check does"
 NEXT = 1e-3  # of the way to where the range of a key ends, that is left out if it cannot be decided
 DELAYS = 200  # ticks of delay that are tried
@@ -54,7 +56,7 @@ def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
         job = _job(spec, name, path, span)
         rows, (start, stop) = _rows(job, value, span)
     except WavesweepError as error:
-        if value == 0 and span[0] < 0:  # a number that may not be negative
+        if value == 0 and span[0] < 0 and not _poses(spec, path):  # a number that may not be negative
             return _limit(spec, name, path, (0.0, span[1]), (True, of_key[1]))
 
         def makes_loops(end: float) -> object:
@@ -65,7 +67,8 @@ def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
             if less != span and less[0] < less[1]:
                 return _limit(spec, name, path, less, tuple(map(or_, of_key, map(ne, less, span))))
         return found | {"stable": None, "doubt": str(error), "certified": False}
-    found |= {"from": start, "to": stop, "stopped": (start, stop) != span}
+    of_key = tuple(key and end == reached for key, end, reached in zip(of_key, span, (start, stop), strict=True))
+    found |= {"from": start, "to": stop, "stopped": (start, stop) != span, "of_key": list(of_key)}
     if rows is None:
         return found | {"stable": None, "doubt": LATE, "certified": False}
     beside = (rows["open_low"][0] == start, rows["open_high"][-1] == stop)  # a filter's cutoff is next to half its rate
@@ -100,10 +103,27 @@ def _rows(job, value, span):
         records, span = search.about(value, WORK)
         return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
     cost, way = cost_of(job.grid.spec, job.asked.axis)
-    posing = job.grid.spec.drawing and job.asked.axis.path in job.grid.spec.drawing.posing  # up to a singular pose
-    if posing or cost > (SECONDS if way is Way.CUT else LONG):
+    if cost > (SECONDS if way is Way.CUT else LONG):
         return None, (value, value)
+    axis, spec = job.asked.axis, job.grid.spec
+    if _poses(spec, axis.path):  # panels crowd towards a singular pose
+        span = _next_to(search, value, span)
+        job = _job(spec, axis.name, axis.path, span)
     return in_memory(job), span
+
+
+def _poses(spec, path):
+    """Whether the pose of a linkage depends on a number."""
+    return spec.drawing and path in spec.drawing.posing
+
+
+def _next_to(search, value, span):
+    """The part of a range that is NEAR the value of a number that a pose depends on, in which no pose is singular."""
+    ((_, loops),) = search.groups
+    away = NEAR * (abs(value) or min(abs(end) for end in span))
+    tiny = HARDLY * away
+    low, high = domain(*loops, search.along, (value - tiny, value + tiny))
+    return max(span[0], low, value - away), min(span[1], high, value + away)
 
 
 def _reached(attempt, value, end, times):
