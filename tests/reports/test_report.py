@@ -16,6 +16,7 @@ from wavesweep.core.cli import main
 from wavesweep.core.spec import load
 from wavesweep.core.spec.writing import as_toml
 from wavesweep.core.tables.intervals import intervals
+from wavesweep.reports import content
 from wavesweep.reports.words import interval_rows, question
 
 pytestmark = pytest.mark.slow
@@ -147,6 +148,17 @@ def test_loops_without_an_axis_unstable_and_in_doubt_have_a_report_that_says_so(
     assert ("Margins: margins: expected a loop that is stable" in words) == (said != "may each of its numbers go?")
     if said.startswith("Not all"):
         assert '<div class="verdict doubt">' in text
+
+
+@pytest.mark.parametrize(
+    ("certified", "title"), [(True, "Certified, but not known everywhere."), (False, "Not all of this is certified.")]
+)
+def test_what_is_not_known_is_not_called_uncertified(certified, title):
+    spec = load(PD | {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}})
+    table = intervals(spec)
+    table.columns["certified"][:] = certified
+    found = content.Found("", "", table, (("1 row of for_all not settled", True),), "<svg>", "", "")
+    assert title in "".join(content._answer(spec, found, ("stable", False), True))
 
 
 def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, capsys):

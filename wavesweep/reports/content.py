@@ -166,7 +166,11 @@ def _answer(spec: Spec, intervals: Found | None, own: Line, certified: bool) -> 
         lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
         of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
         how = "with its own numbers, certified" if certified else "with its own numbers, computed in double precision"
-        said = ("Not all of this is certified.", "") if doubtful else ("Certified.", CERTIFIED * of_one)
+        said = ("Certified.", CERTIFIED * of_one)
+        if doubtful and intervals.table.columns["certified"].all():
+            said = "Certified, but not known everywhere.", "A line below says where."
+        elif doubtful:
+            said = "Not all of this is certified.", ""
         yield html.verdict(not doubtful, *said, [*lines, (f"{how}: {own[0]}", own[1])])
         yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
         yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
