@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from support.held import channel_norm
 
+import wavesweep
 from wavesweep.core.energy import hinf
 from wavesweep.core.energy.hinf import peak_by_levels
+from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.passive.channel import channel_of
 
@@ -48,6 +50,16 @@ def test_pmw_agrees_with_the_closed_form(values, order, cutoff_hz):
 def test_the_numbers_of_the_model_page(values, order, norm):
     digits = len(str(norm)) - 2
     assert round(float(channel_norm(values("pmw", **{"filters.lp1.order": order})).norm), digits) == norm
+
+
+def test_frames_of_a_thousand_ticks_are_answered_one_way_and_refused_where_all_ticks_send_to_all(values):
+    ratio, order, cutoff_hz = 1000, 2, 10.0
+    given = {"rates.ratio": ratio, "filters.lp1.order": order, "filters.lp1.cutoff_hz": cutoff_hz}
+    found = channel_norm(values("pmw", **given))
+    assert found.norm == pytest.approx(closed_form(order, cutoff_hz, ratio), rel=1e-9)
+    assert found.certified
+    with pytest.raises(UsageError, match="at most 100000 entries, found 1001000 for a frame of 1000 ticks"):
+        wavesweep.passivity({"controller": {"kind": "pmw-lm"}, "rates": {"ratio": ratio}})
 
 
 @pytest.mark.parametrize("ratio", [1, 2, 7, 20])

@@ -121,8 +121,8 @@ def _stable_where(limit: Facts, unit: str) -> str:
     end = f"to {high:.6g}{unit}" if high is not None else f"to {'' if ends else 'at least '}{limit['to']:.6g}{unit}{ends}"
     if open_:
         return f"known to be stable {_known_where(limit, open_, start, end, unit)} ({limit['doubt']})"
-    if limit["stopped"] and low is None and high is None:
-        return f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g}{unit}, searched no further{proved}"
+    if limit["stopped"] and limit["certified"] and low is None and high is None:
+        return f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g}{unit}, searched no further"
     factors = _factors(limit) if value else ""
     return f"stable {start} {end}{factors}{proved}"
 

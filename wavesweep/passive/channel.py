@@ -8,11 +8,14 @@ import numpy as np
 from wavesweep.core.drawing.drawing import WAVE_ENDS, Drawing, path_of
 from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.energy.lifted_map import TOLERANCE, TickMaps, reached, read, squared_norm
+from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.block import Block
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.from_drawing import assembled
 from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.core.monodromy.periodic import ticks_of
+
+MOST_ENTRIES = 100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
 
 
 @lru_cache(maxsize=64)
@@ -50,6 +53,14 @@ class Channel:
         ways = (self.whole,) if self.joined else (self.outward, self.inward)
         shapes = ([way.maps[kind][3].shape[-2:] for kind in way.kind.tolist()] for way in ways)
         return max(sum(rows for rows, _ in shape) * sum(columns for _, columns in shape) for shape in shapes)
+
+    def refuse_large(self) -> None:
+        """Raise UsageError for a matrix of more than MOST_ENTRIES."""
+        if self.entries > MOST_ENTRIES:
+            raise UsageError(
+                f"norm of the wave channel: expected a matrix of at most {MOST_ENTRIES} entries, found {self.entries} "
+                f"for a frame of {self.whole.kind.size} ticks; choose rates with fewer ticks in a frame"
+            )
 
 
 def channel_of(drawing: Drawing, values) -> Channel | None:
@@ -143,7 +154,8 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
     values: numbers of the drawing, or arrays over a batch. Ports as in `channel_of`. The position feedback Kp, the wave
     impedance, the device and both walls are outside, so none of them matters, and neither do delays: they only turn phases. Not
     a grid: a level just above the value is shown to be met at no frequency (`peak_by_levels`).
-    Accuracy: 1e-10 relative; the value is attained at `omega` to rounding.
+    Errors: UsageError for a matrix of more than MOST_ENTRIES. Accuracy: 1e-10 relative; the value is attained at `omega` to
+    rounding.
     """
     channel = channel_of(drawing, values)
     return None if channel is None else norm_of(channel)
@@ -151,6 +163,7 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
 
 def norm_of(channel: Channel) -> ChannelNorm:
     """`channel_norm` of a channel."""
+    channel.refuse_large()
     peaks = [squared_norm(way) for way in (channel.outward, channel.inward)]
     whole = squared_norm(channel.whole) if channel.joined else None
     batch, frame = channel.frame.shape, channel.frame

@@ -15,13 +15,14 @@ from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.grid import Grid, drawn_groups, loops_of, make_grid, own_loop, refuse_rows
 from wavesweep.core.sweep.job import Chunks, Job, Kind, resolve_all
 from wavesweep.core.sweep.running import Run, gather, stretches
-from wavesweep.passive.channel import channel_norm, numbers_of_channel
+from wavesweep.passive.channel import channel_norm, channel_of, numbers_of_channel
 from wavesweep.passive.margin import LONGEST, more_damping, port_margin
 from wavesweep.passive.port_rows import curve, pair_margin
 
 CHUNK = 32  # loops in a chunk: up to a second or two
 CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
 MOST_TRIED = 200  # combinations of the values that decide how a loop is built, whose frames are seen before the work
+LONG = 100  # ticks of a frame, from which on a channel may be too large
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 CHANNEL_KEYS = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
 PORT = np.dtype([
@@ -51,11 +52,14 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
         port_at_hand(spec)
     names = {axis.path: axis.name for axis in grid.loop_axes}
     for key, values in islice(resolved.items(), MOST_TRIED):
-        ticks = loops_of(spec, values).drawn().ticks
+        loops = loops_of(spec, values)
+        ticks = loops.drawn().ticks
         if ticks > LONGEST:
             at = ", ".join(f"{names[path]} = {value:g}" for path, value in key)
             at = at and f" for {at}; leave out these values"
             raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}")
+        if ticks > LONG and (channel := channel_of(*loops)):
+            channel.refuse_large()
     if not sends_waves(spec):
         return {"port": port}
     inside = channels_of(grid)

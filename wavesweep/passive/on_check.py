@@ -28,15 +28,14 @@ def _kept(spec):
 
 @lru_cache(maxsize=64)
 def _channel_of(kept):
-    """The wave channel; None without one, or for one whose norm takes too long."""
+    """The wave channel; None without one."""
     from wavesweep.core.loops.controllers import loop_drawing
     from wavesweep.core.reading.keys import VALUE_PATHS
     from wavesweep.core.spec import KEYS
     from wavesweep.passive.channel import channel_of
 
     values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
-    channel = channel_of(loop_drawing(values), values)
-    return None if channel is None or channel.entries > LARGEST else channel
+    return channel_of(loop_drawing(values), values)
 
 
 @lru_cache(maxsize=64)
@@ -45,24 +44,27 @@ def _channel_norm(channel):
 
     from wavesweep.passive.channel import norm_of
 
-    norm = float(norm_of(channel).norm) if channel else None
+    norm = float(norm_of(channel).norm) if channel and channel.entries <= LARGEST else None
     return norm if norm is not None and isfinite(norm) else None
 
 
 def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | Callable[[], str]]]:  # noqa: ARG001
     """Yield the norm of the wave channel, if there is one; it is computed once the line is shown."""
-    from wavesweep.passive.job import sends_waves
+    from wavesweep.passive.channel import MOST_ENTRIES
     from wavesweep.passive.margin import LONGEST
 
-    if not spec.drawing and (channel := _channel_of(_kept(spec))):
+    if spec.drawing or not (channel := _channel_of(_kept(spec))):
+        return
+    if channel.entries <= LARGEST:
 
         def known():
             norm = _channel_norm(channel)
             return "wave channel: norm not known" if norm is None else f"wave channel: norm {norm:.7g} (passive up to 1)"
 
         yield 5, known
-    elif not spec.drawing and sends_waves(spec):
-        yield 6, f"wave channel: norm not computed in check for so long a frame; passivity does it up to {LONGEST} ticks"
+    else:
+        does = f"passivity does it up to {LONGEST} ticks" if channel.entries <= MOST_ENTRIES else "passivity refuses it too"
+        yield 6, f"wave channel: norm not computed in check for so long a frame; {does}"
 
 
 def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:

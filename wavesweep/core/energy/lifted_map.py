@@ -10,7 +10,7 @@ from wavesweep.core.monodromy.circle import on_circle, solve
 from wavesweep.core.monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.core.monodromy.rounding import balance, measured_frame
 
-MOST = 5_000_000  # complex numbers of the points that are computed together
+MOST = 500_000  # complex numbers of the points that are computed together
 SWEEPS = 12  # over the states, for their units
 SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
 
