@@ -17,7 +17,7 @@ from wavesweep.core.errors import shortened
 Progress = Callable[..., None]
 WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 NARROWEST, WIDEST = 80, 100  # letters in a line
-SCHEMA_VERSION = 1  # of what --json prints; another one if a key goes away or changes its meaning
+SCHEMA_VERSION = 2  # of what --json prints; another one if a key goes away or changes its meaning
 FIRST_WORD = 5.0  # s after which a run says that it goes on
 MINUTE = 60.0  # s of work that are left, from which on that is said at once
 SHORT = 1.0  # s from which on an estimate is one, and a terminal has a bar
