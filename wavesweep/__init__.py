@@ -25,7 +25,7 @@ def __getattr__(name):
 
     if name == "__all__":
         return sorted([*_CORE, "__version__", "results", *library_names()])
-    return of_library(name)
+    return of_library(name, _CORE)
 
 
 def __dir__():

@@ -32,7 +32,7 @@ wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import reduce
 from importlib import import_module
@@ -237,10 +237,17 @@ def library_names(of: str = "") -> list[str]:
     return [name.rpartition(".")[2] for each in CAPABILITIES for name in each.library if name.rpartition(".")[0] == of]
 
 
-def of_library(name: str) -> Any:
-    """Import what a capability has for the library under this name, e.g. `why` or `Loop.margins`; AttributeError without it."""
+def of_library(name: str, known: Iterable[str] = ()) -> Any:
+    """Import what a capability has for the library under this name, e.g. `why` or `Loop.margins`.
+
+    known: the names of the core. Errors: AttributeError for another name, with the nearest.
+    """
     for each in CAPABILITIES:
         if name in each.library:
             return reduce(getattr, name.split("."), each.module("library"))
-    listed = f"dir({name.rpartition('.')[0].lower() or 'wavesweep'})"
-    raise AttributeError(f"wavesweep has no {name}; {listed} lists what there is")  # Python adds the nearest name
+    from wavesweep.core.reading.checking import nearest
+
+    kind, _, last = name.rpartition(".")
+    meant = nearest(last, [each for each in (*known, *library_names(kind)) if each[0] != "_"]) if last[0] != "_" else ""
+    hint = f"did you mean {meant}?" if meant else f"dir({kind.lower() or 'wavesweep'}) lists what there is"
+    raise AttributeError(f"wavesweep has no {name}; {hint}", name=last)  # with the name, Python adds none of its own

@@ -56,8 +56,29 @@ def test_a_name_of_a_capability_that_is_not_there_says_where_the_names_are(monke
     assert "why" not in dir(wavesweep)
     assert "sensitivity" not in dir(loop)
     for call in (lambda: wavesweep.why, lambda: loop.sensitivity):
-        with pytest.raises(AttributeError, match=r"has no .*; dir\((wavesweep|loop)\) lists what there is$"):
+        with pytest.raises(AttributeError, match=r"has no .*; (dir\((wavesweep|loop)\) lists what there is|did you mean .*)$"):
             call()
+
+
+@pytest.mark.parametrize(
+    ("slip", "hint"),
+    [
+        ("margin", "did you mean margins?"),
+        ("stable_interval", "did you mean stable_intervals?"),
+        ("plot_zwith", "did you mean plot_zwidth?"),
+        ("lifted", "dir(loop) lists what there is"),
+    ],
+)
+def test_a_slip_in_a_name_of_a_loop_is_answered_with_the_nearest_one(slip, hint):
+    with pytest.raises(AttributeError) as raised:
+        getattr(wavesweep.compile(SPEC), slip)
+    assert str(raised.value) == f"wavesweep has no Loop.{slip}; {hint}"
+
+
+def test_a_slip_in_a_name_of_the_library_is_answered_with_the_nearest_one():
+    for slip, meant in (("zwdith", "zwidth"), ("Lop", "Loop"), ("verdct", "verdict")):
+        with pytest.raises(AttributeError, match=rf"^wavesweep has no {slip}; did you mean {meant}\?$"):
+            getattr(wavesweep, slip)
 
 
 def test_the_spec_s_own_sweep_is_a_table_with_units_and_facts():

@@ -95,7 +95,7 @@ class Loop:
     if not TYPE_CHECKING:  # which reads the methods of capabilities in wavesweep/__init__.pyi
 
         def __getattr__(self, name):
-            return of_library(f"Loop.{name}").__get__(self)
+            return of_library(f"Loop.{name}", dir(Loop)).__get__(self)
 
         def __dir__(self):
             return [*object.__dir__(self), *library_names("Loop")]

@@ -34,7 +34,7 @@ class DrawnLoop:
     if not TYPE_CHECKING:  # which reads the methods of capabilities in wavesweep/__init__.pyi
 
         def __getattr__(self, name):
-            return of_library(f"DrawnLoop.{name}").__get__(self)
+            return of_library(f"DrawnLoop.{name}", dir(DrawnLoop)).__get__(self)
 
         def __dir__(self):
             return [*object.__dir__(self), *library_names("DrawnLoop")]

@@ -98,7 +98,7 @@ def _against(design, records):
                 counts = f"{kept[one].sum()} designs met the one, {kept[other].sum()} the other, none both"
                 return f"; {one} stands against {other}: {counts}"
     never = [name for name, flags in kept.items() if not flags.any()]
-    return f"; never met by itself: {', '.join(never)}" if never else ""
+    return f"; no design meets even alone the bound on {', '.join(never)}" if never else ""
 
 
 def chosen(rows: int) -> list[int]:

@@ -210,7 +210,7 @@ class _Reader:
         self.refuse_numbers(for_all, ratios, hand)
         several = [*(axis.values for axis in for_all), *hand.values(), *(factors for *_, factors in ratios.values())]
         if (scenarios := math.prod(map(len, several))) > MOST_SCENARIOS:
-            self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations", f"{scenarios}")
+            self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations of values; list fewer", f"{scenarios}")
         names = {path.rpartition(".")[2]: value for path, value in settings.items()}
         place = next(iter(self.leaves.values())).place.parent()
         return Design(vary, wishes, for_all, hand, tuple(ratios.values()), names, place)
@@ -248,7 +248,7 @@ class _Reader:
                     self.mistakes.refuse(leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value))
             band = options.get("band_hz", ())
             if len(band) == 2 and not band[0] < band[1]:
-                self.refuse(f"wish.{name}.band_hz", "the lowest frequency first", show(list(band)))
+                self.refuse(f"wish.{name}.band_hz", "the lower frequency first", f"[{band[0]:g}, {band[1]:g}]")
             yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
 
     def numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:

@@ -223,7 +223,9 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     spec.refuse_require("[design]")
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
-            raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")
+            ratios = "in [for_all], with varying = true, it may change from frame to frame"
+            hint = ratios if path == "rates.ratio" else "design for one rate"
+            raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; {hint}")
     if spec.for_all:
         if asked.ratios or for_hands == "box":
             found = "--for-hands box" if for_hands == "box" else "a ratio"

@@ -39,7 +39,7 @@ class HandBox:
                 raise ValueError(f"hand box: {name} expected (low, high), found {given!r:.60}")
             low, high = map(float, ends)
             if not 0 <= low <= high < np.inf:
-                raise ValueError(f"hand box: {name} expected 0 <= low <= high, found ({low!r}, {high!r})")
+                raise ValueError(f"hand box: {name} expected 0 <= low <= high, found {low:g} to {high:g}")
 
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Low and high of each number, by its path."""

@@ -129,13 +129,13 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
         (ranges and chance, "values of numbers, where probabilities of messages are read from one", f"the range of {chance}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
-        (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values", f"{cases:g}"),
         (timed[1:], "one number that dead times follow from, and values of others", f"ranges of {', '.join(timed)}"),
         (
             parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
-            "values of a number that decides how the loop is built and need not be whole",
+            "a list of values, values = [...], of a number that decides how the loop is built and need not be whole",
             f"the range of {', '.join(parts)}",
         ),
+        (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values; list fewer, values = [...]", f"{cases:g}"),
     ):
         if wrong:
             raise UsageError(f"[for_all]: expected {expected}, found {found}")

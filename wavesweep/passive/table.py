@@ -111,7 +111,7 @@ def _notices(grid) -> Iterator[str]:
     yield from spans_held(grid.spec)
     yield from not_computed(grid)
     if not grid.spec.drawing and not sends_waves(grid.spec):
-        missing = "its norm is missing, and what is not there adds no energy (channel_passive 1)"
+        missing = "the column channel_norm is empty, and channel_passive is 1"
         yield f"{grid.spec.kind} has no wave channel: {missing}"
 
 
@@ -130,7 +130,7 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
 
     if spec.drawing or spec.uneven:
         found = "a drawn loop" if spec.drawing else "rates that do not divide"
-        raise UsageError(f"filters: expected a [controller] whose rates divide, found {found}")
+        raise UsageError(f"orders of LP1: expected a [controller] whose rates divide, found {found}")
     _refuse_tolerance(tolerance)
     started = time.perf_counter()
     fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
@@ -214,7 +214,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}", True
     slices = found["slices"]
     if slices["certified"] < slices["computed"]:
-        yield f"{slices['computed'] - slices['certified']} of {slices['computed']} loops not certified", True
+        yield f"{slices['computed'] - slices['certified']} of {count(slices['computed'], 'loop')} not certified", True
 
 
 def _index_numbers(columns: Columns, _: Mapping[str, Any]) -> Numbers:

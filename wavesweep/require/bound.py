@@ -98,11 +98,12 @@ class Bound:
         return "; and ".join(filter(None, [*modes, of_size if self.gain and not any(modes) else "", GAIN if self.gain else ""]))
 
     def refuse_rates(self, name: str) -> None:
-        """Raise UsageError for a time to settle, along a number that changes the time of a frame."""
-        if self.settling < np.inf:
-            raise UsageError(f"{name} changes the time of a frame: require radius along it, and not settling")
-        if self.gain and self.gain.band_hz:
-            raise UsageError(f"{name} changes the time of a frame: require a gain without band_hz along it")
+        """Raise UsageError for a time to settle or the band of a gain, along a number that changes the time of a frame."""
+        refused = "settling" if self.settling < np.inf else "band_hz" if self.gain and self.gain.band_hz else ""
+        if refused:
+            expected = "expected radius in its place" if refused == "settling" else "expected a gain at all frequencies"
+            instead = f"or list its values in [sweep] ({name} = [...]) and look along another number"
+            raise UsageError(f"{name} changes the time of a frame: {expected}, found {refused}; {instead}")
 
 
 def words_of(written: Mapping[str, object]) -> str:

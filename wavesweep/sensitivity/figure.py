@@ -73,7 +73,7 @@ def _with_bars(rows: Columns) -> tuple[list[str], str]:
 def _why_none(rows: Columns) -> str:
     """Why a panel has no bars."""
     if (rows["limit_value"] == 0).all():
-        return "as a per cent of 0 is nothing"
+        return "as a limit of 0 has no changes in per cent"
     missing = np.isnan(rows["elasticity"]).all()
     return f"since they are not known ({_why_missing(rows)})" if missing else "since no number moves it"
 

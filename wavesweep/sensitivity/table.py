@@ -163,7 +163,7 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     yield _moves(limit)
     if felt is not None:
         line, warning = _moves(felt)
-        said = felt["value"] == limit["value"] == 0  # a per cent of 0 is 0
+        said = felt["value"] == limit["value"] == 0  # a limit of 0 has no changes in per cent
         warning = warning and not said
         yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
 
@@ -192,7 +192,7 @@ def _moves(limit: Numbers) -> Line:
     if limit["doubts"]:
         return f"  no elasticities ({', '.join(limit['doubts'])})", True
     if limit["value"] == 0:
-        return "  a per cent of 0 is nothing; the column slope has the derivatives", False
+        return "  the limit is 0, which has no changes in per cent; the column slope has its derivatives", False
     return "  no number of the loop moves it", False
 
 

@@ -44,7 +44,7 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
             (signal, gain), (far, _) = one[0], other[0]
             raise Fault(
                 min(at for each, at in names_in(tree) if each == signal),
-                f"a product of {far} - {signal} for a spring or a damper, and what is computed from samples in a block hold",
+                f"a number times ({far} - {signal}), as of a spring or a damper, or a block hold for what a program computes",
                 f"{text_of(gain)} times {signal}, which may be either",
             )
         continuous += one if other else []

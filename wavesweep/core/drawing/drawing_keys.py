@@ -282,7 +282,7 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     """Return key, expected and found text if the matrices or coefficients do not fit together."""
     keys = dict(block.keys)
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
-        return "num", f"at most {len(keys['den'])} coefficients, as many as den has", f"{len(keys['num'])}"
+        return "num", f"no more coefficients than den has ({len(keys['den'])})", f"{len(keys['num'])}"
     if TYPES[block.type].either and len(keys) != 1:
         one, other = TYPES[block.type].either
         return other, f"either {one} or {other}", "both" if keys else "neither"
@@ -299,6 +299,6 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
             continue
         if len(rows) != height or any(len(row) != width for row in rows):
             widths = ", ".join(dict.fromkeys(str(len(row)) for row in rows)) or "0"
-            expected = f"{height} rows of {width} numbers (states, inputs, outputs: {n}, {m}, {p})"
-            return name, expected, f"{len(rows)} of {widths}"
+            expected = f"a matrix of {height} x {width} numbers, in a list of rows (states, inputs, outputs: {n}, {m}, {p})"
+            return name, expected, f"{len(rows)} x {widths}"
     return None

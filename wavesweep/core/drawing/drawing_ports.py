@@ -99,7 +99,7 @@ class PortReader(KeyReader):
             elif not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
                 self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
             if "signal" not in parts:
-                self.refuse(first.place.parent(), path, f"a signal, {NAMED[side]}", "none")
+                self.refuse(first.place.parent(), path, f"the key signal, {NAMED[side]}", "none")
         return {name: parts for name, parts in ports.items() if "signal" in parts}
 
     def read_ports(self, ports: Ports) -> tuple:
@@ -112,7 +112,9 @@ class PortReader(KeyReader):
             if fault and name in self.read:
                 fault = (f'{fault[0]}, as {name} = "{name}"', fault[1])
             if fault or leaf.value in [signal for _, signal, _ in inputs]:
-                self.refuse(leaf, path, *(fault or ("a signal of its own", f"{show(leaf.value)} again")), of_key=False)
+                self.refuse(
+                    leaf, path, *(fault or ("a signal that no other port has", f"{show(leaf.value)} again")), of_key=False
+                )
             else:
                 inputs.append((name, leaf.value, self.word(f"{path}.unit", parts.get("unit"))))
         for name, parts in ports["outputs"].items():

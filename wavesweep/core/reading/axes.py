@@ -105,5 +105,5 @@ def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -
         if key.type == "integer":
             values = tuple(check(key, value) for value in values)
     except Rejected as error:
-        mistakes.refuse(parts["num"], f"{label}.num", "a spacing by whole numbers", error.found, of_key=False)
+        mistakes.refuse(parts["num"], f"{label}.num", "so many values that all are whole numbers", error.found, of_key=False)
     return values, start, stop, key.structural, scale

@@ -125,8 +125,9 @@ def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: 
     if any(mistake.key == f"{table}.{name}" for mistake in mistakes):
         return  # start and stop are of one axis
     known = ("frequency_hz",) if table == "bode" else section.own
-    paths = f" or the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
-    expected = ", ".join((*known, f"one of {', '.join(names.symbols) or 'no number'}{paths}"))
+    path = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
+    numbers = f"one of {', '.join(names.symbols)} or {path}" if names.symbols else f"or {path}"
+    expected = ", ".join((*known, numbers))
     found = "a number that follows from others" if name in names.following else "an unknown axis"
     near = nearest(name, (*known, *names.symbols)) or nearest(name, names.numeric)
     mistakes.refuse(leaf, f"{table}.{name}", expected, found, near)

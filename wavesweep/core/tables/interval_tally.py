@@ -320,7 +320,7 @@ class Words:
 
         open_: its open places, which are named too.
         """
-        start, begins = self._found["range"][0], "so" if self._found["required"] else self._kind.good
+        start, begins = self._found["range"][0], "met" if self._found["required"] else self._kind.good
         beside = self._kind.proved and low <= NEXT * self._found["largest"]["value"]
         said = [] if beside or low <= (-np.inf if start is None else start) else [f"{begins} from {low:.6g} on"]
         said += [open_in_words(open_, self._unit)] if open_ else []
