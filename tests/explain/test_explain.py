@@ -30,7 +30,14 @@ def test_a_word_is_found_however_it_is_spelt_and_with_all_its_meanings(wavesweep
 
 
 @pytest.mark.parametrize(
-    ("word", "said"), [("crowdet", "did you mean crowded?"), ("nonsense", "`wavesweep explain` lists all words")]
+    ("word", "said"),
+    [
+        ("crowdet", "did you mean crowded?"),
+        ("K_VF", "did you mean K_VE?"),
+        ("stability-regio", "did you mean stability-region?"),
+        ("butterwort", "did you mean butterworth?"),
+        ("nonsense", "`wavesweep explain` lists all words"),
+    ],
 )
 def test_an_unknown_word_is_refused_with_the_nearest(wavesweep, word, said):
     code, out, err = wavesweep("explain", word)

@@ -18,6 +18,7 @@ from wavesweep.core.drawing.block_types import TYPES
 from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.checking import nearest
 from wavesweep.core.spec import find_key
+from wavesweep.core.spec.describing import EVERY_KEY, SYMBOLS
 from wavesweep.core.tables.fields import OF_ALONG, OF_WALL, Field, all_columns
 from wavesweep.explain.words import MESSAGES, TERMS
 
@@ -116,7 +117,7 @@ def explained(word: str) -> tuple[Entry, ...]:
         return (
             Entry(word, "type of block", TYPES[word].description, f"`wavesweep keys block.{word}` has its ports and keys."),
         )
-    meant = nearest(word, {each.word for each in entries()})
+    meant = nearest(word, [*(each.word for each in entries()), *COMMANDS, *EVERY_KEY, *SYMBOLS, *TYPES])
     hint = f"did you mean {meant}?" if meant else "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
     raise UsageError(f"{word}: expected a word that is explained, found another one; {hint}")
 
