@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from support import mean_members
+from support import expressions
 
 import wavesweep
 from wavesweep.core.loops.resolution import DEGREE, Resolution, Side, halves, to_divide
@@ -43,7 +43,7 @@ def test_on_a_resolved_part_an_expression_is_a_polynomial_but_for_rounding():
     node = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     dense = np.linspace(-1, 1, 2001)
     for seed in SEEDS:
-        q = mean_members.expression(np.random.default_rng(seed))
+        q = expressions.expression(np.random.default_rng(seed))
         spec = load(spec_of(re.sub(r"\bq\b", "p", q.text), q.span))
         box = np.array(q.span)[:, None]
         found, whole = leaves(Resolution(spec.drawing, spec.values, [Side("numbers.p")]), box, 3000)
@@ -62,6 +62,7 @@ def test_an_expression_is_looked_at_where_it_is_largest():
     assert np.abs(found - 0.3).min() < 1e-8
 
 
+@pytest.mark.asks("for_all")
 def test_a_range_with_a_narrow_peak_is_proved_where_all_of_it_is_stable():
     """The pole of x[k+1] = (a(p) - K) x[k] is stable for a - 1 < K < a + 1."""
     sweep = {"along": "K", "K": {"start": 0, "stop": 2}}
