@@ -153,3 +153,10 @@ def test_a_range_of_a_dead_time_of_several_ticks_has_the_margins_of_its_worst_va
         assert found[name].settled
         assert found[name].refuted == pytest.approx(own[name], rel=1e-9)
         assert 0.95 * own[name] < found[name].value < own[name]
+
+
+def test_margins_beside_lost_messages_speak_of_messages_and_of_no_table_that_is_not_there():
+    spec = LAG | {"block": LAG["block"] | {"net": {"type": "channel", "lost": 1, "every": "every"}}}
+    spec["numbers"] = {name: value for name, value in LAG["numbers"].items() if name != "late"}
+    said = box_margins.refused(load(spec))
+    assert ("messages may be late or lost" in said, "[for_all]" in said) == (True, False)
