@@ -102,6 +102,6 @@ def _response(found: Facts, *_: str) -> Iterator[str]:
     yield f"{start}: computed over measured admittance is {median}, {place}"
     yield f"  the model is softer at {found['softer']} of {found['compared']} frequencies"
     place = f"{phase['deg']:.3g} at worst, at {phase['frequency_hz']:.4g} Hz"
-    yield f"  its phase is ahead by {found['median_deg']:.3g} deg in the median, {place}"
+    yield f"  its phase less the measured one: {found['median_deg']:.3g} deg in the median, {place}"
     if left := found["count"] - found["compared"]:
         yield f"  not compared: {left} of {found['count']}, above half the rate of the ticks or of a coherence below a half"

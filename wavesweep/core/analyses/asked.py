@@ -25,7 +25,8 @@ def key_named(spec: Spec, name: object) -> Key:
     key = names.find(name)
     if key is None or not key.numeric:
         hint = nearest(name, (*ARGUMENTS, *names.symbols, *names.numeric))
-        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
+        some = f" ({', '.join(names.symbols)}, or the path of another)" if names.symbols else ""
+        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else some))
     return key
 
 
