@@ -70,7 +70,7 @@ def test_a_gain_that_the_spec_does_not_have_is_in_the_loops_of_its_range():
 
 
 def test_a_range_of_what_decides_how_a_loop_is_built_is_of_whole_numbers():
-    with pytest.raises(UsageError, match="expected values of a number that decides how the loop is built"):
+    with pytest.raises(UsageError, match="of a number that decides how the loop is built"):
         for_all(FIG4, **{"rates.fast_hz": {"start": 999.5, "stop": 1000.5}})
 
 
