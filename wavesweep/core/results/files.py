@@ -17,7 +17,7 @@ from wavesweep.core.platform_compat import memory
 from wavesweep.core.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
 from wavesweep.core.tables import kind_named, kinds
 from wavesweep.core.tables.columns import checked, fields_of, in_order, kind_of, kinds_by_name
-from wavesweep.core.tables.fields import Field
+from wavesweep.core.tables.fields import Field, FieldKind
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
 GROUP_ROWS = 131072
@@ -451,7 +451,7 @@ def _numpy(column: Any) -> np.ndarray:
     return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
 
 
-def _types() -> dict[str, Any]:
+def _types() -> dict[FieldKind, Any]:
     import pyarrow
 
     return {"number": pyarrow.float64(), "integer": pyarrow.int64(), "boolean": pyarrow.bool_(), "string": pyarrow.string()}
