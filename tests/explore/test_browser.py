@@ -54,7 +54,7 @@ def opened(browser):
 
 def until(page, expression):
     """Wait for an expression; the page's policy does not let it evaluate texts, as the client's own way to wait would."""
-    deadline = time.monotonic() + 300
+    deadline = time.monotonic() + 60
     while not page.evaluate(expression):
         assert time.monotonic() < deadline, expression
         page.wait_for_timeout(20)
