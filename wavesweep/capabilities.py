@@ -12,7 +12,7 @@ guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see
 for a word of --for-hands; `of_run`, those of a run (see `core.tables.hands`).
 boxes: all loops of a box of numbers, for margins that hold for all of them.
 ticks: `Loop`, a loop tick by tick in ball arithmetic.
-bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.bound`).
+bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.required_region`).
 on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
     `lines(spec, found)` of its verdict, each with its rank, or what makes one that takes a while; `sweep_plan(spec)`, lines and
     jobs of a command over [sweep]; `plan(spec)`, lines of another; `refuse(spec)`, before anything is printed;
@@ -216,6 +216,11 @@ OTHER_COMMANDS = "Other commands"
 def home_of(command: str) -> Capability | None:
     """The capability that has a command; None if none has it."""
     return next((each for each in CAPABILITIES if command in each.commands), None)
+
+
+def where_explained(word: str) -> str:
+    """What to type for more about a word; empty if no command explains words."""
+    return f"wavesweep explain {word}" if home_of("explain") else ""
 
 
 def modules(name: str) -> Iterator[ModuleType]:

@@ -13,7 +13,7 @@ from bench.measuring import Row
 from bench.problems import references, score
 from bench.this_tool import answer_of
 from wavesweep import Spec, load
-from wavesweep.core.analyses.at_hand import loop_at_hand
+from wavesweep.core.analyses.spec_loops import loop_at_hand
 from wavesweep.core.response.steady import respond
 
 _EXPLICIT = {"environment": {"integration": "explicit"}}

@@ -12,7 +12,7 @@ import wavesweep
 from bench.measuring import Patience, Row, at_first_too
 from bench.problems import checked, digest, load_paper, references
 from wavesweep import Spec
-from wavesweep.core.analyses.at_hand import loop_at_hand
+from wavesweep.core.analyses.spec_loops import loop_at_hand
 from wavesweep.core.response import steady
 from wavesweep.core.response.lifted import over_frame
 

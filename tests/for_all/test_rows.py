@@ -12,8 +12,9 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep import SpecError, UsageError
 from wavesweep.core.analyses.loops import radii_of
+from wavesweep.core.loops.batch import distinct
 from wavesweep.core.spec import load
-from wavesweep.core.sweep.grid import distinct, loops_of
+from wavesweep.core.sweep.grid import loops_of
 from wavesweep.core.tables import kind_named
 from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import rows as for_all_module

@@ -13,7 +13,8 @@ import wavesweep
 from wavesweep import UsageError, load
 from wavesweep.core.analyses.loops import drift_of, frames
 from wavesweep.core.drawing.drawing import path_of
-from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.core.loops.batch import Loops
+from wavesweep.core.sweep.grid import own_loop
 from wavesweep.margins.broken_loops import GAIN, broken_at, with_gain
 from wavesweep.margins.command import margins as command
 from wavesweep.margins.lifted_margins import LiftedLoop, lifted_margins, margins_of

@@ -10,8 +10,8 @@ from support.intervals import cut_of
 from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.controllers import WALL
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.sweep.grid import Loops
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
 NEAR_ZERO = 1e-5

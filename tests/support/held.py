@@ -7,8 +7,8 @@ from support.specs import nested
 from wavesweep.core.analyses.loops import drift_of, frames
 from wavesweep.core.controllers import HAND
 from wavesweep.core.energy.held_loop import HeldLoop
+from wavesweep.core.loops.batch import Loops, distinct, selected
 from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.sweep.grid import Loops, distinct, selected
 
 WALL = "environment.K_VE"
 THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])  # rad per frame

@@ -3,9 +3,9 @@
 import numpy as np
 
 from wavesweep.core.analyses.at_hand import ports_of_batch
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.sweep.grid import Loops
 
 
 def loop_of(values) -> Lifted:

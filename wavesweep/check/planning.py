@@ -7,17 +7,19 @@ import numpy as np
 
 from wavesweep.capabilities import asked, home_of
 from wavesweep.core.analyses.intervals import job_of, method
-from wavesweep.core.analyses.loops import drift_of, refuse_singular
+from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.analyses.open_loops import exact_cut
 from wavesweep.core.analyses.responses import response_job
+from wavesweep.core.analyses.spec_loops import refuse_singular
 from wavesweep.core.drawing.drawing import scalars
 from wavesweep.core.drawing.expressions import sum_of, value_of
 from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.loops.page import steps_of
 from wavesweep.core.spec import Spec
 from wavesweep.core.sweep.estimates import duration, expected_bytes, expected_seconds, short
-from wavesweep.core.sweep.grid import Loops, make_grid, own_loop
+from wavesweep.core.sweep.grid import make_grid, own_loop
 from wavesweep.core.sweep.workers import choose
 
 PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates

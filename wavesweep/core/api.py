@@ -13,7 +13,8 @@ import numpy as np
 
 from wavesweep.capabilities import library_names, of_library
 from wavesweep.core.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
-from wavesweep.core.analyses.loops import drift_of, refuse_singular
+from wavesweep.core.analyses.loops import drift_of
+from wavesweep.core.analyses.spec_loops import refuse_singular
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.core.errors import SpecError, UsageError
@@ -225,7 +226,7 @@ class Loop:
             One dimension per axis that is a list, in the order given. If the radius is below 1, the loop is stable. It is
             infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
         """
-        from wavesweep.core.analyses.loops import radius_over
+        from wavesweep.core.analyses.spec_loops import radius_over
 
         spec = naming(self.spec, axes)
         asked = axes_asked(spec, axes)
@@ -366,7 +367,7 @@ class Loop:
         """
         import control
 
-        from wavesweep.core.analyses.at_hand import loop_at_hand
+        from wavesweep.core.analyses.spec_loops import loop_at_hand
         from wavesweep.core.response.lifted import held_over_frame, over_frame
 
         drawing = self.spec.drawing

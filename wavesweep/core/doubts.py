@@ -4,13 +4,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from wavesweep.capabilities import home_of
-
-
-def where_explained(word: str) -> str:
-    """What to type for more about a word; empty if no command explains words."""
-    return f"wavesweep explain {word}" if home_of("explain") else ""
-
 
 class Doubt(NamedTuple):
     """What a word of doubt means, and what helps."""

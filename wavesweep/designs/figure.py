@@ -168,8 +168,8 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
 
 def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
     """The admittances of the spec with the numbers of each design, its own first."""
-    from wavesweep.core.analyses.at_hand import loop_at_hand
     from wavesweep.core.analyses.loops import radii_of
+    from wavesweep.core.analyses.spec_loops import loop_at_hand
     from wavesweep.core.response.steady import respond
     from wavesweep.core.sweep.grid import own_loop
 

@@ -13,13 +13,14 @@ from wavesweep.core.analyses.intervals import at_points
 from wavesweep.core.analyses.loops import frames_with_reliability, radii_of
 from wavesweep.core.columns import Rows
 from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.core.loops.batch import distinct_rows
 from wavesweep.core.loops.controllers import keys_of_page
 from wavesweep.core.loops.domain import refuse_unsuitable
 from wavesweep.core.response.steady import Response
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.resolving import longest_delay
 from wavesweep.core.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
-from wavesweep.core.sweep.grid import distinct_rows, drawn_groups
+from wavesweep.core.sweep.grid import drawn_groups
 from wavesweep.designs.bands import HIGH, NODES, Modes, Sampled, over_band
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish

@@ -10,13 +10,12 @@ from types import MappingProxyType
 import numpy as np
 
 from wavesweep.capabilities import asked
-from wavesweep.core.analyses.at_hand import loop_at_hand
 from wavesweep.core.analyses.interval_records import FELT, LINES, OPEN
 from wavesweep.core.analyses.intervals import Way, cost_of, job_over
-from wavesweep.core.analyses.loops import radius_over
 from wavesweep.core.analyses.open_loops import wall_cut
 from wavesweep.core.analyses.own_design import own_design
 from wavesweep.core.analyses.responses import doubt_of
+from wavesweep.core.analyses.spec_loops import loop_at_hand, radius_over
 from wavesweep.core.columns import complex_columns
 from wavesweep.core.controllers import WALL
 from wavesweep.core.errors import WavesweepError

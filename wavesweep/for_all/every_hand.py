@@ -18,9 +18,10 @@ from wavesweep.core.drawing.drawing import Drawing, name_of
 from wavesweep.core.drawing.expressions import degree
 from wavesweep.core.energy.held_loop import HeldLoop, device_keys, device_of
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.from_drawing import scalar_place
 from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.core.sweep.grid import own_loop
 from wavesweep.core.sweep.job import Job
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import agree, members, unstable

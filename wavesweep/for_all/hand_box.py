@@ -12,9 +12,9 @@ from wavesweep.core.arguments import real_numbers
 from wavesweep.core.controllers import HAND
 from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.spec import Axis
 from wavesweep.core.stability.certificate import NONE, SEARCH
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.for_all.unknown import Case, Part, proofs
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")

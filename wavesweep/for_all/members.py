@@ -11,8 +11,8 @@ import numpy as np
 
 from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.analyses.loops import radii_of
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.for_all.frames import DELAY, RATIO
 from wavesweep.for_all.keys import values_of_range
 from wavesweep.for_all.unknown import Case

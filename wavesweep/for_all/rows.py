@@ -12,12 +12,13 @@ from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.drawing.drawing import SHARES, name_of, path_of
 from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.dead_time import pieces_of, timing
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.spec.studies import K_VE_SPAN
 from wavesweep.core.stability.certificate import CONTRADICTION, NONE, SEARCH
-from wavesweep.core.sweep.grid import Loops, loops_of, own_loop
+from wavesweep.core.sweep.grid import loops_of, own_loop
 from wavesweep.core.tables.row_kinds import counterexample_in_words
 from wavesweep.for_all.frames import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN

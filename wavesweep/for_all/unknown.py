@@ -12,11 +12,11 @@ from wavesweep.core.analyses.by_frames import frames_where_solvable
 from wavesweep.core.analyses.interval_records import TINY
 from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.analyses.loops import drift_of, radii_of
+from wavesweep.core.loops.batch import Loops, distinct
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.loops.resolution import Resolution, Side
 from wavesweep.core.reading.axes import Axis
 from wavesweep.core.stability.positive import Cover, largest_free
-from wavesweep.core.sweep.grid import Loops, distinct
 from wavesweep.for_all.guardian_maps import cover
 
 SCATTERED = 24  # points of a box that are tried in addition to its corners, its middle and the spec's own numbers

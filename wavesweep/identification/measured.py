@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.analyses.asked import axes_asked, axis_along
-from wavesweep.core.analyses.at_hand import loop_at_hand
 from wavesweep.core.analyses.intervals import job_over
+from wavesweep.core.analyses.spec_loops import loop_at_hand
 from wavesweep.core.doubts import INCOMPLETE
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.response.steady import respond

@@ -17,6 +17,7 @@ import numpy as np
 from wavesweep.capabilities import modules
 from wavesweep.core.analyses.open_loops import ANY
 from wavesweep.core.drawing.drawing import name_of, path_of
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.dead_time import pieces_of, timing
 from wavesweep.core.loops.domain import domain
@@ -27,7 +28,6 @@ from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.stability.certificate import NONE, SEARCH
 from wavesweep.core.stability.frames import Frames
 from wavesweep.core.stability.positive import Cover, any_positive, positive
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.margins.broken_loops import GAIN, broken_at, with_block, with_gain
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import MOST, SPANS, BrokenLoop, Margin, disk_margins

@@ -12,11 +12,12 @@ from wavesweep.core.analyses.open_loops import open_loops
 from wavesweep.core.drawing.drawing import Drawing, path_of
 from wavesweep.core.drawing.drawn_block import DrawnBlock
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.core.monodromy.open_ticks import OpenTicks
 from wavesweep.core.reading.checking import nearest
 from wavesweep.core.spec import Spec, load
-from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.core.sweep.grid import own_loop
 from wavesweep.margins.lifted_margins import LiftedLoop
 from wavesweep.margins.loop_margins import BESIDE, MOST, BrokenLoop, Margin
 

@@ -9,8 +9,8 @@ from wavesweep.core.analyses.interval_records import RECORD, blank_records
 from wavesweep.core.analyses.intervals import Guarantee
 from wavesweep.core.analyses.loops import held_loop
 from wavesweep.core.energy.held_loop import HeldLoop
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.stability.certificate import NONE, SEARCH
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.core.sweep.job import Job
 from wavesweep.passive.ranges import channel_ranges, hand_ranges, pair_ranges, port_ranges
 

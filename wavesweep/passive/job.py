@@ -6,8 +6,8 @@ from itertools import islice
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import port_at_hand
 from wavesweep.core.analyses.loops import held_loop, named_loops
+from wavesweep.core.analyses.spec_loops import port_at_hand
 from wavesweep.core.energy.held_loop import device_of
 from wavesweep.core.errors import UsageError
 from wavesweep.core.loops.domain import refuse_unsuitable

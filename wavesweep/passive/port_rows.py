@@ -8,8 +8,8 @@ import numpy as np
 from wavesweep.core.analyses.loops import drift_of, frames
 from wavesweep.core.controllers import HAND
 from wavesweep.core.energy.held_loop import HeldLoop, device_of, with_hand
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.stability.spectrum import eigenvalues
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.passive.ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
 

@@ -14,11 +14,11 @@ from wavesweep.core.analyses.interval_search import Search
 from wavesweep.core.controllers import HAND
 from wavesweep.core.energy.held_loop import HeldLoop
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.loops.resolution import Resolution, Side
 from wavesweep.core.stability.positive import largest_free, positive
 from wavesweep.core.stability.spectrum import is_stable
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.passive.any_hand import runs_of
 from wavesweep.passive.channel import channel_of
 from wavesweep.passive.over_ranges import (

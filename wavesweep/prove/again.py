@@ -9,8 +9,8 @@ import numpy as np
 
 from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.dead_time import in_whole_ticks
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.core.tables.kind import ProvedAgain
 
 if TYPE_CHECKING:

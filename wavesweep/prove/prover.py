@@ -8,9 +8,9 @@ import numpy as np
 from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.dead_time import in_whole_ticks
 from wavesweep.core.loops.from_drawing import rate_of
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.prove.again import prove_again
 
 __all__ = ["ball_prover", "prove_again"]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core.analyses.bound import required_in_words
 from wavesweep.core.analyses.interval_records import open_places
+from wavesweep.core.analyses.required_words import required_in_words
 from wavesweep.core.columns import Columns, axes_of, whose_column
 from wavesweep.core.errors import SpecError, WavesweepError
 from wavesweep.core.spec import sweep_axes

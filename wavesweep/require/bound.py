@@ -23,7 +23,7 @@ class Bound:
     SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`. gain: what a gain stays
     below; None if none is required.
 
-    The protocol is that of `core.analyses.bound`.
+    The protocol is that of `core.analyses.required_region`.
     """
 
     radius: float = 1.0

@@ -30,6 +30,7 @@ from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.energy.hinf import NEAR, START, with_middles
 from wavesweep.core.energy.lifted_map import reached, read
 from wavesweep.core.errors import IllPosedLoopError, UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.domain import guards_at
 from wavesweep.core.loops.from_drawing import OUTPUT
 from wavesweep.core.monodromy.circle import inverse, on_circle, solve
@@ -43,7 +44,6 @@ from wavesweep.core.stability.frames import level as level_of
 from wavesweep.core.stability.frames import pole_inside
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.regions import NEAR_ZERO
-from wavesweep.core.sweep.grid import Loops
 from wavesweep.require.keys import BASE_BAND, GainBound
 from wavesweep.require.maps import over_frame
 from wavesweep.require.panels import BAD, GOOD, OPEN, RIM, SAFE, Accuracy, along_panels

@@ -13,10 +13,11 @@ from wavesweep.core.columns import Columns
 from wavesweep.core.drawing.drawing import decides, path_of
 from wavesweep.core.drawing.expressions import names_in
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.ports import feels
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.stability.spectrum import damping_ratio, eigenvalues
-from wavesweep.core.sweep.grid import Grid, Loops, drawn_groups, keys_of, own_loop
+from wavesweep.core.sweep.grid import Grid, drawn_groups, keys_of, own_loop
 from wavesweep.sensitivity.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
 
 BATCH = 2048  # frames at once

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import loop_at_hand, port_at_hand, ports_of_batch
-from wavesweep.core.analyses.loops import radii_of, refuse_singular
+from wavesweep.core.analyses.at_hand import ports_of_batch
+from wavesweep.core.analyses.loops import radii_of
 from wavesweep.core.analyses.responses import doubt_of
+from wavesweep.core.analyses.spec_loops import loop_at_hand, port_at_hand, refuse_singular
 from wavesweep.core.columns import complex_columns
 from wavesweep.core.response.lifted import Lifted
 from wavesweep.core.response.steady import respond, transfer

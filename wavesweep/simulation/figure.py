@@ -255,7 +255,7 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
     loop, there are marks at these frequencies alone.
     """
-    from wavesweep.core.analyses.at_hand import loop_at_hand
+    from wavesweep.core.analyses.spec_loops import loop_at_hand
     from wavesweep.core.plots.responses import Curve, at_both_ports, draw_curves
     from wavesweep.core.response.steady import respond
 

@@ -16,10 +16,10 @@ from wavesweep.core.analyses.at_hand import ports_of_batch
 from wavesweep.core.analyses.loops import radii_of
 from wavesweep.core.columns import Columns
 from wavesweep.core.drawing.drawing import Drawing
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.response.lifted import Lifted
 from wavesweep.core.response.steady import respond as respond_at
-from wavesweep.core.sweep.grid import Loops
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.
 LOW_OF_FIGURE_2 = (0.0, 0.15)

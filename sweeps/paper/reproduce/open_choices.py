@@ -9,7 +9,7 @@ import numpy as np
 
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.core.analyses.loops import radius_over
+from wavesweep.core.analyses.spec_loops import radius_over
 from wavesweep.core.results import Field
 from wavesweep.core.spec import KEYS
 from wavesweep.core.tables.intervals import intervals

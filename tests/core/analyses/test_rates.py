@@ -7,9 +7,10 @@ import pytest
 
 import wavesweep
 from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.domain import domain
 from wavesweep.core.spec import load
-from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.core.sweep.grid import own_loop
 
 RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 I, STEPS = 0.025101925, np.linspace(0.002, 0.008, 25)

@@ -13,12 +13,12 @@ import wavesweep
 from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.drawing.parsing import parse
 from wavesweep.core.loops import blocks
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.from_drawing import twins
 from wavesweep.core.loops.integrator_modes import decimal, shifts, value_in_fractions
 from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.core.monodromy.periodic import frame_of, ticks_of
 from wavesweep.core.spec import load
-from wavesweep.core.sweep.grid import Loops
 
 
 def value(text, **numbers):

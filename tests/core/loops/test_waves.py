@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from support.specs import INTEGRATIONS, random_values
 
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.blocks import defined
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.monodromy.periodic import ticks_of
-from wavesweep.core.sweep.grid import Loops
 
 
 def random_row(seed, n):

@@ -6,7 +6,7 @@ import pytest
 from support.drawn import random_tables
 
 import wavesweep
-from wavesweep.core.analyses.at_hand import loop_at_hand
+from wavesweep.core.analyses.spec_loops import loop_at_hand
 from wavesweep.core.response.gain import Gain
 from wavesweep.core.response.steady import respond
 from wavesweep.core.spec import load

@@ -9,11 +9,12 @@ from types import MappingProxyType
 from wavesweep.core.drawing.drawing import name_of, path_of, scalars
 from wavesweep.core.drawing.expressions import names_in, text_of, value_of
 from wavesweep.core.errors import WavesweepError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.controllers import assumption_of_page, keys_of_page
 from wavesweep.core.reading.devices import DEVICES
 from wavesweep.core.spec import KEYS, Axis, Spec
 from wavesweep.core.spec.resolving import longest_delay
-from wavesweep.core.sweep.grid import Grid, Loops
+from wavesweep.core.sweep.grid import Grid
 
 MOST_BUILT = 32
 LISTED, MOST_AXES = 6, 3  # values of a number, and numbers

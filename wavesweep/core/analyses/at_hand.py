@@ -8,19 +8,17 @@ from functools import lru_cache, partial
 import numpy as np
 
 from wavesweep.core.analyses.loops import drift_of, named_loops, watched_drift
-from wavesweep.core.drawing.conditions import OF_PLANT
 from wavesweep.core.drawing.drawing import path_of
-from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.core.errors import IllPosedLoopError, UsageError
+from wavesweep.core.loops.batch import Loops, distinct_rows
 from wavesweep.core.loops.domain import refuse_unsuitable
-from wavesweep.core.loops.from_drawing import OUTPUT, POSITION, twins
+from wavesweep.core.loops.from_drawing import OUTPUT, twins
 from wavesweep.core.loops.ports import hand_of
-from wavesweep.core.reading.checking import show
 from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.port import NoPositionError, Port, port_between, port_of
+from wavesweep.core.response.port import Port, port_between, port_of
 from wavesweep.core.response.resting import resting
 from wavesweep.core.response.static import limit_of
 from wavesweep.core.response.steady import GOOD, Response, respond, static_response
-from wavesweep.core.sweep.grid import Loops, distinct_rows, own_loop
 
 Route = tuple[str, str]  # names of an input and an output
 SURE = 1e-6  # relative error up to which a stiffness counts as known
@@ -73,10 +71,10 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
         members = np.flatnonzero(of == number)
         one = {path: rate[at].item() for path, rate in rates.items()}
         some = loops if first.size == 1 and not one else loops.some(members).changed(one)
-        yield members, _port(some if members.size > 1 else some.one(0), route)
+        yield members, port_of_loops(some if members.size > 1 else some.one(0), route)
 
 
-def _port(loops, route=None):
+def port_of_loops(loops, route=None):
     if route:
         source, signal = next(each for name, each, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
         drawn, drift = loops.drawn(), drift_of(loops, watched=(signal,))
@@ -104,21 +102,3 @@ def responses_of(loops: Loops, size: int, frequency_hz, good: float = GOOD) -> R
         for each in fields(Response):
             getattr(responses, each.name)[at] = getattr(some, each.name)
     return responses
-
-
-def port_at_hand(spec) -> Port:
-    """The port of the spec's own loop. Errors: SpecError if it names no hand, or a position that no plant has in every tick."""
-    if missing := spec.without_hand():
-        raise SpecError(missing)
-    loop = own_loop(spec)
-    try:
-        refuse_unsuitable(*loop)
-        return _port(loop.one(0))
-    except NoPositionError:
-        found = spec.tables()["ports"]["hand"]["displacement"]
-        raise SpecError([spec.mistake(POSITION, OF_PLANT, show(found))]) from None
-
-
-def loop_at_hand(spec) -> Lifted:
-    """The spec's own loop over a frame as its hand feels it. Errors: as for `port_at_hand`."""
-    return Lifted.of(port_at_hand(spec))

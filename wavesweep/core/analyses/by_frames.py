@@ -15,6 +15,7 @@ from wavesweep.core.analyses.subloops import common
 from wavesweep.core.controllers import WALL
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops, distinct_rows
 from wavesweep.core.loops.domain import bends_at_zero, domains, guards_at
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, rate_of, scalar_place
 from wavesweep.core.loops.resolution import ResolvedAlong
@@ -28,7 +29,6 @@ from wavesweep.core.stability.certificate import NONE
 from wavesweep.core.stability.crossings import SLIVER
 from wavesweep.core.stability.frames import Frames
 from wavesweep.core.stability.intervals import Intervals
-from wavesweep.core.sweep.grid import Loops, distinct_rows
 
 if TYPE_CHECKING:
     from wavesweep.core.analyses.interval_search import Search

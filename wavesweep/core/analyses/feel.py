@@ -7,7 +7,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import loop_at_hand
+from wavesweep.core.analyses.spec_loops import loop_at_hand
 from wavesweep.core.errors import WavesweepError
 from wavesweep.core.response.lifted import Lifted
 from wavesweep.core.response.steady import respond, static_response

@@ -9,11 +9,12 @@ import numpy as np
 
 from wavesweep.core.analyses.loops import drift_of, named_loops
 from wavesweep.core.energy.held_loop import device_of
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.from_drawing import POSITION, REACTION
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.response.port import port_between
 from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.core.sweep.grid import own_loop
 
 if TYPE_CHECKING:
     from wavesweep.core.response.peak import Peak

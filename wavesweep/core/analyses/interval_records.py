@@ -13,12 +13,12 @@ from wavesweep.core.analyses.loops import watched_drift
 from wavesweep.core.analyses.open_loops import Opened, by_zeros
 from wavesweep.core.columns import Columns, different
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.dead_time import pieces_of
 from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
 from wavesweep.core.loops.ports import feels, hand_of
 from wavesweep.core.stability.certificate import SEARCH
 from wavesweep.core.stability.intervals import Intervals, in_rows
-from wavesweep.core.sweep.grid import Loops
 
 if TYPE_CHECKING:
     from wavesweep.core.analyses.interval_search import Search

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.core.analyses.bound import Bound
 from wavesweep.core.analyses.interval_records import (
     FAILURES,
     FELT,
@@ -19,17 +18,18 @@ from wavesweep.core.analyses.interval_records import (
 )
 from wavesweep.core.analyses.loops import drift_of
 from wavesweep.core.analyses.open_loops import Opened, by_slice, by_zeros, in_place, varied_beside
+from wavesweep.core.analyses.required_region import RequiredRegion
 from wavesweep.core.analyses.subloops import common, silent, subloops
 from wavesweep.core.columns import different
 from wavesweep.core.drawing.drawing import name_of
 from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops, distinct_rows
 from wavesweep.core.loops.dead_time import breaks, structure, timing
 from wavesweep.core.loops.domain import domains, refuse_unsuitable
 from wavesweep.core.loops.ports import feels
 from wavesweep.core.monodromy.cut import with_batch
 from wavesweep.core.stability.certificate import NONE
 from wavesweep.core.stability.intervals import Intervals, joined, without_seams
-from wavesweep.core.sweep.grid import Loops, distinct_rows
 
 LEAST_WORK = 1000  # of a piece of a range, in squares of states: some 60 ms
 
@@ -52,7 +52,7 @@ class Search:
     felt: bool = True
     checked: bool = False
     prove: bool = False
-    bound: Bound | None = None
+    bound: RequiredRegion | None = None
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""

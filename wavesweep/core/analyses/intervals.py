@@ -9,17 +9,19 @@ import numpy as np
 
 from wavesweep.core.analyses.interval_records import RECORD, ends_of, loop_by_loop
 from wavesweep.core.analyses.interval_search import Search, Searches
-from wavesweep.core.analyses.loops import drift_of, frames, frames_of, refuse_singular
+from wavesweep.core.analyses.loops import drift_of, frames, frames_of
 from wavesweep.core.analyses.open_loops import exact_cut
+from wavesweep.core.analyses.spec_loops import refuse_singular
 from wavesweep.core.columns import Columns
 from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.errors import UsageError
+from wavesweep.core.loops.batch import Loops, items_of
 from wavesweep.core.loops.dead_time import breaks, timing
 from wavesweep.core.loops.domain import domain, unsuitable
 from wavesweep.core.reading.tables import Asked
 from wavesweep.core.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.core.stability.certificate import words
-from wavesweep.core.sweep.grid import FAST, Grid, Loops, drawn_groups, items_of, make_grid, own_loop
+from wavesweep.core.sweep.grid import FAST, Grid, drawn_groups, make_grid, own_loop
 from wavesweep.core.sweep.job import (
     CHECKED,
     MOST,

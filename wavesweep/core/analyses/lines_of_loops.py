@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from wavesweep.core.analyses.bound import Bound
 from wavesweep.core.analyses.loops import drift_of, named_loops
 from wavesweep.core.analyses.open_loops import Opened
+from wavesweep.core.analyses.required_region import RequiredRegion
 from wavesweep.core.drawing.drawing import Drawing
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.from_drawing import PRODUCT
 from wavesweep.core.monodromy.circle import inverse
 from wavesweep.core.monodromy.cut import with_batch
@@ -16,7 +17,6 @@ from wavesweep.core.monodromy.rounding import balance
 from wavesweep.core.stability.boundary import times
 from wavesweep.core.stability.spectral_lines import lines_of, share_of_first
 from wavesweep.core.stability.spectrum import eigenvalues
-from wavesweep.core.sweep.grid import Loops
 
 MOST = 2**18  # numbers of states that are followed at once
 BESIDE, ROUNDED = 1e-10, 4  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
@@ -83,7 +83,7 @@ def _in_ticks(kinds, changes, state, rows):
             state += added
 
 
-def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Bound | None) -> np.ndarray:
+def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: RequiredRegion | None) -> np.ndarray:
     """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices `at` of loops that are cut at a number.
 
     A mode is what a product of 1 moves, `(z - A)^-1 B`, whatever the number. bound: see `Search`.

@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import Drawing
-from wavesweep.core.errors import IllPosedLoopError, SpecError
-from wavesweep.core.loops.domain import refuse_unsuitable
+from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.from_drawing import twins
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.loops.ports import hand_of
 from wavesweep.core.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, frame_with_reliability
 from wavesweep.core.stability.spectrum import radius_of
-from wavesweep.core.sweep.grid import Loops, drawn_groups, items_of, make_grid
 
 if TYPE_CHECKING:
     from wavesweep.core.energy.held_loop import HeldLoop
@@ -34,17 +32,8 @@ def named_loops(drawn: MultirateLoop) -> Iterator[None]:
         ) from error
 
 
-def refuse_singular(spec, drawing: Drawing) -> None:
-    """Raise SpecError if a loop of direct terms has no solution with the spec's own numbers."""
-    blocks = _unsolvable(drawing, items_of(spec.values))
-    if blocks is not None:
-        path = f"block.{blocks[0]}" if blocks else "wire"
-        found = f"one without, or with none that double precision can find, through {', '.join(blocks)}"
-        raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)])
-
-
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
-def _unsolvable(drawing, items):
+def blocks_without_solution(drawing, items):
     """Names of the blocks on a loop of direct terms that has no solution with these numbers; None if all have one."""
     loop = Loops(drawing, dict(items))
     try:
@@ -95,21 +84,6 @@ def radii_of(loops: Loops, size: int = 1) -> np.ndarray:
     for at in np.flatnonzero(np.isnan(radii)).tolist() if size > 1 else ():
         radii[at] = radius_of(*frames_with_reliability(loops.one(at))).item()
     return radii
-
-
-def radius_over(spec, axes) -> np.ndarray:
-    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest.
-
-    The radius of a controller whose frame is a single tick, as that of direct coupling, is counted per frame of its spec.
-    """
-    grid = make_grid(spec, axes)
-    radii = np.empty(grid.loops)
-    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
-        if spec.drawing:
-            refuse_unsuitable(*loops)
-        with np.errstate(over="ignore"):
-            radii[members] = radii_of(loops.read, members.size) ** frames_of(loops)
-    return radii[grid.slice_of(np.arange(grid.size))]
 
 
 def frames_of(loops: Loops) -> int:

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core.analyses.bound import Bound
 from wavesweep.core.analyses.loops import drift_of, named_loops
+from wavesweep.core.analyses.required_region import RequiredRegion
 from wavesweep.core.columns import different
 from wavesweep.core.controllers import WALL
 from wavesweep.core.drawing.drawing import name_of, path_of
 from wavesweep.core.errors import IllPosedLoopError
 from wavesweep.core.loops.algebraic import WORST_CONDITION
+from wavesweep.core.loops.batch import Loops, distinct, distinct_rows
 from wavesweep.core.loops.controllers import loop_drawing
 from wavesweep.core.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
 from wavesweep.core.loops.multirate import MultirateLoop
@@ -24,7 +25,6 @@ from wavesweep.core.monodromy.drift import TickDrift
 from wavesweep.core.monodromy.open_frame import OpenFrame, cut_of, open_frame
 from wavesweep.core.stability.intervals import Intervals
 from wavesweep.core.stability.stable import stable_intervals
-from wavesweep.core.sweep.grid import Loops, distinct, distinct_rows
 
 if TYPE_CHECKING:
     from wavesweep.core.response.resting import Resting
@@ -169,7 +169,7 @@ class Opened:
         pair = p, self.beside[at]
         return self.loops.at_rest.stiffness(self.which[at], *(pair[::-1] if self.swapped else pair))
 
-    def intervals(self, cut, span, bound: Bound | None = None) -> Intervals:
+    def intervals(self, cut, span, bound: RequiredRegion | None = None) -> Intervals:
         """The intervals of the cut loops, sorted by slice; bound: on the eigenvalues, in place of the unit circle."""
         parts = []
         for some, slices in self.alike:

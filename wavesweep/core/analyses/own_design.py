@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from wavesweep.core.analyses.assumptions import FAVOURABLE, assumes
-from wavesweep.core.analyses.at_hand import loop_at_hand
-from wavesweep.core.analyses.bound import where_nothing_decides
 from wavesweep.core.analyses.feel import felt_at_rest
 from wavesweep.core.analyses.lines_of_loops import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, frames_with_reliability, refuse_singular
+from wavesweep.core.analyses.loops import drift_of, frames_with_reliability
 from wavesweep.core.analyses.poles import ON_CIRCLE, leading, named_modes
+from wavesweep.core.analyses.required_words import where_nothing_decides
+from wavesweep.core.analyses.spec_loops import loop_at_hand, refuse_singular
 from wavesweep.core.reading.keys import LARGEST
 from wavesweep.core.spec import Spec
 from wavesweep.core.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of

@@ -5,14 +5,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavesweep.core.analyses.lines_of_loops import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, frames_with_reliability, refuse_singular
+from wavesweep.core.analyses.loops import drift_of, frames_with_reliability
+from wavesweep.core.analyses.spec_loops import refuse_singular
 from wavesweep.core.columns import Columns, joined
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.multirate import MultirateLoop
 from wavesweep.core.monodromy.drift import TickDrift
 from wavesweep.core.spec import Axis, Spec
 from wavesweep.core.stability.modes import Modes, modes_of
 from wavesweep.core.stability.spectrum import NEIGHBOURHOOD, count_outside, damping_ratio
-from wavesweep.core.sweep.grid import Loops, drawn_groups, make_grid, own_loop
+from wavesweep.core.sweep.grid import drawn_groups, make_grid, own_loop
 
 ON_CIRCLE = 1e-6  # distance from the unit circle, up to which a pole is on it: it is known to rounding
 MOST = 3  # states that are named of a mode

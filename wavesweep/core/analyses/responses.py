@@ -6,10 +6,12 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import Route, port_at_hand, ports_of_batch
+from wavesweep.core.analyses.at_hand import Route, ports_of_batch
 from wavesweep.core.analyses.loops import radii_of
+from wavesweep.core.analyses.spec_loops import port_at_hand
 from wavesweep.core.columns import Columns, complex_columns
 from wavesweep.core.errors import SpecError
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.page import RATIO, steps_of
 from wavesweep.core.reading.axes import Axis
 from wavesweep.core.reading.checking import Mistakes
@@ -18,7 +20,7 @@ from wavesweep.core.response.lifted import Lifted
 from wavesweep.core.response.steady import respond, transfer
 from wavesweep.core.spec.studies import refuse_beyond_half
 from wavesweep.core.stability.certificate import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE, words
-from wavesweep.core.sweep.grid import Loops, drawn_groups, keys_of, loops_of, make_grid, refuse_rows
+from wavesweep.core.sweep.grid import drawn_groups, keys_of, loops_of, make_grid, refuse_rows
 from wavesweep.core.sweep.job import Chunks, Job, Kind, resolve_all
 from wavesweep.core.sweep.running import in_memory
 

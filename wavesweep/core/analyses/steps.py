@@ -4,11 +4,12 @@ from dataclasses import replace
 
 from wavesweep.core.analyses.at_hand import Route, ports_of_batch
 from wavesweep.core.analyses.loops import drift_of, named_loops
+from wavesweep.core.loops.batch import Loops
 from wavesweep.core.loops.domain import refuse_unsuitable
 from wavesweep.core.response.port import port_between
 from wavesweep.core.response.step import MOST, Step, step_of
 from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import Loops, own_loop
+from wavesweep.core.sweep.grid import own_loop
 
 ADDED = "the step"  # no signal of a spec can be called so
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import modules
-from wavesweep.core.analyses.bound import required_in_words
+from wavesweep.core.analyses.required_words import required_in_words
 from wavesweep.core.columns import Columns, axes_of, joined, whose_column
 from wavesweep.core.plots.interval_legend import BEST, LIMIT, LIMITS, OWN, draw_legends, entries_of, rows_of
 from wavesweep.core.plots.layout import MOST_BARS, best_of, best_row, lay_out, rows_with

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.bound import required_in_words, where_nothing_decides
+from wavesweep.capabilities import where_explained
 from wavesweep.core.analyses.interval_records import open_places
+from wavesweep.core.analyses.required_words import required_in_words, where_nothing_decides
 from wavesweep.core.columns import Columns, axes_of, whose_column
-from wavesweep.core.doubts import DOUBTS, where_explained
+from wavesweep.core.doubts import DOUBTS
 from wavesweep.core.reading.keys import readable
 from wavesweep.core.spec import find_key
 from wavesweep.core.stability.certificate import FELT_ALIKE

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.capabilities import modules
 from wavesweep.core.analyses.assumptions import notices_of
-from wavesweep.core.analyses.bound import required_in_words
+from wavesweep.core.analyses.required_words import required_in_words
 from wavesweep.core.columns import Columns, joined
 from wavesweep.core.tables.interval_tally import Tallies, interval_lines
 from wavesweep.core.tables.kind import Kind, ProvedAgain, Recompute

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from wavesweep.capabilities import where_explained
 from wavesweep.core.analyses.assumptions import notices_of
 from wavesweep.core.columns import Columns, axes_of
-from wavesweep.core.doubts import where_explained
 from wavesweep.core.errors import SpecError, UsageError
 from wavesweep.core.stability.certificate import SPARED
 from wavesweep.core.tables import kind_named

@@ -1,15 +1,13 @@
 """The region of eigenvalues that [sweep] requires in place of the unit circle: a capability offers it, see `Bound`."""
 
-from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 
-from wavesweep.capabilities import modules
 from wavesweep.core.stability.intervals import Intervals
 
 
-class Bound(Protocol):
+class RequiredRegion(Protocol):
     """Where the eigenvalues of a drawing's frame have to be; without a bound, within the unit circle.
 
     The search takes a bound on their size as the unit circle of frames over its radius. What else is bounded has a search of
@@ -19,12 +17,12 @@ class Bound(Protocol):
     """
 
     cost: float
-    of_size: "Bound | None"
+    of_size: "RequiredRegion | None"
     on_circle: bool
     gain: object
-    of_modes: "Bound | None"
+    of_modes: "RequiredRegion | None"
 
-    def over(self, frames: int) -> "Bound":
+    def over(self, frames: int) -> "RequiredRegion":
         """The same for so many frames in place of one."""
 
     def radius_of(self, period) -> np.ndarray:
@@ -47,13 +45,3 @@ class Bound(Protocol):
 
     def refuse_rates(self, name: str) -> None:
         """Raise UsageError if no intervals can be found along the number `name`, which changes the time of a frame."""
-
-
-def required_in_words(written: Mapping[str, object]) -> str:
-    """What [sweep] require asks for, in words; written: its table."""
-    return next((each.words_of(written) for each in modules("bound")), f"[sweep] require = {dict(written)}")
-
-
-def where_nothing_decides() -> str:
-    """What a requirement finds of loops whose modes neither grow nor decay, in words; empty if it finds none."""
-    return next((each.BOUNDED for each in modules("bound")), "")
