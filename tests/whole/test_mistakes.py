@@ -16,10 +16,10 @@ from support.drawn import ARM, DRIVE, PD, WALL
 
 from wavesweep.core.controllers import CONTROLLERS
 from wavesweep.core.drawing.block_types import TYPES
-from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.errors import SpecError
 from wavesweep.core.reading.checking import show
 from wavesweep.core.spec import KEYS, load
+from wavesweep.core.spec.shipped_classes import shipped_classes
 from wavesweep.designs.wish_keys import WISHES
 
 FOLDER = pathlib.Path(__file__).parent / "mistakes"

@@ -13,7 +13,7 @@ from wavesweep.core.errors import UsageError
 from wavesweep.core.reading.axes import Axis
 from wavesweep.core.reading.checking import Mistakes, Rejected, apart, check, show
 from wavesweep.core.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS, Key, Names, by_path, number, whole
-from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.places import Leaf, Place
 from wavesweep.core.reading.sorting import Sorted
 from wavesweep.core.reading.tables import Asked, Section, Table
 from wavesweep.core.spec.studies import K_VE_SPAN, hardware_of

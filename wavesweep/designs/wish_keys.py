@@ -9,7 +9,7 @@ from typing import Any
 
 from wavesweep.capabilities import modules
 from wavesweep.core.reading.keys import HARDWARE_KEYS, KEYS, Key, number
-from wavesweep.core.reading.reading import Place
+from wavesweep.core.reading.places import Place
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
 _BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)

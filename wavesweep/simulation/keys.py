@@ -32,7 +32,7 @@ from wavesweep.core.reading.keys import (
     whole,
     word,
 )
-from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.places import Leaf, Place
 from wavesweep.core.reading.sorting import Sorted, names_in_list
 from wavesweep.core.reading.tables import Asked, Table
 

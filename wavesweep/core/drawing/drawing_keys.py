@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TypeVar
 
 from wavesweep.core.drawing.block_types import TYPES
-from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.drawing.drawing import RATE
 from wavesweep.core.drawing.drawn_block import DrawnBlock, keys_of_block
 from wavesweep.core.drawing.expressions import ONE, Fault, Tree, check_extent, extent, linear, names_in, remembered, with_trees
@@ -14,8 +13,8 @@ from wavesweep.core.drawing.mass_matrix import shape_fault
 from wavesweep.core.drawing.parsing import parse
 from wavesweep.core.errors import Mistake
 from wavesweep.core.reading.checking import Mistakes, Rejected, check, expectation, nearest, show
-from wavesweep.core.reading.keys import Key
-from wavesweep.core.reading.reading import FORMULA, VALUE_WORDS, Leaf, Place
+from wavesweep.core.reading.keys import FORMULA, VALUE_WORDS, Key
+from wavesweep.core.reading.places import Leaf, Place
 
 PERIOD = "dt"  # the name of a block's own period in its expressions
 ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # each type has one name of each group
@@ -33,11 +32,13 @@ class KeyReader:
     meanings, extents: of names that stand for expressions, the trees and their extents. ports: inputs and outputs of each
     block, also of one that has mistakes, unless these hide them; None then. registers: the outputs of those that `prev(...)`
     reads, and the signal that each remembers. tick_hz: the rate of the tick. periods: of blocks, s. period: what `dt` stands
-    for in the expressions of a block, its own period (s), unless that is the name of a number or a signal.
+    for in the expressions of a block, its own period (s), unless that is the name of a number or a signal. classes: types that
+    a message lists in addition.
     """
 
-    def __init__(self, source: Place, axes: frozenset[str]) -> None:
+    def __init__(self, source: Place, axes: frozenset[str], classes: tuple[str, ...] = ()) -> None:
         self.source = source
+        self.classes = classes
         self.axes = axes
         self.own: dict[str, float | int] = {}
         self.mistakes = Mistakes()
@@ -178,7 +179,7 @@ class KeyReader:
         if not is_dotted(name):
             return self.refuse(next(iter(given.values())).place.parent(), path, NAME, show(name))
         known = "type" in given and given["type"].value in [*TYPES]  # otherwise its message lists all
-        choices = tuple(TYPES) if known else (*TYPES, *shipped_classes())
+        choices = tuple(TYPES) if known else (*TYPES, *self.classes)
         key = Key(f"{path}.type", "string", None, "", "", choices=choices, required=True)
         kind = self.read_key(key.path, key, given.get("type"))
         if kind is None:  # which of its numbers are read is not known

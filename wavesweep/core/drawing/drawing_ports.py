@@ -10,7 +10,7 @@ from wavesweep.core.drawing.drawn_block import DrawnBlock
 from wavesweep.core.drawing.expressions import ONE, RESERVED, Terms
 from wavesweep.core.reading.checking import nearest, show
 from wavesweep.core.reading.keys import TURNED, Key
-from wavesweep.core.reading.reading import Leaf
+from wavesweep.core.reading.places import Leaf
 
 # The parts of a port; of inputs and outputs each has a name.
 PORTS = MappingProxyType(

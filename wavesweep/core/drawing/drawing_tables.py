@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from wavesweep.core.drawing.block_types import COLUMNS, TICK_HZ, TYPES
@@ -27,9 +27,7 @@ from wavesweep.core.drawing.expressions import (
 from wavesweep.core.drawing.parsing import parse
 from wavesweep.core.reading.checking import Mistakes, nearest, show
 from wavesweep.core.reading.keys import Key, Names
-from wavesweep.core.reading.reading import Leaf, Place
-from wavesweep.core.reading.sorting import names_in_list, normal_path
-from wavesweep.core.reading.tables import section_of, study_tables, tables
+from wavesweep.core.reading.places import Leaf, Place
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 NUMBER_PARTS = ("value", "unit", "description")
@@ -38,44 +36,29 @@ LISTED = 8  # ports that a message lists
 Path = tuple[str, ...]
 
 
-def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
-    """Return the leaves of tables that a drawn loop has, and add a mistake for each other table.
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What stands beside a drawing and asks something of it.
 
-    An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
+    axes: paths of keys of blocks that are numbers too, since something varies them. signals: those that are outputs too, by
+    name, with the leaf that asks for each. classes: names of types that blocks could have had in addition, for messages.
     """
-    known, given, meant = ("type", *TABLES, *study_tables()), dict.fromkeys(path[0] for path in leaves), {}
-    expected = f"one of the tables {', '.join(known)}"
-    numbers = list(dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1))
-    for (name, *rest), leaf in leaves.items():
-        if name in known or name in meant:
-            continue
-        place, near, alone = leaf.place.under((name,)), nearest(name, known), not rest and leaf.value != {} and numbers
-        meant[name] = near if near not in given else ""
-        if name == "controller":
-            meant[name] = ""
-            mistakes.refuse(place, name, "either a controller or blocks", "both")
-        elif alone:  # of --set, which gives numbers by name
-            or_number = f"{', '.join(numbers)} of [numbers], or {expected}"
-            mistakes.refuse(place, name, or_number, "an unknown name", near or nearest(name, numbers))
-        else:
-            blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}
-            mistakes.refuse(place, name, expected, "an unknown table", f"block.{name}" if name in blocks else near)
-    named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
-    return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
+
+    axes: frozenset[str] = frozenset()
+    signals: Mapping[str, Leaf] = field(default_factory=dict)
+    classes: tuple[str, ...] = ()
 
 
 def read_drawing(
-    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes
+    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes, beside: Surroundings = Surroundings()
 ) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf], Names]:
     """Return the drawing, the values of its numbers, its leaves by path, and its names; None if it has mistakes, which it adds.
 
-    leaves: those of the whole spec; tables of studies are skipped. source: place of the spec.
+    leaves: other tables than those of a drawing are skipped. source: their place.
     """
-    reader = _TableReader(source, own_axes(leaves) | {RATE})
+    reader = _TableReader(source, beside.axes | {RATE}, beside.classes)
     grouped = reader.grouped(leaves)
-    signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
-    asked = (leaves[path] for path in (tuple(each.split(".")) for each in signals) if path in leaves)
-    reader.asked = {name: leaf for leaf in asked for name in names_in_list(leaf)}
+    reader.asked = beside.signals
     drawing, values = reader.drawing(grouped)
     for path, expected, found in (*faults(drawing, values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
@@ -83,7 +66,7 @@ def read_drawing(
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
     mistakes += reader.mistakes
     following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
-    names = replace(names_of(leaves) if reader.mistakes else drawing.names, following=following)
+    names = replace(names_of(leaves, beside.axes) if reader.mistakes else drawing.names, following=following)
     return (None if reader.mistakes else drawing), values, reader.leaves, names
 
 
@@ -92,24 +75,12 @@ def is_derived(path: Path, leaf: Leaf) -> bool:
     return path[0] == "numbers" and isinstance(leaf.value, str) and len(path) > 1 and path[2:] in ((), ("value",))
 
 
-def names_of(leaves: Mapping[Path, Leaf]) -> Names:
+def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
     """Return the names of a drawing that has mistakes, so that its axes can be checked too."""
     numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
     keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
-    keys |= {path: Key(path, "number", None, "", "") for path in own_axes(leaves)}
+    keys |= {path: Key(path, "number", None, "", "") for path in axes}
     return Names(keys, {name: path_of(name) for name in numbers})
-
-
-def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
-    """Return the paths of the keys of blocks that tables take for axes."""
-    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # those of a class have two names
-    named = [path[len(section) :] for path in leaves if (section := section_of(path))]
-    along = leaves.get(("sweep", "along"))
-    if along and isinstance(along.value, str):
-        named.append(tuple(along.value.split(".")))
-    return frozenset(
-        ".".join(each[: 3 + (".".join(each[1:3]) in blocks)]) for each in named if len(each) > 2 and each[0] == "block"
-    )
 
 
 class _TableReader(PortReader):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from wavesweep.core.reading.checking import Mistakes, Rejected, check, show
 from wavesweep.core.reading.keys import AXIS_KEYS, BUILT_IN, Key, Names
-from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.places import Leaf, Place
 from wavesweep.core.reading.tables import study_keys
 
 

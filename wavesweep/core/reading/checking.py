@@ -7,7 +7,7 @@ from typing import Any
 
 from wavesweep.core.errors import Mistake
 from wavesweep.core.reading.keys import LARGEST, SMALLEST, Key
-from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.places import Leaf, Place
 
 LONGEST_SHOWN = 60
 SIZES = f"a number from {SMALLEST:g} to {LARGEST:g} in size, or 0"

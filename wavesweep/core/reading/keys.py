@@ -32,6 +32,8 @@ HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks
 SMALLEST, LARGEST = 1e-60, 1e60  # sizes of numbers other than 0: what a loop makes of several stays within doubles
+VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")  # no names, in any case of letters
+FORMULA = ("=", "+", "-", "@")  # how a text begins that a spreadsheet runs
 MOST_SEED = 2**53 - 1  # the largest whole number that every reader of JSON keeps
 MOST_SLOW_STEPS = 10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
 

@@ -17,7 +17,8 @@ from functools import cache, lru_cache
 
 from wavesweep.core.errors import Mistake, SpecError, UsageError
 from wavesweep.core.platform_compat import READ
-from wavesweep.core.reading.keys import SYMBOLS
+from wavesweep.core.reading.keys import FORMULA, SYMBOLS, VALUE_WORDS
+from wavesweep.core.reading.places import Place
 from wavesweep.core.reading.toml_errors import syntax_mistake
 
 # Patterns are compiled where they are used: most runs report no mistake.
@@ -27,8 +28,6 @@ UTF_8 = "text in UTF-8 (save the file in this encoding)"
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
 PASSED = r"-|/dev/stdin|/dev/fd/(\d+)"  # files that are open already
-VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")  # in any case of letters
-FORMULA = ("=", "+", "-", "@")
 _STRING = (
     r'"""(?:\\.|[^\\])*?"""(?:"{0,2})'
     r"|'''.*?'''(?:'{0,2})"
@@ -40,53 +39,24 @@ _LONG_KEY = rf"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){{{MOST_NAMES}}}"
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Place of a value: at a path of a TOML text, whose line is searched for only if it is needed, or in an override.
+class TomlPlace(Place):
+    """Place in a TOML text, whose line is searched for only if it is needed; name: of the file."""
 
-    name: of the file, or the override as it was typed; empty for a dict, which has no lines. text: of the file, None without
-    one. exact: whether the value is as it stands in the text, so that offsets in it are those of the file.
-    """
-
-    name: str = ""
-    text: str | None = None
-    path: tuple[str, ...] = ()
-    exact: bool = True
+    text: str = ""
 
     def location(self, of_key: bool = False) -> str:
-        """Return the prefix of a mistake's line, for the value here or for its key; empty without a text."""
-        if self.text is None:
-            return self.name
+        """Return `file:line:column` of the value here or of its key."""
         line, column = locate(self.text, self.path, of_key)
         return f"{self.name}:{line}:{column}"
 
     def inside(self, offset: int) -> str:
-        """Return the prefix of a mistake's line, for the character at that offset of the text that is the value here."""
-        if self.text is None or not self.exact:
+        """Return `file:line:column` of the character at that offset of the text that is the value here."""
+        if not self.exact:
             return self.location()
         line, column = locate(self.text, self.path)
         rest = self.text.split("\n")[line - 1][column - 1 :]
         one_line = rest[:1] in ("'", '"') and rest[:3] not in ("'''", '"""')
         return f"{self.name}:{line}:{column + 1 + offset if one_line else column}"
-
-    def mistake(self, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = False) -> Mistake:
-        """Return the mistake made by the value here or, if `of_key`, by its key."""
-        return Mistake(self.location(of_key), key, expected, found, suggestion)
-
-    def under(self, path: tuple[str, ...]) -> Place:
-        """Return the place of another path of the same source."""
-        return Place(self.name, self.text, path, self.exact)
-
-    def parent(self) -> Place:
-        """Return the place of the table around this value."""
-        return self.under(self.path[:-1])
-
-
-@dataclass(frozen=True, slots=True)
-class Leaf:
-    """A value as given, with its place."""
-
-    value: object
-    place: Place
 
 
 def read_file(path: str) -> tuple[dict, Place]:
@@ -105,7 +75,7 @@ def read_file(path: str) -> tuple[dict, Place]:
         line = text.count("\n", 0, match.start()) + 1
         raise SpecError([Mistake(f"{path}:{line}:1", "", f"at most {MOST_NAMES} names in a key", "more")])
     try:
-        return tomllib.loads(text), Place(path, text)
+        return tomllib.loads(text), TomlPlace(path, text=text)
     except RecursionError as error:
         raise SpecError([Mistake(path, "", "a TOML file", "values nested too deeply")]) from error
     except ValueError as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits

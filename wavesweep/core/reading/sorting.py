@@ -1,20 +1,17 @@
 """Every leaf of the tables is put under its key or its axis; a leaf without one is a mistake."""
 
 from collections import defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 
 from wavesweep.core.reading.checking import Mistakes, nearest, show
 from wavesweep.core.reading.keys import BUILT_IN, KEYS, Names
-from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.places import Leaf, Path, split_names
 from wavesweep.core.reading.tables import Section, flat_keys, section_of, sections, study_tables, tables, top_tables
 
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
 
 SPAN = Section()  # of a key that may be given as an axis is
-
-Path = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,22 +38,12 @@ def names_in_list(leaf: Leaf) -> tuple[str, ...]:
     return tuple(names) if all(isinstance(name, str) for name in names) else ()
 
 
-def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[Path, Leaf]]:
-    """Yield path and leaf of every value that is not a table with something in it."""
-    for name, value in tables.items():
-        path = (*prefix, name)
-        if isinstance(value, dict) and value:
-            yield from leaves_of(value, place, path)
-        else:
-            yield normal_path(path), Leaf(value, place.under(path))
-
-
 def normal_path(path: Path) -> Path:
     """Return the path of an axis or a wire, which may be written `"device.mass"` or `device.mass`."""
     section = section_of(path) or (path[:1] if path[0] == "wire" else ())
     if not section or (section in sections() and not sections()[section].dotted):
         return path
-    return (*section, *(part for name in path[len(section) :] for part in name.split(".")))
+    return split_names(path, len(section))
 
 
 def sort_leaves(leaves: dict[Path, Leaf], mistakes: Mistakes, names: Names = BUILT_IN) -> Sorted:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.core.drawing.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES
-from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.reading.checking import expectation, nearest, show
 from wavesweep.core.reading.devices import DEVICES, HapticDevice
 from wavesweep.core.reading.keys import AXIS_KEYS, HARDWARE_KEYS, KEYS, SYMBOLS, Key, find_key
 from wavesweep.core.reading.tables import study_keys, study_tables, tables
+from wavesweep.core.spec.shipped_classes import shipped_classes
 
 Description = dict[str, Any]
 STUDIES = ("sweep", "bode")

@@ -6,15 +6,17 @@ from dataclasses import fields, replace
 from functools import lru_cache
 from itertools import islice
 
-from wavesweep.core.drawing.classes import expanded, numbers_of_blocks, with_classes
+from wavesweep.core.drawing.classes import expanded, numbers_of_blocks
 from wavesweep.core.drawing.drawing import MARKS, RATE, path_of
 from wavesweep.core.errors import Mistake, SpecError, UsageError
 from wavesweep.core.reading.checking import Mistakes
 from wavesweep.core.reading.keys import BUILT_IN, KEYS, SYMBOLS
-from wavesweep.core.reading.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
-from wavesweep.core.reading.sorting import Path, leaves_of, normal_path, sort_leaves
+from wavesweep.core.reading.places import Leaf, Path, Place, leaves_of
+from wavesweep.core.reading.reading import file_stem, read_dict, read_file, read_override
+from wavesweep.core.reading.sorting import normal_path, sort_leaves
 from wavesweep.core.reading.tables import missing
 from wavesweep.core.spec.resolving import TWINS, Given, resolve
+from wavesweep.core.spec.shipped_classes import with_classes
 from wavesweep.core.spec.spec import Spec
 from wavesweep.core.spec.studies import Request, Studies, build_studies
 
@@ -90,7 +92,7 @@ def _naming(spec, names, signal):
 def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves of a source by path, with those of the overrides in their places."""
     leaves: dict[Path, Leaf] = {}
-    given = list(islice(leaves_of(tables, place), MOST_KEYS + 1))
+    given = [(normal_path(path), leaf) for path, leaf in islice(leaves_of(tables, place), MOST_KEYS + 1)]
     if len(given) > MOST_KEYS:
         mistakes.refuse(given[-1][1], "", f"at most {MOST_KEYS} keys", "more")
         return leaves
@@ -125,7 +127,11 @@ def _alike(one: Path, other: Path) -> bool:
 
 def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place) -> dict[Path, Leaf]:
     """Replace everything at, above or below one path, in the same position, so that the order of axes is kept."""
-    new = {} if value == "" else dict(leaves_of({replaced[-1]: value}, where, replaced[:-1]))  # without a text it is left out
+    new = (
+        {}
+        if value == ""
+        else {normal_path(path): leaf for path, leaf in leaves_of({replaced[-1]: value}, where, replaced[:-1])}
+    )  # without a text it is left out
     result: dict[Path, Leaf] = {}
     for path, leaf in leaves.items():
         if _alike(path, replaced):
@@ -140,10 +146,11 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
     leaves, names, drawing, wrong = _installed(leaves, mistakes), BUILT_IN, None, True
     if drawn:
-        from wavesweep.core.drawing.drawing_tables import read_drawing, with_corrected_names
+        from wavesweep.core.drawing.drawing_tables import read_drawing
+        from wavesweep.core.spec.drawn_spec import beside_drawing, with_corrected_names
 
         leaves = expanded(with_corrected_names(leaves, mistakes), mistakes)
-        drawing, values, of_loop, names = read_drawing(leaves, place, mistakes)
+        drawing, values, of_loop, names = read_drawing(leaves, place, mistakes, beside_drawing(leaves))
         given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
         hz = drawing.rate(values) if drawing else values.get(RATE)
     else:

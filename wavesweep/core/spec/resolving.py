@@ -22,7 +22,7 @@ from wavesweep.core.reading.keys import (
     MOST_SLOW_STEPS,
     VALUE_PATHS,
 )
-from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.places import Leaf, Place
 
 DELAY = "environment.delay"
 TWINS = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}  # which displace each other

@@ -12,12 +12,12 @@ from typing import Any
 
 from wavesweep.core.drawing.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.core.drawing.classes import PARTS as OF_CLASS
-from wavesweep.core.drawing.classes import shipped_classes
 from wavesweep.core.drawing.drawing_ports import NAMED, OPTIONAL
 from wavesweep.core.drawing.drawing_ports import PORTS as OF_PORTS
 from wavesweep.core.drawing.drawing_tables import NUMBER_PARTS
 from wavesweep.core.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key
 from wavesweep.core.reading.tables import tables
+from wavesweep.core.spec.shipped_classes import shipped_classes
 
 Schema = dict[str, Any]
 TEXT = {"type": "string"}

@@ -13,7 +13,8 @@ from wavesweep.core.errors import Mistake, SpecError, UsageError
 from wavesweep.core.reading.axes import Axis
 from wavesweep.core.reading.checking import Mistakes, nearest
 from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, KEYS, RATIO, SYMBOLS, TURNED, Names
-from wavesweep.core.reading.reading import Leaf, Place, plain
+from wavesweep.core.reading.places import Leaf, Place
+from wavesweep.core.reading.reading import plain
 from wavesweep.core.reading.tables import Asked, table_at, tables
 from wavesweep.core.spec.resolving import Given, is_frame, resolve, resolve_drawn
 from wavesweep.core.spec.studies import Studies, fitting, hardware_of, unknown_end

@@ -11,7 +11,7 @@ from wavesweep.core.reading.axes import Axis, axis_place, build_axis, logarithmi
 from wavesweep.core.reading.checking import Mistakes, apart, nearest, show
 from wavesweep.core.reading.devices import HapticDevice
 from wavesweep.core.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS, Names
-from wavesweep.core.reading.reading import Leaf, Place
+from wavesweep.core.reading.places import Leaf, Place
 from wavesweep.core.reading.sorting import Sorted
 from wavesweep.core.reading.tables import Asked, missing, table_at, tables
 from wavesweep.core.spec.resolving import LIMITS, Given, exceeds_limit

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from wavesweep.core.drawing.drawing import RATE, Drawing, path_of, path_of_port
 from wavesweep.core.drawing.drawn_block import keys_of_block
 from wavesweep.core.drawing.expressions import sum_of
-from wavesweep.core.reading.sorting import Path
+from wavesweep.core.reading.places import Path
 
 NUMBER_WORDS = (".unit", ".description")
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
