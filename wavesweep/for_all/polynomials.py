@@ -56,9 +56,12 @@ class Polynomials:
     def within(self, middle: np.ndarray, half: np.ndarray) -> Polynomials:
         """The same matrices for s = middle + half t, as polynomials in t, `(numbers,)` each."""
         e = self.exponents
-        less = e[None, :, :] - e[:, None, :]  # [new, old, number]
-        factor = _binomials(self.order)[e[None, :, :], e[:, None, :]] * half ** e[:, None, :]
-        factor = np.where(less >= 0, factor * middle ** np.maximum(less, 0), 0.0).prod(-1)
+        powers = np.arange(self.order + 1)
+        less = np.maximum(powers - powers[:, None], 0)
+        factor = np.ones((len(e), len(e)))  # [new, old]
+        for number, (at, wide) in enumerate(zip(middle, half, strict=True)):
+            table = _binomials(self.order).T * wide ** powers[:, None] * at**less
+            factor *= table[e[:, number, None], e[:, number]]
         terms = np.tensordot(factor, self.terms, (1, 0))
         rounding = 4 * (len(e) + self.order) * UNIT * np.abs(self.terms).sum(0)
         return Polynomials(terms, self.rest + rounding, self.numbers, self.order)
