@@ -20,7 +20,7 @@ from stress.specs import Question, long_filters
 from support.specs import nested
 
 from bench.rivals import decomposed
-from wavesweep.core.spec import load
+from wavesweep.program.spec import load
 
 ANGLES = (45, 180, 450, 2000)
 

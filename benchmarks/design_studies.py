@@ -17,11 +17,11 @@ import numpy as np
 import pandas
 from joblib import Parallel, delayed
 
-from wavesweep.core.analyses.intervals import at_points
-from wavesweep.core.spec import Axis, load
 from wavesweep.designs.search import designs_of
 from wavesweep.designs.study import design, job_of
 from wavesweep.designs.wishes import evaluate
+from wavesweep.program.analyses.interval_jobs import at_points
+from wavesweep.program.spec import Axis, load
 
 BETTER, PART = 1.02, 512
 REFERENCE = np.array([-np.log(100.0), 1.5])

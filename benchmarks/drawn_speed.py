@@ -14,7 +14,7 @@ import numpy as np
 
 import wavesweep
 from bench.measuring import seconds
-from wavesweep.core.platform_compat import keep_memory
+from wavesweep.program.platform_compat import keep_memory
 
 DRAWN = Path(__file__).parents[1] / "sweeps" / "recipes" / "controllers"
 KINDS = {"pmw-lm": {"b": 25.0, "Kp": 20.0}, "pmw": {"b": 25.0}}

@@ -14,9 +14,9 @@ import threading
 import time
 from dataclasses import asdict
 
-from wavesweep.core.spec import load
-from wavesweep.explore.page import Page
+from wavesweep.explore.explorer_page import Page
 from wavesweep.explore.server import Server
+from wavesweep.program.spec import load
 
 SECONDS = 3.0
 SPECS = ("sweeps/paper/fig4.toml", "sweeps/paper/fig8.toml", "sweeps/examples/hole.toml")

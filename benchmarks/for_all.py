@@ -8,8 +8,8 @@ refutes more.
 import statistics
 import time
 
-from wavesweep.core.spec import load
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
 
 FIG4 = {
     "controller": {"kind": "pmw", "b": 10.0},

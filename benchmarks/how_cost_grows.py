@@ -20,10 +20,10 @@ from panel_speed import chain
 import wavesweep
 from bench.problems import SPECS, Bundle, load_paper
 from bench.rivals import _crossings, _labelled, decomposed
-from wavesweep.core.analyses.open_loops import exact_cut
-from wavesweep.core.drawing.drawing import path_of
-from wavesweep.core.monodromy.cut import with_batch
-from wavesweep.core.sweep.grid import own_loop
+from wavesweep.engine.drawing.drawing import path_of
+from wavesweep.engine.monodromy.cut import with_batch
+from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.program.sweep.grid import own_loop
 
 STUDY = SPECS.parent / "design-study.toml"
 ANGLES = np.pi * (np.arange(180) + 0.5) / 180

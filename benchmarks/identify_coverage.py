@@ -16,9 +16,9 @@ from math import exp, log
 import numpy as np
 
 import wavesweep
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
+from wavesweep.identification.explained import identified
 from wavesweep.identification.model import Model
-from wavesweep.identification.verdict import identified
 
 RATE = 1000.0  # Hz
 FORCES = ("pulse", "chirp", "noise", "steps")

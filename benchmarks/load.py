@@ -37,9 +37,9 @@ def main():
 def measured(folder, loops):
     """Give the numbers of a row for a sweep of 500 slices a loop."""
     (folder / "load.toml").write_text(SPEC.format(loops=loops))
-    from wavesweep.core.analyses.intervals import job_of
-    from wavesweep.core.spec import load
-    from wavesweep.core.sweep.estimates import expected_bytes
+    from wavesweep.program.analyses.interval_jobs import job_of
+    from wavesweep.program.spec import load
+    from wavesweep.program.sweep.estimates import expected_bytes
 
     expected = expected_bytes(job_of(load(folder / "load.toml")))
     started, run, worker, disk = time.perf_counter(), 0, 0, 0

@@ -19,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.core.analyses.intervals import job_of
-from wavesweep.core.analyses.open_loops import wall_cut
-from wavesweep.core.monodromy.cut import close, with_batch
-from wavesweep.core.spec import load
+from wavesweep.engine.monodromy.cut import close, with_batch
+from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.program.analyses.interval_jobs import job_of
+from wavesweep.program.spec import load
 
 STUDY = Path(__file__).parents[1] / "sweeps" / "design-study.toml"
 GRID, THOUSANDTH = 100, 1000

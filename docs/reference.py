@@ -24,10 +24,10 @@ import click
 
 import wavesweep
 from wavesweep.capabilities import library_names, of_library
-from wavesweep.core.cli import main
-from wavesweep.core.cli.entry import COMMANDS, group
-from wavesweep.core.spec import describing
 from wavesweep.explain.words import MESSAGES, TERMS
+from wavesweep.program.cli import main
+from wavesweep.program.cli.entry import COMMANDS, group
+from wavesweep.program.spec import describing
 
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
@@ -145,7 +145,7 @@ def steps() -> str:
 
 def columns() -> dict[str, tuple]:
     """The columns of every table."""
-    from wavesweep.core.tables import kinds
+    from wavesweep.program.tables import kinds
 
     return {name: kind.fields for name, kind in kinds().items() if kind.fields}
 
@@ -179,7 +179,7 @@ def _column(field, only: str) -> str:
 
 def doubts() -> str:
     """The words of the column `doubt`."""
-    from wavesweep.core.doubts import DOUBTS
+    from wavesweep.engine.doubts import DOUBTS
 
     rows = [(f"`{word}`", _plain(each.meaning), _plain(each.advice)) for word, each in DOUBTS.items() if word]
     return _rows(("word", "meaning", "what to do"), rows)
@@ -278,7 +278,7 @@ def _laid_out(found, indent="", wide=110):
 
 SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}\n", re.MULTILINE)  # of a docstring, whose line would make it a heading of the page
 ENTRY = re.compile(r"^(\S.*)\n?((?: .*\n?)*)", re.MULTILINE)
-OF_FILES = ("read", "read_table", "verify")  # of wavesweep.core.results: the rest writes what a run has computed
+OF_FILES = ("read", "read_table", "verify")  # of wavesweep.program.results: the rest writes what a run has computed
 
 
 def library() -> str:
@@ -299,7 +299,7 @@ def library() -> str:
 
 def public():
     """Yield the public names of the package, those of methods of a compiled loop too, and what they name."""
-    from wavesweep.core.drawn_loop import DrawnLoop
+    from wavesweep.program.drawn_loop import DrawnLoop
 
     found = {name: getattr(wavesweep, name) for name in wavesweep.__all__}
     for name, each in ({"Loop": found.pop("Loop"), "DrawnLoop": DrawnLoop} | found).items():
@@ -384,7 +384,7 @@ def draw_loop(kind: str, name: str) -> bytes:
         tables = tomllib.loads(text.split("```toml\n")[1].split("```")[0])
     import matplotlib as mpl
 
-    from wavesweep.core.plots import diagram
+    from wavesweep.program.plots import diagram
 
     picture = io.StringIO()
     with mpl.rc_context({"svg.hashsalt": name}):

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.core.reproducibility import ONE_THREAD
+from wavesweep.program.reproducibility import ONE_THREAD
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests", "tests/core")]
+sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests", "tests/engine")]
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.
 os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 os.environ.pop("COLUMNS", None)  # pytest-xdist gives its workers the width of a narrow terminal
@@ -27,7 +27,7 @@ from support.command_line import (  # noqa: E402, F401 - fixtures of all tests o
 )
 from support.missing import MISSING, THERE  # noqa: E402
 
-from wavesweep.core.sweep import workers  # noqa: E402
+from wavesweep.program.sweep import workers  # noqa: E402
 
 workers.PROCESSES = 1  # tests are many processes already: those that are about workers ask for them
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth

@@ -62,7 +62,7 @@ def tables_of(folder, package):
     """The bytes of the tables of the paper's specs, as the package of a checkout or of a copy writes them into a folder."""
     paper, options = ROOT / "sweeps" / "paper", ["--no-plot", "--quiet", "--overwrite"]
     calls = [[command, f"{paper / name}.toml", "--out", f"results/{name}", *options] for command, name in ASKED]
-    run(folder, package, "-c", f"from wavesweep.core.cli import main\nfor words in {calls!r}:\n    main(words)")
+    run(folder, package, "-c", f"from wavesweep.program.cli import main\nfor words in {calls!r}:\n    main(words)")
     found = {name: [*(folder / "results" / name).glob("*.csv")] for _, name in ASKED}
     return {(name, path.name): path.read_bytes() for name, paths in found.items() for path in paths}
 

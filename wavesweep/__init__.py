@@ -6,10 +6,10 @@ of capabilities, to editors and type checkers.
 
 __version__ = "1.2.0.dev0"
 
-_CORE = {
-    **dict.fromkeys(("CheckpointError", "IllPosedLoopError", "SpecError", "UsageError", "WavesweepError"), "errors"),
-    **dict.fromkeys(("Loop", "bode", "compile", "stability_region", "zwidth"), "api"),
-    **dict.fromkeys(("Spec", "load"), "spec"),
+_HOMES = {
+    **dict.fromkeys(("CheckpointError", "IllPosedLoopError", "SpecError", "UsageError", "WavesweepError"), "engine.errors"),
+    **dict.fromkeys(("Loop", "bode", "compile", "stability_region", "zwidth"), "program.api"),
+    **dict.fromkeys(("Spec", "load"), "program.spec"),
 }
 
 
@@ -17,15 +17,15 @@ def __getattr__(name):
     from importlib import import_module
 
     if name == "results":  # a module with functions for users
-        return import_module("wavesweep.core.results")
-    if name in _CORE:
-        return getattr(import_module(f"wavesweep.core.{_CORE[name]}"), name)
+        return import_module("wavesweep.program.results")
+    if name in _HOMES:
+        return getattr(import_module(f"wavesweep.{_HOMES[name]}"), name)
 
     from wavesweep.capabilities import library_names, of_library
 
     if name == "__all__":
-        return sorted([*_CORE, "__version__", "results", *library_names()])
-    return of_library(name, _CORE)
+        return sorted([*_HOMES, "__version__", "results", *library_names()])
+    return of_library(name, _HOMES)
 
 
 def __dir__():

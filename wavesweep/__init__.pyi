@@ -1,20 +1,13 @@
 from typing import overload
 
 from wavesweep.check.library import verdict as verdict
-from wavesweep.core import api
-from wavesweep.core import results as results
-from wavesweep.core.api import bode as bode
-from wavesweep.core.api import stability_region as stability_region
-from wavesweep.core.api import zwidth as zwidth
-from wavesweep.core.errors import CheckpointError as CheckpointError
-from wavesweep.core.errors import IllPosedLoopError as IllPosedLoopError
-from wavesweep.core.errors import SpecError as SpecError
-from wavesweep.core.errors import UsageError as UsageError
-from wavesweep.core.errors import WavesweepError as WavesweepError
-from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.spec import Spec as Spec
-from wavesweep.core.spec import load as load
 from wavesweep.designs.library import design as design
+from wavesweep.engine.errors import CheckpointError as CheckpointError
+from wavesweep.engine.errors import IllPosedLoopError as IllPosedLoopError
+from wavesweep.engine.errors import SpecError as SpecError
+from wavesweep.engine.errors import UsageError as UsageError
+from wavesweep.engine.errors import WavesweepError as WavesweepError
+from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.identification.library import identify as identify
 from wavesweep.margins import library as margins
 from wavesweep.passive import library as passive
@@ -22,6 +15,13 @@ from wavesweep.passive.library import filter_choices as filter_choices
 from wavesweep.passive.library import passivity as passivity
 from wavesweep.picture import library as picture
 from wavesweep.poles import library as poles
+from wavesweep.program import api
+from wavesweep.program import results as results
+from wavesweep.program.api import bode as bode
+from wavesweep.program.api import stability_region as stability_region
+from wavesweep.program.api import zwidth as zwidth
+from wavesweep.program.spec import Spec as Spec
+from wavesweep.program.spec import load as load
 from wavesweep.reports.library import report as report
 from wavesweep.sensitivity import library as sensitivity
 from wavesweep.sensitivity.library import why as why

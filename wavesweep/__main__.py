@@ -2,6 +2,6 @@
 
 import sys
 
-from wavesweep.core.cli import main
+from wavesweep.program.cli import main
 
 sys.exit(main())

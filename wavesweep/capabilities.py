@@ -7,12 +7,12 @@ list what there is. A capability is taken away by deleting its folder, its tests
 diagram: the picture of a loop, `diagram` of a spec.
 locus: the root locus of a spec, `axis_over` a number, and `root_locus` of both.
 marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `undrawn` of a plane, `responses`.
-keys: what the core has to know of a table of a spec, `TABLE` (see `core.reading.tables`).
-guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `core.tables.row_kinds`); `of_word`, the one
-for a word of --for-hands; `of_run`, those of a run (see `core.tables.hands`).
+keys: what the core has to know of a table of a spec, `TABLE` (see `program.reading.tables`).
+guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `program.tables.row_kinds`); `of_word`, the one
+for a word of --for-hands; `of_run`, those of a run (see `program.tables.hand_rows`).
 boxes: all loops of a box of numbers, for margins that hold for all of them.
 ticks: `Loop`, a loop tick by tick in ball arithmetic.
-bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `core.analyses.required_region`).
+bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `engine.search.required_region`).
 on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
     `lines(spec, found)` of its verdict, each with its rank, or what makes one that takes a while; `sweep_plan(spec)`, lines and
     jobs of a command over [sweep]; `plan(spec)`, lines of another; `refuse(spec)`, before anything is printed;
@@ -250,7 +250,7 @@ def of_library(name: str, known: Iterable[str] = ()) -> Any:
     for each in CAPABILITIES:
         if name in each.library:
             return reduce(getattr, name.split("."), each.module("library"))
-    from wavesweep.core.reading.checking import nearest
+    from wavesweep.engine.keys.checking import nearest
 
     kind, _, last = name.rpartition(".")
     meant = nearest(last, [each for each in (*known, *library_names(kind)) if each[0] != "_"]) if last[0] != "_" else ""

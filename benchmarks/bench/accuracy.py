@@ -13,8 +13,8 @@ from bench.measuring import Row
 from bench.problems import references, score
 from bench.this_tool import answer_of
 from wavesweep import Spec, load
-from wavesweep.core.analyses.spec_loops import loop_at_hand
-from wavesweep.core.response.steady import respond
+from wavesweep.engine.response.steady import respond
+from wavesweep.program.analyses.spec_loops import loop_at_hand
 
 _EXPLICIT = {"environment": {"integration": "explicit"}}
 

@@ -13,8 +13,8 @@ import numpy as np
 from bench.measuring import Patience, Row, interleaved
 from bench.problems import SPECS, load_paper
 from bench.this_tool import run
-from wavesweep.core.analyses.open_loops import wall_cut
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.program.tables.interval_table import intervals
 
 RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 FILTERS = ("lp1", "hp", "lp2")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bench.measuring import measured_on
-from wavesweep.core.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, figure
+from wavesweep.program.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, figure
 
 _LEAST = 1e-16  # errors below rounding, 0 among them, stand at the edge
 _MARKERS = "osv^D<"

@@ -12,9 +12,9 @@ import wavesweep
 from bench.measuring import Patience, Row, at_first_too
 from bench.problems import checked, digest, load_paper, references
 from wavesweep import Spec
-from wavesweep.core.analyses.spec_loops import loop_at_hand
-from wavesweep.core.response import steady
-from wavesweep.core.response.lifted import over_frame
+from wavesweep.engine.response import steady
+from wavesweep.engine.response.lifted import over_frame
+from wavesweep.program.analyses.spec_loops import loop_at_hand
 
 PART = "response"
 CHECKED = 10  # frequencies of each request that the references know

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.results import Field
+from wavesweep.program.results import Field
 
 FIELDS = (
     Field("part", "string", "", "stiffness, response, compile, slices, workers, start, profile or accuracy"),

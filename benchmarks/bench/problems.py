@@ -18,12 +18,12 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec, WavesweepError
-from wavesweep.core.analyses.open_loops import wall_cut
-from wavesweep.core.loops.batch import distinct_rows, selected
-from wavesweep.core.loops.controllers import keys_of_page
-from wavesweep.core.monodromy.cut import Cut, with_batch
-from wavesweep.core.spec import sweep_axes
-from wavesweep.core.sweep.grid import groups, make_grid
+from wavesweep.engine.loops.batch import distinct_rows, selected
+from wavesweep.engine.loops.controller_drawings import keys_of_page
+from wavesweep.engine.monodromy.cut import Cut, with_batch
+from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.program.spec import sweep_axes
+from wavesweep.program.sweep.grid import groups, make_grid
 
 COLUMNS = (25, 50, 100, 200)
 FILE = Path(__file__).with_name("references.json")

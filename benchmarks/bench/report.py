@@ -20,8 +20,8 @@ from bench.problems import FILE, PROBLEMS
 from bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 from bench.this_tool import LAPACK, profile_rows
 from wavesweep import __version__
-from wavesweep.core.columns import Columns
-from wavesweep.core.tables.table import Table
+from wavesweep.program.columns import Columns
+from wavesweep.program.tables.table import Table
 
 METHODS = {
     "run_time": "processor time, medians; ratios from pairs that were run in turn, in one process with one thread",

@@ -20,13 +20,13 @@ import wavesweep
 from bench.measuring import Row, forget
 from bench.problems import COLUMNS, PROBLEMS, SPECS, Intervals, Problem
 from wavesweep import Spec
-from wavesweep.core import results
-from wavesweep.core.analyses.open_loops import open_loops
-from wavesweep.core.monodromy.open_frame import cut_of
-from wavesweep.core.stability.boundary import polish
-from wavesweep.core.stability.crossings import sampled_polynomial
-from wavesweep.core.stability.real_roots import isolate
-from wavesweep.core.stability.regions import regions
+from wavesweep.engine.monodromy.open_frame import cut_of
+from wavesweep.engine.search.open_loops import open_loops
+from wavesweep.engine.stability.boundary import polish
+from wavesweep.engine.stability.crossings import sampled_polynomial
+from wavesweep.engine.stability.real_roots import isolate
+from wavesweep.engine.stability.regions import regions
+from wavesweep.program import results
 
 STAGES = {  # function -> the stage that it is; together they are the whole call
     open_loops: "draw, connect and lift",

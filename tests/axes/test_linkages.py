@@ -5,9 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wavesweep.core.drawing.mass_matrix import at_axes
-from wavesweep.core.loops.values import keys_with, numbers_of, values_of
-from wavesweep.core.spec import load
+from wavesweep.engine.drawing.mass_matrix import at_axes
+from wavesweep.engine.loops.values import keys_with, numbers_of, values_of
+from wavesweep.program.spec import load
 
 STEP = 1e-5  # m, of central differences of second order: a relative error of about 1e-7
 GAUSS = np.polynomial.legendre.leggauss(2)  # exact for the squares of velocities along a rod

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep.core.errors import SpecError
+from wavesweep.engine.errors import SpecError
 
 T = 1e-3
 

@@ -6,7 +6,7 @@ import re
 import pytest
 
 import wavesweep as library
-from wavesweep.core.spec import SYMBOLS
+from wavesweep.program.spec import SYMBOLS
 
 DESIGN = """
 [controller]
@@ -61,7 +61,7 @@ def test_the_verdict_is_printed_before_ranges_are_searched(wavesweep, tmp_path, 
         raise library.UsageError("no range")
 
     (tmp_path / "mine.toml").write_text(DESIGN)
-    monkeypatch.setattr("wavesweep.check.ranges.limits", limits)
+    monkeypatch.setattr("wavesweep.check.room_of_numbers.limits", limits)
     code, out, err = wavesweep("check", str(tmp_path / "mine.toml"))
     assert (code, out) == (2, "mine, pmw: stable (spectral radius 0.937103 per frame of 20 ms)\n")
     assert "no range" in err

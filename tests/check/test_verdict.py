@@ -9,9 +9,9 @@ from support.specs import nested, values_of
 
 import wavesweep
 from wavesweep.check import on_check
-from wavesweep.check import ranges as judging
+from wavesweep.check import room_of_numbers as judging
 from wavesweep.check.verdict import verdict_lines
-from wavesweep.core.spec import SYMBOLS, load
+from wavesweep.program.spec import SYMBOLS, load
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,7 +71,7 @@ def test_direct_coupling_at_the_fast_rate_feels_the_wall_as_it_is():
 
 
 def test_what_is_felt_over_frequency_is_left_to_bode_if_there_are_many_states(monkeypatch):
-    monkeypatch.setattr("wavesweep.core.analyses.feel.LARGE", 3)
+    monkeypatch.setattr("wavesweep.program.analyses.feel.LARGE", 3)
     few, many = (verdict(values_of("dc", K_VE=3.0) | {"device.delay": late})["felt"] for late in (1, 2))
     assert few["over_band"]
     assert many["over_band"] is None

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 from wavesweep.completion.shell import COMPLETIONS
-from wavesweep.core.cli import main
-from wavesweep.core.cli.entry import COMMANDS, group
-from wavesweep.core.controllers import CONTROLLERS
-from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.reading.tables import study_keys
-from wavesweep.core.spec import KEYS, SYMBOLS
+from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.program.cli import main
+from wavesweep.program.cli.entry import COMMANDS, group
+from wavesweep.program.reading.devices import DEVICES
+from wavesweep.program.reading.tables import study_keys
+from wavesweep.program.spec import KEYS, SYMBOLS
 
 
 @pytest.fixture
@@ -178,7 +178,7 @@ def test_every_argument_of_a_command_is_completed():
 @pytest.mark.parametrize("words", ["zwidth a", "zwidth a.toml --set contr", "", "init p"])
 def test_completion_loads_nothing_heavy(words):
     program = (
-        "import sys\nfrom wavesweep.core.cli import main\n"
+        "import sys\nfrom wavesweep.program.cli import main\n"
         "try:\n    main([])\nfinally:\n    print('modules', *sys.modules, file=sys.stderr)"
     )
     typed = ["wavesweep", *(words.split() or [""])]
@@ -187,9 +187,10 @@ def test_completion_loads_nothing_heavy(words):
     loaded = set(done.stderr.splitlines()[-1].split()[1:])
     assert "wavesweep.completion.shell" in loaded
     assert (
-        loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.core.sweep", "wavesweep.core.loops"} == set()
+        loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.program.sweep", "wavesweep.engine.loops"}
+        == set()
     )
-    assert words or not loaded & {"wavesweep.core.cli.studies", "wavesweep.programs.command"}
+    assert words or not loaded & {"wavesweep.program.cli.study_commands", "wavesweep.programs.command"}
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvals, expm
 
-from wavesweep.core.spec import load
 from wavesweep.designs.family import scenarios_of
 from wavesweep.designs.wishes import evaluate
+from wavesweep.program.spec import load
 
 DAMPING, RING = 2.0, 20.0  # N s/m of the device, and the rad/s at which a block beside it rings
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.core.spec import load
 from wavesweep.designs.best import chosen, text_of
+from wavesweep.program.spec import load
 
 SPEC = {
     "controller": {"kind": "pmw"},

@@ -9,17 +9,17 @@ import pytest
 from support.chunks import finished
 
 import wavesweep
-from wavesweep.core.cli import main
-from wavesweep.core.errors import WavesweepError
-from wavesweep.core.results import read
-from wavesweep.core.spec import load
-from wavesweep.core.store.checkpoint import FileCheckpoint
-from wavesweep.core.sweep import running
 from wavesweep.designs import study
 from wavesweep.designs.best import miss
 from wavesweep.designs.family import Scenario, scenarios_of
 from wavesweep.designs.search import designs_of
 from wavesweep.designs.study import box_of, evaluated, job_of
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.program.cli import main
+from wavesweep.program.results import read
+from wavesweep.program.spec import load
+from wavesweep.program.store.checkpoint import FileCheckpoint
+from wavesweep.program.sweep import running
 
 SPEC = """
 [environment]

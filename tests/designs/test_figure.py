@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.core import plots
-from wavesweep.core.spec import load
+from wavesweep.program import plots
+from wavesweep.program.spec import load
 
 pytestmark = pytest.mark.slow
 

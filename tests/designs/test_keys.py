@@ -6,9 +6,9 @@ import tomllib
 import pytest
 from support.drawn import ARM
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import load
 from wavesweep.designs.wish_keys import WISHES
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.spec import load
 
 LOOP = {"controller": {"kind": "pmw-lm"}}
 DESIGN = {

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from wavesweep import compile  # noqa: A004 - the library calls it so
-from wavesweep.core.analyses.own_design import own_design
-from wavesweep.core.spec import load
 from wavesweep.designs import study
 from wavesweep.designs.search import Judged, generations, spread, undominated
 from wavesweep.designs.study import design
+from wavesweep.program.analyses.own_design import own_design
+from wavesweep.program.spec import load
 
 
 def hypervolume(objectives: np.ndarray, reference: np.ndarray) -> float:

@@ -8,16 +8,16 @@ from support.drawn import ARM, NETWORK, as_blocks
 from support.specs import KINDS
 
 import wavesweep
-from wavesweep.core.analyses.intervals import at_points
-from wavesweep.core.errors import SpecError
-from wavesweep.core.spec import SYMBOLS, Axis, load
-from wavesweep.core.sweep.grid import keys_of
 from wavesweep.designs import study
 from wavesweep.designs import wishes as measures
 from wavesweep.designs.best import judged
 from wavesweep.designs.family import points_of, scenarios_of
 from wavesweep.designs.search import Judged
 from wavesweep.designs.wishes import Worst, evaluate
+from wavesweep.engine.errors import SpecError
+from wavesweep.program.analyses.interval_jobs import at_points
+from wavesweep.program.spec import SYMBOLS, Axis, load
+from wavesweep.program.sweep.grid import keys_of
 
 TABLES = {
     "controller": {"kind": "pmw-lm", "Kp": 2.0},

@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from wavesweep.core.doubts import DOUBTS
-from wavesweep.core.tables import kinds
+from wavesweep.engine.doubts import DOUBTS
 from wavesweep.explain.command import _lines, entries
 from wavesweep.explain.words import MESSAGES, TERMS
+from wavesweep.program.tables import kinds
 
 
 def test_all_words_of_doubt_columns_and_values_are_explained_in_five_lines_at_most():

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.core.spec import load
-from wavesweep.explore.page import Page
+from wavesweep.explore.explorer_page import Page
 from wavesweep.explore.server import Server
+from wavesweep.program.spec import load
 
 HOLE = {
     "controller": {"kind": "pmw", "b": 25.0},

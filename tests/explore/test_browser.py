@@ -12,8 +12,8 @@ import pytest
 
 import wavesweep
 from tests.explore.conftest import ARM, DRIVE, HOLE
-from wavesweep.core.spec import load
-from wavesweep.explore.page import saved_page
+from wavesweep.explore.explorer_page import saved_page
+from wavesweep.program.spec import load
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow

@@ -10,9 +10,9 @@ import pytest
 import wavesweep
 from tests.explore.conftest import ARM, DRIVE, HOLE, UNEVEN
 from tests.whole.plots.test_near_boundaries import within
-from wavesweep.core.cli import main
-from wavesweep.core.spec import load
-from wavesweep.explore.page import saved_page
+from wavesweep.explore.explorer_page import saved_page
+from wavesweep.program.cli import main
+from wavesweep.program.spec import load
 
 PLANE = {"x": "environment.B_VE", "y": "environment.K_VE", "x_span": [0, 5], "y_span": [0, 6000]}
 ENDS = ("low", "high", "low_omega", "high_omega", "residual", "felt_low", "felt_high")
@@ -160,8 +160,8 @@ def test_a_plane_without_the_walls_numbers_is_filled_as_in_a_figure(client):
 
 
 def test_what_is_not_certified_is_not_drawn_as_stable():
-    from wavesweep.core.tables.planes import KNOWN, Curve, Interval, View
     from wavesweep.explore.answers import plane_of
+    from wavesweep.program.tables.planes import KNOWN, Curve, Interval, View
 
     columns = {float(x): ((Interval(0.0, 1.0 + x, True, True, x < 2),), ()) for x in range(4)}
     found = plane_of(Curve(columns, {(float(x), x + 1.0): KNOWN for x in range(3)}), View("b", False, 800, 400))
@@ -170,8 +170,8 @@ def test_what_is_not_certified_is_not_drawn_as_stable():
 
 
 def test_an_open_place_is_sent_with_its_values_and_what_is_known_nowhere_without():
-    from wavesweep.core.tables.planes import KNOWN, Curve, Interval, View
     from wavesweep.explore.answers import plane_of
+    from wavesweep.program.tables.planes import KNOWN, Curve, Interval, View
 
     interval, spans = (Interval(0.0, 1.0, True, True, False),), (((0.2, 0.4),), ((-np.inf, np.inf),))
     columns = {float(x): (interval, spans[x]) for x in range(2)}

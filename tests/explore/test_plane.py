@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wavesweep.core.analyses.open_loops import wall_cut
-from wavesweep.core.monodromy.cut import close
-from wavesweep.core.spec import load
-from wavesweep.core.stability.stable import stable_intervals
+from wavesweep.engine.monodromy.cut import close
+from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.explore.plane import plane_curve, plane_lines, quick_columns, refined_curve
+from wavesweep.program.spec import load
 
 LOOPS = {
     "direct": {"controller": {"kind": "dc"}},

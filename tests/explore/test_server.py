@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 from support.program import PROGRAM
 
-from wavesweep.core.platform_compat import peer_user
 from wavesweep.explore import server as module
 from wavesweep.explore.server import GRACE, LARGEST, Server, as_json
+from wavesweep.program.platform_compat import peer_user
 
 QUESTION = json.dumps({"values": {}})
 

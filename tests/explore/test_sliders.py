@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from support.specs import shipped
 
-from wavesweep.core.spec import load
-from wavesweep.core.sweep.grid import keys_of
 from wavesweep.explore.sliders import changed, sliders_of, text_of
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import keys_of
 
 ROOT = Path(__file__).parents[2]
 SPECS = [path for path in shipped() if "[block." not in path.read_text(encoding="utf-8")]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.core.stability.frames import Frames
+from wavesweep.engine.stability.sampled_frames import Frames
 from wavesweep.for_all.guardian_maps import cover
 
 PLACE = np.array([0.137, -0.211, 0.048])

@@ -8,18 +8,18 @@ from support.frames import frames_of_controller, frames_of_drawing
 from support.specs import INTEGRATIONS, values_of
 
 import wavesweep
-from wavesweep.core.analyses.open_loops import wall_cut
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.loops.from_drawing import assembled, twins
-from wavesweep.core.monodromy.cut import with_batch
-from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.core.spec import load
-from wavesweep.core.stability.stable import stable_intervals
-from wavesweep.for_all.frames import FRAME, LOST, Frames
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.loops.from_drawing import assembled, twins
+from wavesweep.engine.monodromy.cut import with_batch
+from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.for_all.frame_families import FRAME, LOST, Frames
 from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol
-from wavesweep.for_all.words import growth
+from wavesweep.for_all.patterns import growth
+from wavesweep.program.spec import load
 
 LENGTHS = 16, 20, 25, 33
 

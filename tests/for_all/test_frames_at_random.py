@@ -12,13 +12,13 @@ from scipy.linalg import expm
 from scipy.signal import butter
 
 import wavesweep
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.spec import load
-from wavesweep.core.sweep.grid import loops_of
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.for_all.mean_square import brackets_on_average, decays, grows_everywhere
+from wavesweep.for_all.patterns import growth
 from wavesweep.for_all.rows import intervals_for_all, verdict
 from wavesweep.for_all.varying import Rules
-from wavesweep.for_all.words import growth
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import loops_of
 
 T = 1e-3
 LENGTHS, SHARES = [16, 20, 25, 33], [254, 588, 109, 49]

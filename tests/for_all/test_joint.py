@@ -7,11 +7,11 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from wavesweep.for_all.checking import Norms, shrink
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
+from wavesweep.for_all.norm_check import Norms, shrink
+from wavesweep.for_all.patterns import nearest, short_words
 from wavesweep.for_all.remembered import Remembered
-from wavesweep.for_all.words import nearest, short_words
 
 ONE = Graph.least(np.ones((1, 1), bool))
 GOLDEN = (1 + 5**0.5) / 2

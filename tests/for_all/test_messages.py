@@ -7,13 +7,13 @@ import pytest
 from support.messages import marched, random_blocks, random_loop, spec_of, spec_of_blocks
 
 import wavesweep
-from wavesweep.core.drawing.drawing import path_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import load
+from wavesweep.engine.drawing.drawing import path_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.for_all.channel_families import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.joint import bracket, decide
-from wavesweep.for_all.messages import Sent, frames_with_messages, messages_over
+from wavesweep.for_all.patterns import growth
 from wavesweep.for_all.varying import Rules, bracketed_over
-from wavesweep.for_all.words import growth
+from wavesweep.program.spec import load
 
 PLANT = {"type": "mass", "mass": 10.0, "damping": 1.0}
 

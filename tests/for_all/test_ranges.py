@@ -9,15 +9,15 @@ from scipy.signal import butter
 from support.frames import plan_of_controller
 from support.specs import values_of
 
-from wavesweep.core.spec import load
-from wavesweep.core.tables.intervals import intervals
 from wavesweep.for_all import loop_numbers, ranges
-from wavesweep.for_all.checking import shrink_over
-from wavesweep.for_all.frames import Frames, Slow, plan_of
+from wavesweep.for_all.frame_families import Frames, Slow, plan_of
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_numbers import FramesOver, TickSeries
+from wavesweep.for_all.norm_check import shrink_over
 from wavesweep.for_all.polynomials import Polynomials, monomials
 from wavesweep.for_all.ranges import cover
+from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
 
 T = 1e-3
 HAND = "operator.mass", "operator.damping", "operator.stiffness"

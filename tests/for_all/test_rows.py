@@ -11,18 +11,18 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
-from wavesweep.core.analyses.loops import radii_of
-from wavesweep.core.loops.batch import distinct
-from wavesweep.core.spec import load
-from wavesweep.core.sweep.grid import loops_of
-from wavesweep.core.tables import kind_named
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.engine.loops.batch import distinct
+from wavesweep.engine.stability.radii import radii_of
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
-from wavesweep.for_all.frames import Slow
+from wavesweep.for_all.frame_families import Slow
 from wavesweep.for_all.on_check import facts, lines
 from wavesweep.for_all.rows import ForAllGuarantee, text_of_part
 from wavesweep.for_all.unknown import Part
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import loops_of
+from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.interval_table import intervals
 
 PD = {
     "rates": {"tick_hz": 1000},
@@ -403,7 +403,7 @@ def test_hands_are_not_asked_for_beside_ranges():
 
 
 def wavesweep_hands():
-    from wavesweep.core.tables.hands import hands_of
+    from wavesweep.program.tables.hand_rows import hands_of
 
     return hands_of("port")
 

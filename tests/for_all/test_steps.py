@@ -15,16 +15,17 @@ from scipy.signal import butter
 from support.frames import frames_of_controller, frames_of_drawing
 
 import wavesweep
-from wavesweep.core.controllers import CONTROLLERS
-from wavesweep.core.drawing.block_types import TYPES, BlockType
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops import blocks, controllers
-from wavesweep.core.loops.direct import dc_slow
-from wavesweep.core.loops.page import Page
-from wavesweep.core.spec import load
-from wavesweep.for_all.frames import Frames
+from wavesweep.engine.drawing.block_types import TYPES, BlockType
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops import blocks
+from wavesweep.engine.loops import controller_drawings as controllers
+from wavesweep.engine.loops.controller_page import Page
+from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.engine.loops.direct import dc_slow
+from wavesweep.for_all.frame_families import Frames
 from wavesweep.for_all.joint import PROVED, REFUTED, decide
-from wavesweep.for_all.words import growth
+from wavesweep.for_all.patterns import growth
+from wavesweep.program.spec import load
 
 T, PATTERN, K = 1e-3, [16, 33, 16, 25, 33, 33], 3.0
 METHODS = "explicit", "implicit", "trapezoidal"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wavesweep import load
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
 from wavesweep.frame_times.table import KINDS, identified, spec_text
 from wavesweep.frame_times.times import read_run

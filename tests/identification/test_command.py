@@ -9,7 +9,7 @@ import pytest
 from identify_coverage import RATE, moved
 
 from wavesweep import load
-from wavesweep.core import results
+from wavesweep.program import results
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 

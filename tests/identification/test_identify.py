@@ -5,14 +5,14 @@ import pytest
 from identify_coverage import KINDS, RATE, coupled, force_of, log_of, marched, moved, read, study, two_masses
 
 import wavesweep
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.identification import table as of_identify
 from wavesweep.identification.device_spec import negative, spec_text
+from wavesweep.identification.explained import identified
 from wavesweep.identification.fit import fitted
 from wavesweep.identification.log import read_log, step_of
 from wavesweep.identification.model import Model, measured, readings
 from wavesweep.identification.response import Hold, admittance
-from wavesweep.identification.verdict import identified
 
 
 def written(path, force, position, names="time,force,position", period=1 / RATE):

@@ -5,10 +5,10 @@ import pytest
 
 import wavesweep
 from tests.identification.test_points import spec_of
-from wavesweep.core import plots
-from wavesweep.core.plots.style import distinct_colour
-from wavesweep.core.tables.specs import intervals_of_specs
 from wavesweep.identification.marks import facts_of
+from wavesweep.program import plots
+from wavesweep.program.plots.style import distinct_colour
+from wavesweep.program.tables.specs import intervals_of_specs
 
 SWEEP = {"B_VE": [0.0, 1.0, 2.0, 3.0, 4.0]}
 WALLS = "B_VE,K_VE,stable\n0,1000,1\n2,3500,0\n2,3000,1\n9,100,1\n"

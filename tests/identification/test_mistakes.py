@@ -7,7 +7,7 @@ import pytest
 from support.expected import assert_expected
 
 import wavesweep
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.identification.points import MOST_POINTS, response_of, walls_of
 
 GOOD = ["time,force,position", *(f"{k / 1000},{np.sin(k / 9):.5f},{1e-3 * np.sin(k / 9):.6f}" for k in range(60))]

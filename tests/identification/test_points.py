@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.core.errors import SpecError
+from wavesweep.engine.errors import SpecError
 from wavesweep.identification.points import response_of, walls_of
 
 RESPONSE = "frequency_hz,admittance_abs,admittance_deg\n1,0.002,-1\n2,0.003,-5\n"

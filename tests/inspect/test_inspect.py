@@ -8,9 +8,9 @@ import pandas
 import pyarrow.parquet
 import pytest
 
-from wavesweep.core.results import publish
-from wavesweep.core.spec import load
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.program.results import publish
+from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
 
 SPEC = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [0.5, 1.0, 2.0]}}
 
@@ -122,14 +122,14 @@ def test_a_table_that_is_not_whole_is_refused_in_a_line(change, command, folder,
 
 
 def test_a_foreign_table_of_many_rows_is_refused_before_they_are_read(folder, wavesweep, monkeypatch):
-    monkeypatch.setattr("wavesweep.core.results.files._read_parquet", lambda _: pytest.fail("the rows were read"))
+    monkeypatch.setattr("wavesweep.program.results.table_files._read_parquet", lambda _: pytest.fail("the rows were read"))
     code, _, err = wavesweep("inspect", changed(folder, lambda table, _: table.select(["low"])))
     assert (code, "expected a whole table zwidth, found none with " in err) == (2, True)
 
 
 @pytest.mark.slow
 def test_a_package_that_lists_its_files_again_and_again_is_answered_by_a_screen(folder, wavesweep, monkeypatch):
-    from wavesweep.core.results import verification
+    from wavesweep.program.results import verification
 
     package, hashed = folder / "zwidth.datapackage.json", []
     content = json.loads(package.read_text())

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.core import results
+from wavesweep.program import results
 
 DOCS = Path(__file__).parents[2] / "docs"
 

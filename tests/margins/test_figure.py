@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep.core import plots
-from wavesweep.core.plots.style import as_asked
 from wavesweep.margins.figure import draw_bode, draw_nyquist
 from wavesweep.margins.figure import open_loop as open_loop_of
 from wavesweep.margins.table import margins
+from wavesweep.program import plots
+from wavesweep.program.plots.style import as_asked
 
 pytestmark = pytest.mark.slow
 FRAME, MASS, DAMPING, SPRING = 5e-3, 0.1, 0.02, 250.0

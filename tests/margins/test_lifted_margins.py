@@ -11,13 +11,13 @@ from support.drawn import random_tables
 
 import wavesweep
 from wavesweep import UsageError, load
-from wavesweep.core.analyses.loops import drift_of, frames
-from wavesweep.core.drawing.drawing import path_of
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.sweep.grid import own_loop
+from wavesweep.engine.drawing.drawing import path_of
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.stability.radii import drift_of, frames
 from wavesweep.margins.broken_loops import GAIN, broken_at, with_gain
 from wavesweep.margins.command import margins as command
 from wavesweep.margins.lifted_margins import LiftedLoop, lifted_margins, margins_of
+from wavesweep.program.sweep.grid import own_loop
 
 CASCADE = Path(__file__).parents[2] / "sweeps" / "recipes" / "cascade.toml"
 

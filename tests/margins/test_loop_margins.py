@@ -13,10 +13,10 @@ from scipy.signal import cont2discrete
 from support.drawn import ARM
 
 from wavesweep import UsageError, load
-from wavesweep.core.api import compile as compiled
-from wavesweep.core.stability.certificate import words
+from wavesweep.engine.stability.certificate import words
 from wavesweep.margins.broken_loops import broken_at, cuts_of
 from wavesweep.margins.lifted_margins import margins_of
+from wavesweep.program.api import compile as compiled
 
 GRID = np.unique(np.concatenate([np.geomspace(1e-7, np.pi, 8001), np.linspace(1e-5, np.pi, 8001)])[:-1])
 W = 2 * np.pi

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 import wavesweep
-from wavesweep.core.errors import SpecError, UsageError
+from wavesweep.engine.errors import SpecError, UsageError
 
 pytestmark = pytest.mark.asks("axes")  # for its walls
 T = 1e-3

@@ -5,10 +5,10 @@ import pytest
 from support.held import channel_norm
 
 import wavesweep
-from wavesweep.core.energy import hinf
-from wavesweep.core.energy.hinf import peak_by_levels
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.engine.energy import hinf
+from wavesweep.engine.energy.hinf import peak_by_levels
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.passive.channel import channel_of
 
 THETA = np.pi * np.linspace(0, 1, 801) ** 2

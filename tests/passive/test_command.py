@@ -8,8 +8,8 @@ from support.held import more_damping, port_margin
 from support.specs import values_of
 
 from wavesweep import filter_choices
-from wavesweep.core import results
 from wavesweep.passive.table import PassivityTally
+from wavesweep.program import results
 
 pytestmark = pytest.mark.slow
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.spec import load
-from wavesweep.core.tables.hands import hands_of
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.passive.table import passivity
+from wavesweep.program.spec import load
+from wavesweep.program.tables.hand_rows import hands_of
+from wavesweep.program.tables.interval_table import intervals
 
 BOX = {"mass": (0.05, 0.1), "damping": (3.0, 4.0), "stiffness": (300.0, 400.0)}
 SPAN = {"start": 0, "stop": 20000}

@@ -6,11 +6,11 @@ from support.held import box_intervals, damping_needed, worst_modes
 from support.published import colgate_schenkel
 from support.tables import same
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import load
-from wavesweep.core.tables.hands import hands_of
-from wavesweep.core.tables.interval_tally import Tallies, interval_lines
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.spec import load
+from wavesweep.program.tables.hand_rows import hands_of
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.interval_tally import Tallies, interval_lines
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}

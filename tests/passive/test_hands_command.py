@@ -7,9 +7,9 @@ import pytest
 from support.chunks import finished_in
 
 from wavesweep import load
-from wavesweep.core import results
-from wavesweep.core.store.checkpoint import FileCheckpoint
-from wavesweep.core.tables.table import digest_of
+from wavesweep.program import results
+from wavesweep.program.store.checkpoint import FileCheckpoint
+from wavesweep.program.tables.table import digest_of
 
 SPEC = """
 [device]

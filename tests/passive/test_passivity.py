@@ -7,10 +7,10 @@ import pytest
 from support.held import channel_norm, port_margin
 
 import wavesweep
-from wavesweep.core.spec import find_key, load
 from wavesweep.passive import channel
-from wavesweep.passive import job as analysis
+from wavesweep.passive import port_jobs as analysis
 from wavesweep.passive.table import passivity
+from wavesweep.program.spec import find_key, load
 
 OWN = ["channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive"]
 OWN += ["stable", "damping_needed", "channel_hz", "port_hz"]

@@ -6,7 +6,7 @@ from scipy.optimize import minimize_scalar
 from support.held import channel_norm, held, passive_walls, port_margin, scan
 
 from wavesweep.passive.over_ranges import port_maps
-from wavesweep.passive.ranges import _OneMap, _Ranges, channel_ranges
+from wavesweep.passive.port_ranges import _OneMap, _Ranges, channel_ranges
 
 ENCODER = {"device.velocity": "difference", "environment.integration": "explicit"}
 SLOW = ENCODER | {"environment.delay": 1, "B_VE": 0.3, "K_VE": 50.0}

@@ -8,13 +8,13 @@ import pytest
 from support.teleoperator import FREE, radius, termination
 
 import wavesweep
-from wavesweep.core.analyses.loops import held_loop
-from wavesweep.core.stability.positive import Cover
-from wavesweep.core.sweep.grid import own_loop
-from wavesweep.core.tables.hands import hands_of
+from wavesweep.engine.stability.positive import Cover
+from wavesweep.engine.stability.radii import held_loop
 from wavesweep.passive import two_ports
 from wavesweep.passive.port_rows import index, pair_margin
 from wavesweep.passive.two_ports import Pair, pairs_of, worst
+from wavesweep.program.sweep.grid import own_loop
+from wavesweep.program.tables.hand_rows import hands_of
 
 SPEC = pathlib.Path(__file__).parents[2] / "sweeps" / "examples" / "two-channel.toml"
 NUMBERS = {"K": 400.0, "B": 8.0, "g": 0.3, "m": 0.5, "d": 2.0, "n": 5, "late": 1}

@@ -10,13 +10,13 @@ from support.plants import joint
 from support.specs import KINDS, nested
 
 import wavesweep
-from wavesweep.core import plots
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.spec import load
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.picture.diagram import WIDEST, placed
 from wavesweep.picture.layout import APART, ROW
 from wavesweep.picture.wiring import wiring_of_drawing
+from wavesweep.program import plots
+from wavesweep.program.spec import load
 
 TINY = 1e-6
 

@@ -11,13 +11,13 @@ from scipy.linalg import expm
 from support.drawn import DRIVE
 
 import wavesweep
-from wavesweep.core import plots
-from wavesweep.core.analyses.asked import axes_asked
-from wavesweep.core.analyses.poles import poles
-from wavesweep.core.plots.style import as_asked
-from wavesweep.core.spec import load
 from wavesweep.poles import table
 from wavesweep.poles.locus import ends_on_circle
+from wavesweep.program import plots
+from wavesweep.program.analyses.asked import axes_asked
+from wavesweep.program.analyses.poles import poles
+from wavesweep.program.plots.style import as_asked
+from wavesweep.program.spec import load
 
 # Two springs and masses that do not act on each other, m x'' + d x' + k x = 0, and a filter that only watches.
 APART = {

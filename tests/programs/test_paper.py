@@ -9,7 +9,7 @@ pytest.importorskip("wavesweep.passive", reason="the paper's program asks for pa
 from reproduce import figures, open_choices, passive_bank
 from reproduce.specs import load_paper
 from reproduce.statements.stability import STATEMENTS
-from wavesweep.core.results import read
+from wavesweep.program.results import read
 
 pytestmark = pytest.mark.slow
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.core.analyses.loops import drift_of
-from wavesweep.core.sweep.grid import loops_of
+from wavesweep.engine.stability.radii import drift_of
+from wavesweep.program.sweep.grid import loops_of
 from wavesweep.prove.columns import prove_column
 
 

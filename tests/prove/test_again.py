@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep.core import results
-from wavesweep.core.analyses.intervals import job_of, searches_of
-from wavesweep.core.cli import main
-from wavesweep.core.results import publish
-from wavesweep.core.spec import load
-from wavesweep.core.sweep.job import cut_otherwise
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.table import Table
+from wavesweep.program import results
+from wavesweep.program.analyses.interval_jobs import job_of, searches_of
+from wavesweep.program.cli import main
+from wavesweep.program.results import publish
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.job import cut_otherwise
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.table import Table
 from wavesweep.prove.again import prove_again
 
 SWEEPS = Path(__file__).parents[2] / "sweeps"

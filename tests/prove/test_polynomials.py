@@ -11,8 +11,8 @@ from stress.drawings import monodromy
 from support.drawn import random_network, random_tables
 
 import wavesweep
-from wavesweep.prove.crossings import count_outside, crossings
-from wavesweep.prove.polynomials import Budget, Family, Part, bernstein, chebyshev
+from wavesweep.prove.ball_crossings import count_outside, crossings
+from wavesweep.prove.ball_polynomials import Budget, Family, Part, bernstein, chebyshev
 from wavesweep.prove.ticks import Loop, UndecidedError
 
 

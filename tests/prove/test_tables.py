@@ -5,8 +5,8 @@ from stability.test_meeting import line
 
 import wavesweep
 from wavesweep import capabilities
-from wavesweep.core.cli import main
-from wavesweep.core.results.verification import verify
+from wavesweep.program.cli import main
+from wavesweep.program.results.verification import verify
 
 SPEC = """
 [rates]

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.core.cli import main
-from wavesweep.core.spec import load
-from wavesweep.core.spec.writing import as_toml
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.program.cli import main
+from wavesweep.program.spec import load
+from wavesweep.program.spec.writing import as_toml
+from wavesweep.program.tables.interval_table import intervals
 from wavesweep.reports import content
-from wavesweep.reports.words import interval_rows, question
+from wavesweep.reports.sentences import interval_rows, question
 
 pytestmark = pytest.mark.slow
 PD = {
@@ -169,7 +169,7 @@ def test_only_an_earlier_report_of_the_spec_is_replaced(tmp_path, monkeypatch, c
     assert Path("there/report.html").read_text(encoding="utf-8") == "()<title>"
     assert main(["report", "mine.toml", "-o", "there"]) == 2
     assert "the file is no report of mine" in capsys.readouterr().err
-    Path("own.html").write_text(wavesweep.reports.page.page("mine", ["by hand"]), encoding="utf-8")
+    Path("own.html").write_text(wavesweep.reports.report_page.page("mine", ["by hand"]), encoding="utf-8")
     assert main(["report", "mine.toml", "-o", "own.html", "--set", "b=20"]) == 0
     for wrong in ("report.pdf", "", "-", "nowhere/mine.toml/x.html"):
         Path("nowhere").touch()

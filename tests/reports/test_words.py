@@ -1,7 +1,7 @@
 """The question of a report, in words."""
 
 import wavesweep
-from wavesweep.reports.words import question
+from wavesweep.reports.sentences import question
 
 WALLS = {"K_VE": {"start": 0, "stop": 5000}}
 

@@ -8,8 +8,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 
 import wavesweep
-from wavesweep.core.errors import UsageError
-from wavesweep.require.panels import BAD, GOOD, OPEN, RIM
+from wavesweep.engine.errors import UsageError
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM
 from wavesweep.require.sines import Panel
 
 STRING = pathlib.Path(__file__).parents[2] / "sweeps" / "examples" / "vehicle-string.toml"

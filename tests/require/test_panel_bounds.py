@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wavesweep.require.by_discs import _Loops
+from wavesweep.require.disc_panels import GOOD, OPEN
 from wavesweep.require.discs import Spiral
-from wavesweep.require.panels import GOOD, OPEN
 
 
 @pytest.mark.parametrize(

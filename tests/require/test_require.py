@@ -11,14 +11,14 @@ from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
-from wavesweep.core.analyses.own_design import own_design, own_lines
-from wavesweep.core.errors import UsageError
-from wavesweep.core.monodromy.radius import errors_within, within
-from wavesweep.core.spec import load
-from wavesweep.core.tables import kind_named
-from wavesweep.core.tables.intervals import KINDS as TABLES
-from wavesweep.core.tables.intervals import intervals, rows_again
-from wavesweep.core.tables.specs import intervals_of_specs
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.monodromy.radius import errors_within, within
+from wavesweep.program.analyses.own_design import own_design, own_lines
+from wavesweep.program.spec import load
+from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.interval_table import KINDS as TABLES
+from wavesweep.program.tables.interval_table import intervals, rows_again
+from wavesweep.program.tables.specs import intervals_of_specs
 
 FRAME, SETTLED = 0.02, 0.02  # s of the default rates; what is left of a mode that has settled
 SPEC = {

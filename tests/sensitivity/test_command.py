@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from support.drawn import ARM
 
-from wavesweep.core import results
-from wavesweep.core.plots import figure_of
-from wavesweep.core.spec import load
-from wavesweep.core.tables import kind_named
+from wavesweep.program import results
+from wavesweep.program.plots import figure_of
+from wavesweep.program.spec import load
+from wavesweep.program.tables import kind_named
 from wavesweep.sensitivity.table import why
 
 HOLE = """

@@ -10,8 +10,8 @@ from support.drawn import CORNER, JOINT, NETWORK, PD, as_blocks, random_tables
 from support.specs import nested, random_values, values_of
 
 import wavesweep
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.spec import load
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.program.spec import load
 
 ROOT = Path(__file__).parents[2]
 

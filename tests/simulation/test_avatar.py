@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavesweep.simulation.laws import avatar
-from wavesweep.simulation.ticks import Meeting
+from wavesweep.simulation.tick_sums import Meeting
 
 b, PERIOD, K, B, POSITION = 25.0, 0.02, 300.0, 4.0, 0.01
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wavesweep as library
-from wavesweep.core import results
+from wavesweep.program import results
 from wavesweep.simulation.table import simulate as tables_of
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"

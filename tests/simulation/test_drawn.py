@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from support.drawings import pmw, random_drawing
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.loops.ports import Ports
-from wavesweep.core.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.core.monodromy.periodic import ticks_of
-from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.port import port_of
-from wavesweep.core.response.steady import respond
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import Ports
+from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.port import port_of
+from wavesweep.engine.response.steady import respond
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.march import run_drawn
 from wavesweep.simulation.record import components

@@ -8,7 +8,7 @@ from support.drawn import ARM, as_blocks
 from support.specs import nested, random_values
 
 import wavesweep
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.from_spec import simulated
 
 TWO_RATES = """

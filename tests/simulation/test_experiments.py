@@ -12,7 +12,7 @@ from support.messages import marched_blocks, random_blocks, spec_of_blocks
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.export import exported
 from wavesweep.simulation.from_spec import simulated
 

@@ -36,7 +36,7 @@ def test_existing_files_are_replaced_only_with_force(wavesweep, spec, tmp_path):
 
 @pytest.mark.parametrize("settings", [(), ("--set", "simulate.wall=0.01", "--set", "controller.kind=dc-lm")])
 def test_the_vectors_are_the_rows_of_simulate(settings, wavesweep, spec):
-    from wavesweep.core import results
+    from wavesweep.program import results
 
     wavesweep("export", spec, *SHORT, *settings, "--out", "mine", "--quiet")
     wavesweep("simulate", spec, *SHORT, *settings, "--out", "there", "--quiet", "--no-plot")

@@ -10,8 +10,8 @@ from support.drawn import DRIVE, as_blocks, drive
 from support.exports import COMPILERS, LEVELS, check, made, need, present, put, written
 
 import wavesweep
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import load
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.spec import load
 from wavesweep.simulation.experiment import simulation_of
 from wavesweep.simulation.export import exported
 from wavesweep.simulation.export.source import _identifiers

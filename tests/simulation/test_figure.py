@@ -8,11 +8,11 @@ import pytest
 from matplotlib.ticker import FixedLocator
 
 import wavesweep
-from wavesweep.core import plots
-from wavesweep.core.plots.sampling import extremes
-from wavesweep.core.plots.style import _cut_off, figure
-from wavesweep.core.results import fields, read_table, save
-from wavesweep.core.spec import load
+from wavesweep.program import plots
+from wavesweep.program.plots.sampling import extremes
+from wavesweep.program.plots.style import _cut_off, figure
+from wavesweep.program.results import fields, read_table, save
+from wavesweep.program.spec import load
 from wavesweep.simulation.figure import _spans
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.record import recorded

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from wavesweep.simulation.laws import butterworth
-from wavesweep.simulation.ticks import evaluated
+from wavesweep.simulation.tick_sums import evaluated
 
 
 def step(law, state, u):

@@ -6,9 +6,9 @@ from scipy.linalg import expm
 from scipy.signal import butter
 from support.specs import INTEGRATIONS
 
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.spec import load
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.record import recorded
 
@@ -129,8 +129,8 @@ def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, ste
     pytest.importorskip("wavesweep.for_all")
     from support.frames import frames_of_controller
 
-    from wavesweep.for_all.frames import LOST, Frames
-    from wavesweep.for_all.words import growth as growth_of
+    from wavesweep.for_all.frame_families import LOST, Frames
+    from wavesweep.for_all.patterns import growth as growth_of
 
     pattern = [(5, 2), (9, 5), (7, LOST), (7, 0)]
     frames = [{"ticks": ticks} | ({"lost": True} if delay == LOST else {"delay": delay}) for ticks, delay in pattern]

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.spec import load
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.program.spec import load
 from wavesweep.simulation.figure import simulate as drawn
 from wavesweep.simulation.from_spec import effects_of, frames_in_turn, simulated
 from wavesweep.simulation.hardware import Effects

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.spec import load
-from wavesweep.core.tables import kind_named
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.program.spec import load
+from wavesweep.program.tables import kind_named
 from wavesweep.simulation.from_spec import hand_force, simulated
 from wavesweep.simulation.record import recorded
 

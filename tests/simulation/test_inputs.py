@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.simulation.inputs import chirp, read_force, sine, stepped_sine
 
 

@@ -5,8 +5,8 @@ import pickle
 import pytest
 from support.drawn import ARM
 
-from wavesweep.core.errors import SpecError
-from wavesweep.core.spec import load
+from wavesweep.engine.errors import SpecError
+from wavesweep.program.spec import load
 from wavesweep.simulation.keys import KEYS, step_seconds
 
 LOOP = {"controller": {"kind": "pmw"}}

@@ -6,8 +6,8 @@ from support.exports import made, present, put
 
 import wavesweep
 from wavesweep import IllPosedLoopError, SpecError
-from wavesweep.core.analyses.assumptions import assumes
-from wavesweep.core.spec import load
+from wavesweep.program.analyses.assumptions import assumes
+from wavesweep.program.spec import load
 from wavesweep.simulation.export.source import exported
 
 T, KP, KI, KD, TAU, TRACKING = 0.004, 1.5, 30.0, 0.02, 0.01, 0.05

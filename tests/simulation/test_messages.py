@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.messages import marched_blocks, random_blocks, spec_of_blocks
 
-from wavesweep.core.spec import load
+from wavesweep.program.spec import load
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.hardware import Effects, losses
 from wavesweep.simulation.table import simulate

@@ -6,9 +6,9 @@ import scipy.linalg
 from support.plants import bodies, joint
 
 import wavesweep
-from wavesweep.core.loops.from_drawing import assembled
-from wavesweep.core.monodromy.periodic import ticks_of
-from wavesweep.core.spec import load
+from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.program.spec import load
 
 
 def stepped(A, B, C, period, force, kp, kd):

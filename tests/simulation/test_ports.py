@@ -8,10 +8,10 @@ import pytest
 from support.drawn import DRIVE, NETWORK, WALL, drive
 
 import wavesweep
-from wavesweep.core.drawing.block_types import RUN_COLUMNS
-from wavesweep.core.errors import SpecError
-from wavesweep.core.spec import load
-from wavesweep.core.tables import kind_named
+from wavesweep.engine.drawing.block_types import RUN_COLUMNS
+from wavesweep.engine.errors import SpecError
+from wavesweep.program.spec import load
+from wavesweep.program.tables import kind_named
 from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.table import simulate
 

@@ -5,7 +5,7 @@ import pytest
 from support.exact import SLOW, march
 from support.specs import KINDS, random_values, values_of
 
-from wavesweep.core.errors import IllPosedLoopError, UsageError
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.march import FARTHEST, STRONGEST, simulate
 

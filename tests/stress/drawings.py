@@ -14,9 +14,9 @@ import numpy as np
 from support.drawn import random_feedback, random_tables
 
 import wavesweep
-from wavesweep.core.sweep.grid import loops_of
+from wavesweep.program.sweep.grid import loops_of
 from wavesweep.simulation.parts import DEPTH, FORCE, SPEED, loop_of
-from wavesweep.simulation.ticks import Ticks, keep, run
+from wavesweep.simulation.tick_sums import Ticks, keep, run
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3), "rates.tick_hz": (700.0, 5000.0)}
 NUMBERS = [name for name in SPANS if "." not in name]

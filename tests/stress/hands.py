@@ -13,8 +13,8 @@ from support import exact
 from support.held import box_intervals, ends_of, worst_modes
 from support.specs import random_values
 
-from wavesweep.core.energy.held_loop import HAND as OPERATOR
-from wavesweep.core.errors import IllPosedLoopError
+from wavesweep.engine.energy.held_loop import HAND as OPERATOR
+from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.for_all.hand_box import HandBox
 
 SPAN = (0.0, 20000.0)

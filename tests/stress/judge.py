@@ -7,11 +7,11 @@ import numpy as np
 from support import certified
 from support.intervals import cut_of
 
-from wavesweep.core.analyses.interval_search import Search
-from wavesweep.core.controllers import WALL
-from wavesweep.core.errors import IllPosedLoopError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.loops.controllers import WALL
+from wavesweep.engine.search.interval_search import Search
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
 NEAR_ZERO = 1e-5

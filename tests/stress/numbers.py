@@ -10,8 +10,8 @@ from support import certified
 from support.specs import nested
 
 import wavesweep
-from wavesweep.core.errors import IllPosedLoopError
-from wavesweep.core.loops.controllers import keys_of_page
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.controller_drawings import keys_of_page
 
 ASIDE = 1e-7  # relative: how far from an end the counts are taken
 RANGES = {

@@ -10,9 +10,9 @@ from stress.specs import FAMILIES, maybe, spread, usual
 from support import balls
 from support.responses import loop_of
 
-from wavesweep.core.errors import IllPosedLoopError
-from wavesweep.core.response.steady import respond
-from wavesweep.core.stability.certificate import SPARED
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.response.steady import respond
+from wavesweep.engine.stability.certificate import SPARED
 
 BITS = (256, 512, 1024, 2048, 4096)
 STEP = arb(2) ** -83  # relative and exact, to either side of a frequency where the formula is 0/0

@@ -7,7 +7,7 @@ pytest.importorskip("flint", reason="python-flint is the witness")
 from stress import responses
 from support.responses import loop_of
 
-from wavesweep.core.response.gain import gain_of
+from wavesweep.engine.response.gain import gain_of
 
 pytestmark = pytest.mark.slow
 

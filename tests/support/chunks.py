@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from wavesweep.core.sweep.pools import timed
+from wavesweep.program.sweep.pools import timed
 
 
 @dataclass

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from support.tables import rows_of
-from wavesweep.core.cli import main
-from wavesweep.core.sweep import estimates
-from wavesweep.core.tables.table import Table
+from wavesweep.program.cli import main
+from wavesweep.program.sweep import estimates
+from wavesweep.program.tables.table import Table
 
 SPEC = """
 [controller]
@@ -95,8 +95,8 @@ def sweep(monkeypatch):
         calls.note("plan", **given)
         return [f"kind {spec.values['controller.kind']}", "2 slices"]
 
-    monkeypatch.setattr("wavesweep.core.tables.intervals.intervals", intervals)
-    monkeypatch.setattr("wavesweep.core.tables.responses.responses", responses)
+    monkeypatch.setattr("wavesweep.program.tables.interval_table.intervals", intervals)
+    monkeypatch.setattr("wavesweep.program.tables.response_table.responses", responses)
     if find_spec("wavesweep.check"):
         monkeypatch.setattr("wavesweep.check.planning.plan", plan)
     return calls
@@ -106,8 +106,8 @@ def sweep(monkeypatch):
 def no_word_on_a_busy_machine(monkeypatch, request):
     """A command that takes long says so after ten seconds; the tests of messages are about that."""
     if request.path.name != "test_messages.py":
-        monkeypatch.setattr("wavesweep.core.cli.messages.FIRST_WORD", 1e6)
-        monkeypatch.setattr("wavesweep.core.cli.messages.MINUTE", 1e6)
+        monkeypatch.setattr("wavesweep.program.cli.messages.FIRST_WORD", 1e6)
+        monkeypatch.setattr("wavesweep.program.cli.messages.MINUTE", 1e6)
 
 
 @pytest.fixture

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.core.loops import blocks
-from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.engine.loops import blocks
+from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 
 T = 1e-3
 

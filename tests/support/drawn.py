@@ -5,7 +5,7 @@ from math import lcm
 
 import numpy as np
 
-from wavesweep.core.reading.keys import FILTERS
+from wavesweep.program.reading.keys import FILTERS
 
 ARM = """
 [rates]

@@ -1,6 +1,6 @@
 """Frames of loops by hand, without a spec's [for_all]."""
 
-from wavesweep.for_all.frames import IN_PHASE, RATIO, Frames, Slow, drawing_of_controller, plan_of
+from wavesweep.for_all.frame_families import IN_PHASE, RATIO, Frames, Slow, drawing_of_controller, plan_of
 
 
 def plan_of_controller(values, frames, gains=()):

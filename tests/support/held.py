@@ -4,11 +4,11 @@ import numpy as np
 
 import wavesweep
 from support.specs import nested
-from wavesweep.core.analyses.loops import drift_of, frames
-from wavesweep.core.controllers import HAND
-from wavesweep.core.energy.held_loop import HeldLoop
-from wavesweep.core.loops.batch import Loops, distinct, selected
-from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.engine.energy.held_loop import HeldLoop
+from wavesweep.engine.loops.batch import Loops, distinct, selected
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.stability.radii import drift_of, frames
 
 WALL = "environment.K_VE"
 THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])  # rad per frame
@@ -45,13 +45,13 @@ def channel_norm(values):
 
 
 def any_hand_walls(values, span, path=WALL):
-    from wavesweep.passive.ranges import hand_ranges
+    from wavesweep.passive.port_ranges import hand_ranges
 
     return hand_ranges(held(values, path), path, span)
 
 
 def passive_walls(values, span, path=WALL):
-    from wavesweep.passive.ranges import port_ranges
+    from wavesweep.passive.port_ranges import port_ranges
 
     return port_ranges(held(values, path), path, span)
 

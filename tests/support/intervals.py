@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from wavesweep.core.analyses.open_loops import wall_cut
-from wavesweep.core.errors import IllPosedLoopError
-from wavesweep.core.monodromy.cut import close
-from wavesweep.core.stability.stable import stable_intervals
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.monodromy.cut import close
+from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.engine.stability.stable import stable_intervals
 
 
 def cut_of(values):

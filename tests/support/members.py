@@ -15,8 +15,8 @@ from scipy.linalg import expm
 import wavesweep
 from support.marched_hands import growth, random_hand
 from support.specs import nested, random_values
-from wavesweep.core.spec import load
 from wavesweep.for_all import every_hand
+from wavesweep.program.spec import load
 
 SURELY = 1e-7  # above 1, from which on a radius contradicts
 CLEARLY = 1e-3  # below 1, from which on a value that no row has is missing

@@ -7,7 +7,7 @@ import sys
 # Whoever runs the tests may have switched Ctrl-C off for its children, and `nohup` the end of the terminal.
 PROGRAM = """
 import signal, sys
-from wavesweep.core.cli import main, messages
+from wavesweep.program.cli import main, messages
 messages.FIRST_WORD = messages.MINUTE = 1e9  # a busy machine has no word on the time
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import ports_of_batch
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.response.lifted import Lifted
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.response.at_hand import ports_of_batch
+from wavesweep.engine.response.lifted import Lifted
 
 
 def loop_of(values) -> Lifted:

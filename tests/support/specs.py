@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from support.missing import MISSING
-from wavesweep.core.controllers import CONTROLLERS
-from wavesweep.core.errors import SpecError
-from wavesweep.core.spec import load
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.program.spec import load
 
 DEFAULTS = {
     "rates.fast_hz": 1000.0, "rates.ratio": 20,

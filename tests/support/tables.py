@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.core.tables import kind_named
+from wavesweep.program.tables import kind_named
 
 
 def same(found, expected, rtol=0.0):

@@ -5,7 +5,7 @@ import pathlib
 import pytest
 
 import wavesweep
-from wavesweep.core.spec import load
+from wavesweep.program.spec import load
 
 TWO = (pathlib.Path(__file__).parent / "mistakes" / "classes.toml").read_text(encoding="utf-8")
 ONE_BY_ONE = {

@@ -14,10 +14,10 @@ import jsonschema
 import pytest
 
 import wavesweep
-from wavesweep.core.cli import main
-from wavesweep.core.cli.entry import COMMANDS, WITHOUT_SUMMARY
-from wavesweep.core.sweep.running import Options
 from wavesweep.identification.table import Asked
+from wavesweep.program.cli import main
+from wavesweep.program.cli.entry import COMMANDS, WITHOUT_SUMMARY
+from wavesweep.program.sweep.running import Options
 
 ROOT = pathlib.Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

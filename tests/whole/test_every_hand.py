@@ -6,12 +6,12 @@ from support.held import damping_needed
 from support.specs import values_of
 
 from wavesweep.check.verdict import verdict, verdict_lines
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import load
-from wavesweep.core.tables.hands import hands_of
-from wavesweep.core.tables.intervals import intervals, rows_again
+from wavesweep.engine.errors import UsageError
 from wavesweep.for_all.every_hand import damping
 from wavesweep.for_all.every_hand_proof import EveryHand
+from wavesweep.program.spec import load
+from wavesweep.program.tables.hand_rows import hands_of
+from wavesweep.program.tables.interval_table import intervals, rows_again
 
 VARYING = {"rates.ratio": {"values": [4, 6], "varying": True}}
 DRAWN = {

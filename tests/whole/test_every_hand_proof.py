@@ -7,10 +7,10 @@ from support.held import damping_needed
 from support.marched_hands import growth, random_hand
 from support.specs import values_of
 
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.for_all import every_hand_proof as every_hand
 from wavesweep.for_all.every_hand_proof import EveryHand
-from wavesweep.for_all.frames import FRAME, Frames
+from wavesweep.for_all.frame_families import FRAME, Frames
 
 WALL = {"device.velocity": "difference", "environment.integration": "explicit"}
 

@@ -14,9 +14,9 @@ from functools import partial
 
 import pytest
 
-from wavesweep.core.cli import main
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import KEYS, load
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli import main
+from wavesweep.program.spec import KEYS, load
 from wavesweep.simulation import inputs
 from wavesweep.simulation.inputs import read_force
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.core.cli import main
+from wavesweep.program.cli import main
 
 NAME = "$\\frac{$ <b>'\"`id`;&#{{data}}$(id)%s,x"
 TEXT = "*/ #error x /* $\\frac{$_^({</script><marquee onload='\"`touch PWNED`$(touch PWNED)${x}@end,m^(\\frac{)^2"

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.core.spec import load
-from wavesweep.core.tables import kinds
-from wavesweep.core.tables.table import Table
 from wavesweep.margins.broken_loops import broken_at, cuts_of
 from wavesweep.margins.lifted_margins import EXACT, lifted_margins, margins_of
 from wavesweep.margins.loop_margins import BrokenLoop
 from wavesweep.margins.table import margins
+from wavesweep.program.spec import load
+from wavesweep.program.tables import kinds
+from wavesweep.program.tables.table import Table
 
 HARD = [  # drifts, walls of zero, ranges in which nothing is stable, a requirement, frames and messages at random
     {"rates": {"ratio": 5}, "device": {"velocity": "difference"}, "controller": {"kind": "pmw", "b": 3.0}},

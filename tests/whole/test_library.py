@@ -14,16 +14,16 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
 from wavesweep.capabilities import CAPABILITIES, of_library
-from wavesweep.core import api
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.reproducibility import one_thread
-from wavesweep.core.spec import load
-from wavesweep.core.tables import fields as tables_fields
-from wavesweep.core.tables import kind_named
-from wavesweep.core.tables.fields import COLUMNS, Field
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.responses import responses
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.program import api
+from wavesweep.program.reproducibility import one_thread
+from wavesweep.program.spec import load
+from wavesweep.program.tables import fields as tables_fields
+from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.fields import COLUMNS, Field
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.response_table import responses
 
 SPEC = {
     "controller": {"kind": "pmw"},
@@ -162,8 +162,8 @@ REFUSED = [
     (lambda _: wavesweep.bode(), "at least one spec"),
     (lambda _: wavesweep.design(WISHED, for_hands="nope"), "for_hands: expected one of vertices, box, found 'nope'"),
     (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a file, found 5"),
-    (lambda _: wavesweep.core.results.publish(None, ".", overwrite="no"), "overwrite: expected True or False, found 'no'"),
-    (lambda _: wavesweep.core.results.read(None), "expected the path of a CSV or Parquet file, found None"),
+    (lambda _: wavesweep.program.results.publish(None, ".", overwrite="no"), "overwrite: expected True or False, found 'no'"),
+    (lambda _: wavesweep.program.results.read(None), "expected the path of a CSV or Parquet file, found None"),
     (lambda _: wavesweep.compile(3), "expected a path, or nested tables as a dict, found 3"),
     (lambda _: wavesweep.compile(MultirateLoop(1e-3, (), {})), "a drawn loop: expected at least one block, found none"),
     (lambda _: _publish(partition=2.5), "partition: expected a whole number of rows >= 1, found 2.5"),
@@ -219,7 +219,7 @@ def test_a_file_that_is_no_table_is_refused(text, tmp_path):
         (tmp_path / name).write_text(text)
     for name in ("zwidth.csv", "zwidth.parquet")[text.startswith("a,a") :]:
         with pytest.raises(UsageError, match="expected a whole table"):
-            wavesweep.core.results.read(tmp_path / name)
+            wavesweep.program.results.read(tmp_path / name)
 
 
 def _direct():
@@ -227,7 +227,7 @@ def _direct():
 
 
 def _publish(**options):
-    wavesweep.core.results.publish(responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
+    wavesweep.program.results.publish(responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
 
 
 def test_specs_that_are_called_alike_have_rows_that_can_be_told_apart():

@@ -14,13 +14,13 @@ import tomllib
 import pytest
 from support.drawn import ARM, DRIVE, PD, WALL
 
-from wavesweep.core.controllers import CONTROLLERS
-from wavesweep.core.drawing.block_types import TYPES
-from wavesweep.core.errors import SpecError
-from wavesweep.core.reading.checking import show
-from wavesweep.core.spec import KEYS, load
-from wavesweep.core.spec.shipped_classes import shipped_classes
 from wavesweep.designs.wish_keys import WISHES
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.keys.checking import show
+from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.program.spec import KEYS, load
+from wavesweep.program.spec.shipped_classes import shipped_classes
 
 FOLDER = pathlib.Path(__file__).parent / "mistakes"
 BASES = {path.stem: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.toml")}

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from support.recipes import in_stator, radius
 
 import wavesweep
-from wavesweep.core.cli import main
-from wavesweep.core.results import read
+from wavesweep.program.cli import main
+from wavesweep.program.results import read
 
 FOLDER = pathlib.Path(__file__).parents[2] / "sweeps" / "recipes"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.toml"))

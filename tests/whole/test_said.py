@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.core.cli import main
+from wavesweep.program.cli import main
 
 HERE = Path(__file__).parent / "said"
 ROOT = Path(__file__).parents[2]

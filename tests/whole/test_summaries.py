@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from wavesweep.core.plots.layout import best_of, best_row
-from wavesweep.core.spec import load
-from wavesweep.core.tables import kind_named
-from wavesweep.core.tables.interval_tally import Extreme, IntervalTally, Words
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.responses import responses
 from wavesweep.passive.table import passivity
+from wavesweep.program.plots.figure_layout import best_of, best_row
+from wavesweep.program.spec import load
+from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.interval_tally import Extreme, IntervalTally, Words
+from wavesweep.program.tables.response_table import responses
 
 AXES = {"b": [10.0, 40.0], "K_LM": [100.0, 200.0]}
 

@@ -51,7 +51,7 @@ AT_LENGTH = (
 )
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.thorough)])
 def test_a_page_runs_from_its_beginning_to_its_end(page, whole, tmp_path, monkeypatch, capsys):
-    from wavesweep.core.cli import main
+    from wavesweep.program.cli import main
 
     monkeypatch.chdir(tmp_path)
     pathlib.Path("sweeps").symlink_to(ROOT / "sweeps")

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from wavesweep.capabilities import asked, modules
-from wavesweep.core.cli.entry import COMMANDS
-from wavesweep.core.cli.messages import width
-from wavesweep.core.cli.options import FORMATS, folder, override
-from wavesweep.core.cli.talk import talk
-from wavesweep.core.doubts import DOUBTS
+from wavesweep.engine.doubts import DOUBTS
+from wavesweep.program.cli.entry import COMMANDS
+from wavesweep.program.cli.messages import width
+from wavesweep.program.cli.options import FORMATS, folder, override
+from wavesweep.program.cli.talk import talk
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
 MOST = 18  # lines without --all
 STEPS = 3  # commands that are named, at most
@@ -87,10 +87,10 @@ def check(
     """
     from wavesweep.check.planning import plan, within_ticks
     from wavesweep.check.verdict import further, numbers, verdict_lines
-    from wavesweep.core import spec as specs
-    from wavesweep.core.analyses.assumptions import over_preset, unusual
-    from wavesweep.core.analyses.own_design import own_design, own_lines
-    from wavesweep.core.cli.messages import printable, progress, say, show_json
+    from wavesweep.program import spec as specs
+    from wavesweep.program.analyses.assumptions import over_preset, unusual
+    from wavesweep.program.analyses.own_design import own_design, own_lines
+    from wavesweep.program.cli.messages import printable, progress, say, show_json
 
     loaded, silent = specs.load(spec, overrides), talk().as_json or talk().quiet
     # Errors come before anything is printed.
@@ -201,13 +201,13 @@ def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iter
 
 def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]) -> dict[str, Path]:
     """The file of each picture. Errors: UsageError for a place that cannot be used, or one without a picture."""
-    from wavesweep.core.cli.files import own_folder, refuse_inputs, refuse_other_things
+    from wavesweep.program.cli.file_places import own_folder, refuse_inputs, refuse_other_things
 
     if not figures:
         if out is not None:
             raise click.UsageError("--out: expected --plot or --root-locus, since nothing else is written, found none")
         return {}
-    from wavesweep.core import plots, results
+    from wavesweep.program import plots, results
 
     to = Path(out or own_folder([spec.name], overrides))
     places = {name: to / f"{name}.png" for name in figures}
@@ -238,9 +238,9 @@ def _drawn(spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | No
     if not places:
         return
     from wavesweep import __version__
-    from wavesweep.core import plots
-    from wavesweep.core.plots.files import save_all
-    from wavesweep.core.plots.style import about_figure
+    from wavesweep.program import plots
+    from wavesweep.program.plots.figure_files import save_all
+    from wavesweep.program.plots.style import about_figure
 
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     for name, path in places.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from wavesweep.check import verdict as of_check
-from wavesweep.core.api import Source, spec_of
+from wavesweep.program.api import Source, spec_of
 
 
 def verdict(source: Source) -> dict[str, Any]:

@@ -10,13 +10,13 @@ from math import inf, pi
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.check import ranges
-from wavesweep.core.analyses.hardware import hardware_of
-from wavesweep.core.reading.keys import readable
+from wavesweep.check import room_of_numbers as ranges
+from wavesweep.program.analyses.hardware_limits import hardware_of
+from wavesweep.program.reading.keys import readable
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
 RINGS = 0.5  # damping ratio, below which a mode rings
 NEEDED, DETAIL = 1.5, 9.0
@@ -129,7 +129,7 @@ def _stable_where(limit: Facts, unit: str) -> str:
 
 def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) -> str:
     """The part of a range in doubt in which the design is known to be stable, the open places, and what is beyond them."""
-    from wavesweep.core.tables.interval_tally import open_in_words
+    from wavesweep.program.tables.interval_tally import open_in_words
 
     low = limit["from"] if limit["low"] is None else limit["low"]
     high, places = limit["to"] if limit["high"] is None else limit["high"], open_in_words(open_, unit)
@@ -172,7 +172,7 @@ def _delay(delay: Facts) -> str:
 
 def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
     """What the hand feels of the wall."""
-    from wavesweep.core.analyses.feel import outweighed_in_words, sizes_in_words
+    from wavesweep.program.analyses.feel import outweighed_in_words, sizes_in_words
 
     stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
     if felt["rigid"] or (stiffness is None and damping is None):

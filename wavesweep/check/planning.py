@@ -6,21 +6,21 @@ from functools import cache, partial
 import numpy as np
 
 from wavesweep.capabilities import asked, home_of
-from wavesweep.core.analyses.intervals import job_of, method
-from wavesweep.core.analyses.loops import drift_of
-from wavesweep.core.analyses.open_loops import exact_cut
-from wavesweep.core.analyses.responses import response_job
-from wavesweep.core.analyses.spec_loops import refuse_singular
-from wavesweep.core.drawing.drawing import scalars
-from wavesweep.core.drawing.expressions import sum_of, value_of
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.controllers import keys_of_page
-from wavesweep.core.loops.page import steps_of
-from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.estimates import duration, expected_bytes, expected_seconds, short
-from wavesweep.core.sweep.grid import make_grid, own_loop
-from wavesweep.core.sweep.workers import choose
+from wavesweep.engine.drawing.drawing import scalars
+from wavesweep.engine.drawing.expressions import sum_of, value_of
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controller_drawings import keys_of_page
+from wavesweep.engine.loops.controller_page import steps_of
+from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.engine.stability.radii import drift_of
+from wavesweep.program.analyses.interval_jobs import job_of, method
+from wavesweep.program.analyses.response_jobs import response_job
+from wavesweep.program.analyses.spec_loops import refuse_singular
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.estimates import duration, expected_bytes, expected_seconds, short
+from wavesweep.program.sweep.grid import make_grid, own_loop
+from wavesweep.program.sweep.workers import choose
 
 PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
 MANY = 30_000_000  # rows: some 5 GB of CSV

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import asked
-from wavesweep.core.analyses.assumptions import of_axes
-from wavesweep.core.analyses.own_design import is_first, own_design
-from wavesweep.core.spec import Spec
+from wavesweep.program.analyses.assumptions import of_axes
+from wavesweep.program.analyses.own_design import is_first, own_design
+from wavesweep.program.spec import Spec
 
 Facts = Mapping[str, Any]
 Ranked = tuple[float, str | Callable[[], str]]

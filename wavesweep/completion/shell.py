@@ -12,16 +12,17 @@ from types import MappingProxyType
 import click
 from click.shell_completion import BashComplete, CompletionItem, add_completion_class, split_arg_string
 
-from wavesweep.core.controllers import CONTROLLERS
-from wavesweep.core.drawing.block_types import TICK_HZ, TYPES
-from wavesweep.core.drawing.drawing import MARKS, RATE
-from wavesweep.core.drawing.drawing_keys import is_dotted, is_name
-from wavesweep.core.drawing.drawn_block import keys_of_block
-from wavesweep.core.errors import WavesweepError
-from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.reading.keys import KEYS, SYMBOLS, Key, find_key
-from wavesweep.core.reading.reading import read_file
-from wavesweep.core.reading.tables import study_keys
+from wavesweep.engine.drawing.block_types import TICK_HZ, TYPES
+from wavesweep.engine.drawing.drawing import MARKS, RATE
+from wavesweep.engine.drawing.drawing_keys import is_dotted, is_name
+from wavesweep.engine.drawing.drawn_block import keys_of_block
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.engine.keys.key import Key
+from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.program.reading.devices import DEVICES
+from wavesweep.program.reading.keys import KEYS, SYMBOLS, find_key
+from wavesweep.program.reading.reading import read_file
+from wavesweep.program.reading.tables import study_keys
 
 STUDIES = ("sweep", "bode")
 # After `KEY=` there is no space, so that the value can be typed.
@@ -162,7 +163,7 @@ def _among(meanings: dict[str, str]) -> Callable[[str], list[CompletionItem]]:
 
 
 def _loops(incomplete: str) -> list[CompletionItem]:
-    from wavesweep.core.cli.init import drawn_loops
+    from wavesweep.program.cli.init import drawn_loops
 
     known = {kind: each.description for kind, each in CONTROLLERS.items()} | dict.fromkeys(drawn_loops(), "")
     return _among(known)(incomplete)

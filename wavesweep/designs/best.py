@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.core.analyses.hardware import GIVEN
-from wavesweep.core.drawing.drawing import name_of
-from wavesweep.core.reading.keys import BAND_EDGES
-from wavesweep.core.results.folder import BEST, HEADER
-from wavesweep.core.spec import Spec
-from wavesweep.core.spec.writing import as_toml
-from wavesweep.core.tables.table import Table
 from wavesweep.designs.family import Scenario, described
 from wavesweep.designs.keys import Design
 from wavesweep.designs.table import wish_units
+from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.keys.key import BAND_EDGES
+from wavesweep.program.analyses.hardware_limits import GIVEN
+from wavesweep.program.results.folder import BEST, HEADER
+from wavesweep.program.spec import Spec
+from wavesweep.program.spec.writing import as_toml
+from wavesweep.program.tables.table import Table
 
 MOST = 10  # designs that are written
 WORST_SHARE = 10.0  # of a bound: what its violation counts at most; values that are not known count more than all

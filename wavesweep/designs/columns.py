@@ -1,7 +1,7 @@
 """The columns of the table `design` beside those that a spec varies and wishes."""
 
-from wavesweep.core.tables.fields import Field, columns_beside
 from wavesweep.designs.wish_keys import WISHES
+from wavesweep.program.tables.fields import Field, columns_beside
 
 COLUMNS = {}  # of the kind: they follow from the spec
 DESIGN = columns_beside(__file__)["design"]

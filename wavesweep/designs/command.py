@@ -2,8 +2,8 @@
 
 import click
 
-from wavesweep.core.cli.options import Options, run_options
-from wavesweep.core.cli.studies import one_spec
+from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.study_commands import one_spec
 
 
 @click.command("design")
@@ -35,7 +35,7 @@ def design(spec: str, checked: str, options: Options) -> None:
     Example:
       wavesweep design sweeps/design/front.toml
     """
-    from wavesweep.core.cli.output import produce
+    from wavesweep.program.cli.output import produce
 
     def compute(specs, **work):
         from wavesweep.designs import study

@@ -7,10 +7,10 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import name_of
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.spec import Spec
 from wavesweep.designs.keys import HAND, in_order
+from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.program.spec import Spec
 
 WALL_STIFFNESS = "environment.K_VE"
 OF_ALL = -1  # in place of the number of a scenario, if a value is what is proved for all of [for_all]

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.plots.scales import by_factors
-from wavesweep.core.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
-from wavesweep.core.plots.words import assumption, at_hand, label, printed, symbol, unit, valued, with_unit
-from wavesweep.core.tables.columns import fields
-from wavesweep.core.tables.planes import spec_of
 from wavesweep.designs.table import margins_of, wish_of
 from wavesweep.designs.wish_keys import WISHES
+from wavesweep.program.columns import Columns
+from wavesweep.program.plots.labels import assumption, at_hand, label, printed, symbol, unit, valued, with_unit
+from wavesweep.program.plots.scales import by_factors
+from wavesweep.program.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
+from wavesweep.program.tables.columns import fields
+from wavesweep.program.tables.planes import spec_of
 
 _FEW = 3  # designs that are shown one by one
 _ACROSS = 3  # panels
@@ -168,10 +168,10 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
 
 def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
     """The admittances of the spec with the numbers of each design, its own first."""
-    from wavesweep.core.analyses.loops import radii_of
-    from wavesweep.core.analyses.spec_loops import loop_at_hand
-    from wavesweep.core.response.steady import respond
-    from wavesweep.core.sweep.grid import own_loop
+    from wavesweep.engine.response.steady import respond
+    from wavesweep.engine.stability.radii import radii_of
+    from wavesweep.program.analyses.spec_loops import loop_at_hand
+    from wavesweep.program.sweep.grid import own_loop
 
     frequency = np.array([each for each in spec.frequency_hz if each > 0])
     for (name, numbers), look in zip(designs.items(), looks, strict=True):

@@ -7,22 +7,23 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.core.controllers import WALL
-from wavesweep.core.drawing.drawing import Drawing, path_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.axes import Axis
-from wavesweep.core.reading.checking import Mistakes, Rejected, apart, check, show
-from wavesweep.core.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS, Key, Names, by_path, number, whole
-from wavesweep.core.reading.places import Leaf, Place
-from wavesweep.core.reading.sorting import Sorted
-from wavesweep.core.reading.tables import Asked, Section, Table
-from wavesweep.core.spec.studies import K_VE_SPAN, hardware_of
 from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
+from wavesweep.engine.drawing.drawing import Drawing, path_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import Mistakes, Rejected, apart, check, show
+from wavesweep.engine.keys.key import BAND_EDGES, Key, Names, by_path, number, whole
+from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.loops.controllers import WALL
+from wavesweep.program.reading.axes import Axis
+from wavesweep.program.reading.keys import KEYS, MOST_SEED, VALUE_PATHS
+from wavesweep.program.reading.sorting import Sorted
+from wavesweep.program.reading.tables import Asked, Section, Table
+from wavesweep.program.spec.studies import K_VE_SPAN, hardware_of
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec.schema import Shapes
-    from wavesweep.core.spec.spec import Spec
-    from wavesweep.core.spec.studies import Request
+    from wavesweep.program.spec.schema import Shapes
+    from wavesweep.program.spec.spec import Spec
+    from wavesweep.program.spec.studies import Request
 
 VARIED, FOR_DESIGNS, WISHED = (f"design.{name}" for name in ("vary", "for_all", "wish"))
 RATIOS, HANDS = "design.for_all ratios", "design.for_all.hand"  # where the leaves of these are sorted to

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Unpack
 
-from wavesweep.core.api import Source, spec_of
-from wavesweep.core.sweep.running import Options
-from wavesweep.core.tables.frame import framed
 from wavesweep.designs import study
+from wavesweep.program.api import Source, spec_of
+from wavesweep.program.sweep.running import Options
+from wavesweep.program.tables.frame import framed
 
 if TYPE_CHECKING:
     from pandas import DataFrame

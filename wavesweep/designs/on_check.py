@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
 
 def plan(spec: Spec) -> list[str]:
     """The work of `design` and its time; none without [design]."""
     if spec.design is None:
         return []
-    from wavesweep.core.errors import WavesweepError
-    from wavesweep.core.sweep.estimates import duration
-    from wavesweep.core.sweep.workers import choose
     from wavesweep.designs.study import job_of, seconds_of
+    from wavesweep.engine.errors import WavesweepError
+    from wavesweep.program.sweep.estimates import duration
+    from wavesweep.program.sweep.workers import choose
 
     try:
         job = job_of(spec)

@@ -15,8 +15,8 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.core.columns import Rows
-from wavesweep.core.spec import Axis
+from wavesweep.engine.rows import Rows
+from wavesweep.program.spec import Axis
 
 NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
 LEAST = 6  # places of a kind; with fewer a population is not divided by kinds

@@ -9,18 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.loops import held_loop
-from wavesweep.core.energy.held_loop import HAND as OPERATOR
-from wavesweep.core.errors import SpecError, UsageError, WavesweepError
-from wavesweep.core.spec import Spec
-from wavesweep.core.spec.resolving import longest_delay
-from wavesweep.core.spec.studies import K_VE_SPAN
-from wavesweep.core.sweep.grid import keys_of, loops_of, make_grid
-from wavesweep.core.sweep.job import Chunks, Job, Kind
-from wavesweep.core.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
-from wavesweep.core.sweep.workers import choose
-from wavesweep.core.tables.hands import hands_of
-from wavesweep.core.tables.table import Table, facts_of
 from wavesweep.designs.best import judged, miss
 from wavesweep.designs.family import Scenario, count_of, described, scenarios_of
 from wavesweep.designs.keys import HAND
@@ -28,6 +16,18 @@ from wavesweep.designs.search import Judged, designs_of, differing, generations,
 from wavesweep.designs.table import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.designs.wishes import evaluate
+from wavesweep.engine.energy.held_loop import HAND as OPERATOR
+from wavesweep.engine.errors import SpecError, UsageError, WavesweepError
+from wavesweep.engine.stability.radii import held_loop
+from wavesweep.program.spec import Spec
+from wavesweep.program.spec.resolving import longest_delay
+from wavesweep.program.spec.studies import K_VE_SPAN
+from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid
+from wavesweep.program.sweep.job import Chunks, Job, Kind
+from wavesweep.program.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
+from wavesweep.program.sweep.workers import choose
+from wavesweep.program.tables.hand_rows import hands_of
+from wavesweep.program.tables.table import Table, facts_of
 
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.spec import Spec
-from wavesweep.core.tables.columns import fields
-from wavesweep.core.tables.fields import Field
-from wavesweep.core.tables.kind import Line, Numbers, count, plain, whole_kind
 from wavesweep.designs.columns import DESIGN
 from wavesweep.designs.wish_keys import WISHES, Wish
+from wavesweep.program.columns import Columns
+from wavesweep.program.spec import Spec
+from wavesweep.program.tables.columns import fields
+from wavesweep.program.tables.fields import Field
+from wavesweep.program.tables.kind import Line, Numbers, count, plain, whole_kind
 
 THIN = 0.01  # of a bound or a range, within which a design is near it, or near an end
 BOX, SETTLED = "z_width_box", "box_settled"

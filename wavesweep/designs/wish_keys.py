@@ -8,8 +8,9 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.capabilities import modules
-from wavesweep.core.reading.keys import HARDWARE_KEYS, KEYS, Key, number
-from wavesweep.core.reading.places import Place
+from wavesweep.engine.keys.key import Key, number
+from wavesweep.engine.keys.places import Place
+from wavesweep.program.reading.keys import HARDWARE_KEYS, KEYS
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
 _BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)

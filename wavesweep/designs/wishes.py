@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import felt_of, responses_of
-from wavesweep.core.analyses.hardware import peaks_of
-from wavesweep.core.analyses.intervals import at_points
-from wavesweep.core.analyses.loops import frames_with_reliability, radii_of
-from wavesweep.core.columns import Rows
-from wavesweep.core.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.core.loops.batch import distinct_rows
-from wavesweep.core.loops.controllers import keys_of_page
-from wavesweep.core.loops.domain import refuse_unsuitable
-from wavesweep.core.response.steady import Response
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.spec.resolving import longest_delay
-from wavesweep.core.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
-from wavesweep.core.sweep.grid import drawn_groups
 from wavesweep.designs.bands import HIGH, NODES, Modes, Sampled, over_band
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
+from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.engine.loops.batch import distinct_rows
+from wavesweep.engine.loops.controller_drawings import keys_of_page
+from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.response.at_hand import felt_of, responses_of
+from wavesweep.engine.response.steady import Response
+from wavesweep.engine.rows import Rows
+from wavesweep.engine.stability.radii import frames_with_reliability, radii_of
+from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
+from wavesweep.program.analyses.hardware_limits import peaks_of
+from wavesweep.program.analyses.interval_jobs import at_points
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.spec.resolving import longest_delay
+from wavesweep.program.sweep.grid import drawn_groups
 
 UNSEEN = 1e-4  # how small the last coefficients of a piece have to be compared with the mean; the error is far less
 DENSE = 8 * NODES  # points of a piece among which a least value is looked for

@@ -10,17 +10,17 @@ from typing import NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
-from wavesweep.core.cli.entry import COMMANDS
-from wavesweep.core.cli.messages import width
-from wavesweep.core.cli.talk import talk
-from wavesweep.core.doubts import DOUBTS
-from wavesweep.core.drawing.block_types import TYPES
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.checking import nearest
-from wavesweep.core.spec import find_key
-from wavesweep.core.spec.describing import EVERY_KEY, SYMBOLS
-from wavesweep.core.tables.fields import OF_ALONG, OF_WALL, Field, all_columns
+from wavesweep.engine.doubts import DOUBTS
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import nearest
 from wavesweep.explain.words import MESSAGES, TERMS
+from wavesweep.program.cli.entry import COMMANDS
+from wavesweep.program.cli.messages import width
+from wavesweep.program.cli.talk import talk
+from wavesweep.program.spec import find_key
+from wavesweep.program.spec.describing import EVERY_KEY, SYMBOLS
+from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, all_columns
 
 MANY = 4  # tables that have a column
 GROUPS = {"doubt": "Words of doubt", "term": "Ideas", "message": "Messages", "value": "Values in columns"}

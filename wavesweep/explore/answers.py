@@ -10,24 +10,24 @@ from types import MappingProxyType
 import numpy as np
 
 from wavesweep.capabilities import asked
-from wavesweep.core.analyses.interval_records import FELT, LINES, OPEN
-from wavesweep.core.analyses.intervals import Way, cost_of, job_over
-from wavesweep.core.analyses.open_loops import wall_cut
-from wavesweep.core.analyses.own_design import own_design
-from wavesweep.core.analyses.responses import doubt_of
-from wavesweep.core.analyses.spec_loops import loop_at_hand, radius_over
-from wavesweep.core.columns import complex_columns
-from wavesweep.core.controllers import WALL
-from wavesweep.core.errors import WavesweepError
-from wavesweep.core.monodromy.cut import Cut
-from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.steady import respond
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.sweep.grid import make_grid
-from wavesweep.core.sweep.running import in_memory
-from wavesweep.core.tables.planes import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.engine.loops.controllers import WALL
+from wavesweep.engine.monodromy.cut import Cut
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.steady import respond
+from wavesweep.engine.search.interval_records import FELT, LINES, OPEN
+from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
+from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over
+from wavesweep.program.analyses.own_design import own_design
+from wavesweep.program.analyses.response_jobs import doubt_of
+from wavesweep.program.analyses.spec_loops import loop_at_hand, radius_over
+from wavesweep.program.columns import complex_columns
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.sweep.grid import make_grid
+from wavesweep.program.sweep.running import in_memory
+from wavesweep.program.tables.planes import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
 SECONDS = 0.4  # that these may take

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from wavesweep.core.cli.options import is_given, override, overwriting
-from wavesweep.core.cli.talk import talk
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.options import is_given, override, overwriting
+from wavesweep.program.cli.talk import talk
 
 
 @click.command("explore")
@@ -38,7 +38,7 @@ def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: 
       wavesweep explore mine.toml
       wavesweep explore mine.toml --set b=40 --save mine.html
     """
-    from wavesweep.core.spec import load
+    from wavesweep.program.spec import load
 
     if save is not None and not save.strip():
         raise click.UsageError("--save: expected the name of a file, found an empty text")
@@ -52,7 +52,7 @@ def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: 
     if save is not None:
         _save(loaded, Path(save), overwrite)
         return
-    from wavesweep.explore.page import Page
+    from wavesweep.explore.explorer_page import Page
     from wavesweep.explore.server import Server
 
     page = Page(loaded)
@@ -75,9 +75,9 @@ def _has_screen() -> bool:
 
 
 def _save(spec, target: Path, overwrite: bool) -> None:
-    from wavesweep.core.cli.files import refuse_inputs, refuse_no_folder, write_whole
-    from wavesweep.core.cli.messages import progress
-    from wavesweep.explore.page import saved_page
+    from wavesweep.explore.explorer_page import saved_page
+    from wavesweep.program.cli.file_places import refuse_inputs, refuse_no_folder, write_whole
+    from wavesweep.program.cli.messages import progress
 
     refuse_no_folder(target)
     refuse_inputs(spec.files, target)

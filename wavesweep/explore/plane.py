@@ -10,10 +10,10 @@ At z = 1 and z = -1 all three terms are real, and the boundary is a straight lin
 
 import numpy as np
 
-from wavesweep.core.monodromy.circle import on_circle, solve
-from wavesweep.core.monodromy.cut import Cut, close
-from wavesweep.core.stability.boundary import terms_of, times
-from wavesweep.core.stability.spectrum import is_stable
+from wavesweep.engine.monodromy.cut import Cut, close
+from wavesweep.engine.monodromy.unit_circle import on_circle, solve
+from wavesweep.engine.stability.boundary import terms_of, times
+from wavesweep.engine.stability.spectrum import is_stable
 
 
 def plane_curve(cut: Cut, theta) -> np.ndarray:

@@ -21,7 +21,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
 
-from wavesweep.core.platform_compat import peer_user
+from wavesweep.program.platform_compat import peer_user
 
 LOOPBACK = "127.0.0.1"
 LARGEST = 64 * 1024  # bytes of a question

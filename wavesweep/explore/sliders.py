@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
-from wavesweep.core.analyses.own_design import FAR, USUAL
-from wavesweep.core.errors import SpecError
-from wavesweep.core.loops.controllers import keys_of_page
-from wavesweep.core.reading.keys import BAND_EDGES
-from wavesweep.core.spec import SYMBOLS, Key, Spec, load
-from wavesweep.core.spec.resolving import longest_delay
-from wavesweep.core.spec.studies import K_VE_SPAN
-from wavesweep.core.spec.writing import as_toml
-from wavesweep.core.sweep.grid import is_plain
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.keys.key import BAND_EDGES
+from wavesweep.engine.loops.controller_drawings import keys_of_page
+from wavesweep.program.analyses.own_design import FAR, USUAL
+from wavesweep.program.spec import SYMBOLS, Key, Spec, load
+from wavesweep.program.spec.resolving import longest_delay
+from wavesweep.program.spec.studies import K_VE_SPAN
+from wavesweep.program.spec.writing import as_toml
+from wavesweep.program.sweep.grid import is_plain
 
 FACTOR = 4.0  # times a gain's value: the end of its slider
 HALVINGS, DIGITS = 12, 3  # steps towards an end that the spec accepts, and digits of that end

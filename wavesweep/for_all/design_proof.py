@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, replace
 
-from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import loops_of
+from wavesweep.for_all.patterns import seems_refuted, seems_refuted_from
 from wavesweep.for_all.rows import cases_of, proved_from_zero, refuse_unsuitable_ranges, verdict
 from wavesweep.for_all.varying import Rules
-from wavesweep.for_all.words import seems_refuted, seems_refuted_from
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import loops_of
 
 
 @dataclass(frozen=True, slots=True)

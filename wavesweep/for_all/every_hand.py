@@ -11,31 +11,23 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.core.analyses.intervals import Guarantee
-from wavesweep.core.analyses.loops import held_loop
-from wavesweep.core.controllers import HAND
-from wavesweep.core.drawing.drawing import Drawing, name_of
-from wavesweep.core.drawing.expressions import degree
-from wavesweep.core.energy.held_loop import HeldLoop, device_keys, device_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.from_drawing import scalar_place
-from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import own_loop
-from wavesweep.core.sweep.job import Job
+from wavesweep.engine.drawing.drawing import Drawing, name_of
+from wavesweep.engine.drawing.expressions import degree
+from wavesweep.engine.energy.held_loop import HeldLoop, device_keys, device_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.loops.from_drawing import scalar_place
+from wavesweep.engine.stability.radii import held_loop
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import agree, members, unstable
-from wavesweep.for_all.rows import (
-    FOR_ALL_RECORD,
-    Row,
-    all_of,
-    cases_of,
-    is_near,
-    recorded,
-    text_of_part,
-)
+from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part
 from wavesweep.for_all.unknown import Case, Part
 from wavesweep.for_all.varying import Rules, placed, text_of
+from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
+from wavesweep.program.sweep.job import Job
 
 FREE = dict.fromkeys(HAND, 0.0)
 STARTS = (0.0, 1.0, 0.05, 0.2, 0.01, 0.5, 0.002)  # of the range, where a passive value is looked for

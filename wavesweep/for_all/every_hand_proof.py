@@ -21,16 +21,16 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from wavesweep.capabilities import modules
-from wavesweep.core.drawing.drawing import Drawing, DrawnBlock
-from wavesweep.core.energy.held_loop import device_of
-from wavesweep.core.energy.lifted_map import TickMaps, closure, damping_peak
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.from_drawing import rate_of
-from wavesweep.core.stability.spectrum import is_stable
-from wavesweep.for_all.checking import Norms
+from wavesweep.engine.drawing.drawing import Drawing, DrawnBlock
+from wavesweep.engine.energy.held_loop import device_of
+from wavesweep.engine.energy.lifted_map import TickMaps, closure, damping_peak
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.from_drawing import rate_of
+from wavesweep.engine.stability.spectrum import is_stable
 from wavesweep.for_all.dissipation import automaton, least_damping
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import Symbol, alive
+from wavesweep.for_all.norm_check import Norms
 from wavesweep.for_all.plan import Plan
 
 BITS = 192

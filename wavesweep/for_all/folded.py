@@ -10,9 +10,9 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.core.monodromy.drift import TickDrift, consistent_solution
-from wavesweep.core.monodromy.periodic import Ticks
-from wavesweep.core.monodromy.rounding import ENTRIES
+from wavesweep.engine.monodromy.drift import TickDrift, consistent_solution
+from wavesweep.engine.monodromy.periodic import Ticks
+from wavesweep.engine.monodromy.rounding import ENTRIES
 from wavesweep.for_all.polynomials import UNIT
 
 

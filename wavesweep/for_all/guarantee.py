@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from wavesweep.core.tables.row_kinds import RowKind
+from wavesweep.program.tables.row_kinds import RowKind
 
 if TYPE_CHECKING:
-    from wavesweep.core.analyses.intervals import Guarantee
-    from wavesweep.core.sweep.job import Job
+    from wavesweep.program.analyses.interval_jobs import Guarantee
+    from wavesweep.program.sweep.job import Job
 
 ROWS = {
     "box": RowKind(
@@ -49,19 +49,19 @@ ROWS = {
 
 
 def of_word(kind: str, ranges: str | None) -> Guarantee | None:
-    """The guarantee for a word of --for-hands, None for a word of others; see `core.tables.hands`."""
+    """The guarantee for a word of --for-hands, None for a word of others; see `program.tables.hand_rows`."""
     from wavesweep.for_all.hand_box import box_in_words
 
     return box_in_words(ranges) if kind == "box" else None
 
 
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
-    """The guarantees of a run of a spec's own job, from those asked for by words: see `core.tables.hands.guarantees_of`.
+    """The guarantees of a run of a spec's own job, from those asked for by words: see `program.tables.hand_rows.guarantees_of`.
 
     Errors: UsageError for numbers, hands, or a requirement, that [for_all] cannot be held for beside.
     """
-    from wavesweep.core.errors import UsageError
-    from wavesweep.core.tables.hands import device_held, refuse_velocity
+    from wavesweep.engine.errors import UsageError
+    from wavesweep.program.tables.hand_rows import device_held, refuse_velocity
 
     spec, along, kinds = own.grid.spec, own.asked.axis.path, [each.kind for each in asked]
     if not spec.for_all:

@@ -13,10 +13,10 @@ from math import comb
 
 import numpy as np
 
-from wavesweep.core.monodromy.circle import inverse
-from wavesweep.core.monodromy.rounding import balance
-from wavesweep.core.stability.frames import Frames
-from wavesweep.core.stability.positive import Box, Cover, Resolved, positive
+from wavesweep.engine.monodromy.rounding import balance
+from wavesweep.engine.monodromy.unit_circle import inverse
+from wavesweep.engine.stability.positive import Box, Cover, Resolved, positive
+from wavesweep.engine.stability.sampled_frames import Frames
 
 PAIR, ONE, MINUS_ONE = 0, 1, 2  # the functions: a complex pair, z = 1, z = -1
 LARGEST_ENTRY = 1e150  # of an entry; products of two eigenvalues overflow beyond

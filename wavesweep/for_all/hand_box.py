@@ -5,17 +5,17 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from wavesweep.core.analyses.interval_records import RECORD, blank_records
-from wavesweep.core.analyses.intervals import Guarantee
-from wavesweep.core.analyses.loops import held_loop
-from wavesweep.core.arguments import real_numbers
-from wavesweep.core.controllers import HAND
-from wavesweep.core.energy.held_loop import HeldLoop
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.spec import Axis
-from wavesweep.core.stability.certificate import NONE, SEARCH
+from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.energy.held_loop import HeldLoop
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.search.interval_records import RECORD, blank_records
+from wavesweep.engine.stability.certificate import NONE, SEARCH
+from wavesweep.engine.stability.radii import held_loop
 from wavesweep.for_all.unknown import Case, Part, proofs
+from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.spec import Axis
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable

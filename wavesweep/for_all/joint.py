@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.for_all.checking import Norms, shrink
 from wavesweep.for_all.graph import Family
+from wavesweep.for_all.norm_check import Norms, shrink
 from wavesweep.for_all.norms import WORK, Centre, advanced, find_norms, finer, first_centre
-from wavesweep.for_all.remembered import Remembered
-from wavesweep.for_all.words import (
+from wavesweep.for_all.patterns import (
     KEPT,
     LONGEST,
     Word,
@@ -21,6 +20,7 @@ from wavesweep.for_all.words import (
     refuted_beyond,
     short_words,
 )
+from wavesweep.for_all.remembered import Remembered
 
 PROVED, REFUTED, UNKNOWN = "proved", "refuted", "unknown"
 WITHIN = 0.93  # distance of a first proof from the refuted number, relative to the tolerance

@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from wavesweep.core.reading.axes import Axis, axis_place, build_axis
-from wavesweep.core.reading.checking import show
-from wavesweep.core.reading.keys import Key, gain, whole
-from wavesweep.core.reading.tables import Asked, Section, Table
+from wavesweep.engine.keys.checking import show
+from wavesweep.engine.keys.key import Key, gain, whole
+from wavesweep.program.reading.axes import Axis, axis_place, build_axis
+from wavesweep.program.reading.tables import Asked, Section, Table
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec.schema import Shapes
-    from wavesweep.core.spec.studies import Request
     from wavesweep.for_all.design_proof import DesignProof, DesignRanking
+    from wavesweep.program.spec.schema import Shapes
+    from wavesweep.program.spec.studies import Request
 
 LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
 LOSS = gain("for_all.loss", 0.0, "1", "probability that a slow result never comes; the last one that came is held", high=1.0)

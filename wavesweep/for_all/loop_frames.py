@@ -7,11 +7,11 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.core.monodromy.drift import TickDrift
-from wavesweep.core.monodromy.open_ticks import OpenTicks
-from wavesweep.core.monodromy.periodic import Ticks
-from wavesweep.core.monodromy.product import ENTRIES, pattern_of, product_with_errors
-from wavesweep.core.monodromy.rounding import both
+from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.open_ticks import OpenTicks
+from wavesweep.engine.monodromy.periodic import Ticks
+from wavesweep.engine.monodromy.product import ENTRIES, pattern_of, product_with_errors
+from wavesweep.engine.monodromy.rounding import both
 from wavesweep.for_all.folded import counted_from_rest, shift_of
 from wavesweep.for_all.polynomials import Polynomials
 

@@ -9,9 +9,9 @@ from itertools import groupby, product
 
 import numpy as np
 
-from wavesweep.core.monodromy.product import pattern_of
-from wavesweep.core.stability.frames import level, pole_inside
-from wavesweep.core.stability.positive import along, nodes, to_series
+from wavesweep.engine.monodromy.product import pattern_of
+from wavesweep.engine.stability.positive import along, nodes, to_series
+from wavesweep.engine.stability.sampled_frames import level, pole_inside
 from wavesweep.for_all.loop_frames import Symbol, alive
 from wavesweep.for_all.polynomials import UNIT, Polynomials, monomials, to_powers
 

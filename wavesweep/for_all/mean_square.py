@@ -21,17 +21,17 @@ from types import MappingProxyType
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
-from wavesweep.core.drawing.drawing import Drawing, name_of, scalars
-from wavesweep.core.drawing.expressions import degree, names_in
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.values import values_of
-from wavesweep.core.stability.spectrum import count_outside
-from wavesweep.for_all.checking import Norms, shrink_on_average
-from wavesweep.for_all.frames import LOST as LOST_RESULT
+from wavesweep.engine.drawing.drawing import Drawing, name_of, scalars
+from wavesweep.engine.drawing.expressions import degree, names_in
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.values import values_of
+from wavesweep.engine.stability.spectrum import count_outside
+from wavesweep.for_all.channel_families import LOST, channels_of, frames_with_messages
+from wavesweep.for_all.frame_families import LOST as LOST_RESULT
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import NEAR_START, Bracket, Stretch
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
-from wavesweep.for_all.messages import LOST, channels_of, frames_with_messages
+from wavesweep.for_all.norm_check import Norms, shrink_on_average
 from wavesweep.for_all.norms import acting, packed, unpacked
 
 LARGEST = 800  # second moments, whose operator is formed

@@ -9,11 +9,11 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.core.analyses.interval_search import Search
-from wavesweep.core.analyses.loops import radii_of
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.for_all.frames import DELAY, RATIO
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.stability.radii import radii_of
+from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.keys import values_of_range
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules

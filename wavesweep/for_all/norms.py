@@ -16,8 +16,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.for_all.checking import Norms
 from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.norm_check import Norms
 
 SHARE = 0.8  # part of the way to where the prediction fails that is taken
 CLOSE = 0.6  # Newton decrement below which a point counts as the centre

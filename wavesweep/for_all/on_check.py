@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
 
 def facts(spec: Spec, *_: object) -> dict[str, Any]:
@@ -28,8 +28,8 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     """Yield what is proved."""
     if not found.get("for_all"):
         return
-    from wavesweep.core.analyses.assumptions import losses, of_axes
     from wavesweep.for_all.rows import in_words
+    from wavesweep.program.analyses.assumptions import losses, of_axes
 
     apart = spec.for_all.apart(spec.values) if spec.for_all else []
     without = f", without the spec's own {' and '.join(apart)}" if apart else ""

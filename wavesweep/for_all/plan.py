@@ -6,13 +6,13 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import Drawing, name_of, path_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
-from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
-from wavesweep.core.monodromy.open_ticks import OpenTicks
-from wavesweep.core.monodromy.periodic import Ticks, ticks_of
+from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
+from wavesweep.engine.monodromy.open_ticks import OpenTicks
+from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.for_all.folded import lasting, pivots_of, without_folded
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.loop_numbers import FramesOver

@@ -14,11 +14,11 @@ from itertools import count
 import numpy as np
 
 from wavesweep.for_all.average import OnAverage, forms_on_average
-from wavesweep.for_all.checking import shrink_over
 from wavesweep.for_all.loop_numbers import FramesOver
+from wavesweep.for_all.norm_check import shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
+from wavesweep.for_all.patterns import Word, growing
 from wavesweep.for_all.polynomials import Polynomials, monomials
-from wavesweep.for_all.words import Word, growing
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
 # their spectral radius leaves, first the one and then the other.

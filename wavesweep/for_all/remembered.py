@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.for_all.checking import Norms
 from wavesweep.for_all.graph import Family
+from wavesweep.for_all.norm_check import Norms
 from wavesweep.for_all.norms import Centre, rough_basis
 
 FORGOTTEN = 1e-9  # of the largest singular value, below which a direction counts as one that is set to zero

@@ -7,35 +7,26 @@ from textwrap import shorten
 
 import numpy as np
 
-from wavesweep.core.analyses.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
-from wavesweep.core.analyses.intervals import Guarantee
-from wavesweep.core.drawing.drawing import SHARES, name_of, path_of
-from wavesweep.core.drawing.expressions import names_in
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.loops.dead_time import pieces_of, timing
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.spec.studies import K_VE_SPAN
-from wavesweep.core.stability.certificate import CONTRADICTION, NONE, SEARCH
-from wavesweep.core.sweep.grid import loops_of, own_loop
-from wavesweep.core.tables.row_kinds import counterexample_in_words
-from wavesweep.for_all.frames import DELAY, RATIO
+from wavesweep.engine.drawing.drawing import SHARES, name_of, path_of
+from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.loops.dead_time import pieces_of, timing
+from wavesweep.engine.search.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
+from wavesweep.engine.stability.certificate import CONTRADICTION, NONE, SEARCH
+from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.keys import GUARANTEES, values_of_range
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
 from wavesweep.for_all.members import agree, members, nowhere, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
-from wavesweep.for_all.varying import (
-    Rules,
-    bracketed,
-    bracketed_over,
-    decided,
-    decided_along,
-    decided_over,
-    placed,
-    text_of,
-)
+from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, placed, text_of
+from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.spec.studies import K_VE_SPAN
+from wavesweep.program.sweep.grid import loops_of, own_loop
+from wavesweep.program.tables.row_kinds import counterexample_in_words
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges

@@ -8,16 +8,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.core.analyses.by_frames import frames_where_solvable
-from wavesweep.core.analyses.interval_records import TINY
-from wavesweep.core.analyses.interval_search import Search
-from wavesweep.core.analyses.loops import drift_of, radii_of
-from wavesweep.core.loops.batch import Loops, distinct
-from wavesweep.core.loops.domain import domain
-from wavesweep.core.loops.resolution import Resolution, Side
-from wavesweep.core.reading.axes import Axis
-from wavesweep.core.stability.positive import Cover, largest_free
+from wavesweep.engine.loops.batch import Loops, distinct
+from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loops.resolution import Resolution, Side
+from wavesweep.engine.search.by_frames import frames_where_solvable
+from wavesweep.engine.search.interval_records import TINY
+from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.stability.positive import Cover, largest_free
+from wavesweep.engine.stability.radii import drift_of, radii_of
 from wavesweep.for_all.guardian_maps import cover
+from wavesweep.program.reading.axes import Axis
 
 SCATTERED = 24  # points of a box that are tried in addition to its corners, its middle and the spec's own numbers
 SHRINK = 12  # halvings of the steps of the search for the worst numbers

@@ -9,15 +9,15 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.core.drawing.block_types import without_rule
-from wavesweep.core.drawing.drawing import Drawing, name_of
-from wavesweep.core.drawing.expressions import names_in
-from wavesweep.core.errors import SpecError
-from wavesweep.core.loops.domain import domain
-from wavesweep.core.loops.resolution import Resolution, Side, to_divide
-from wavesweep.core.spec import Axis, Spec
+from wavesweep.engine.drawing.block_types import without_rule
+from wavesweep.engine.drawing.drawing import Drawing, name_of
+from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loops.resolution import Resolution, Side, to_divide
 from wavesweep.for_all.average import OnAverage
-from wavesweep.for_all.frames import (
+from wavesweep.for_all.channel_families import Sent, frames_with_messages, messages_over
+from wavesweep.for_all.frame_families import (
     DELAY,
     FRAME,
     IN_PHASE,
@@ -34,13 +34,13 @@ from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, 
 from wavesweep.for_all.keys import ForAll, values_of_range
 from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, frames_at_random, losses_at_random
-from wavesweep.for_all.messages import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.norms import WORK
+from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
-from wavesweep.for_all.words import is_refuted
 from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import Loops as LoopsOver
 from wavesweep.for_all.worst import as_numbers, as_sides, bracket_over, decide_over
+from wavesweep.program.spec import Axis, Spec
 
 FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm

@@ -13,8 +13,8 @@ from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.mean_square import nearest_growing
 from wavesweep.for_all.norms import first_centre
+from wavesweep.for_all.patterns import Word, crossing, growing, growth, is_refuted, nearest, refuted_beyond
 from wavesweep.for_all.ranges import Box, FramesAt, cover, units_of
-from wavesweep.for_all.words import Word, crossing, growing, growth, is_refuted, nearest, refuted_beyond
 
 TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
-from wavesweep.core.plots.words import as_it_stands
+from wavesweep.program.columns import Columns
+from wavesweep.program.plots.labels import as_it_stands
+from wavesweep.program.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, note_below, warn_above
 
 
 def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.keys import HIGHEST_RATIO
-from wavesweep.core.reproducibility import versions
-from wavesweep.core.spec.writing import as_toml
-from wavesweep.core.tables.kind import Line, Numbers, count, whole_kind
-from wavesweep.core.tables.table import Table
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.key import HIGHEST_RATIO
 from wavesweep.frame_times.chain import are_independent, pairs_of
 from wavesweep.frame_times.times import read_run
+from wavesweep.program.columns import Columns
+from wavesweep.program.reproducibility import versions
+from wavesweep.program.spec.writing import as_toml
+from wavesweep.program.tables.kind import Line, Numbers, count, whole_kind
+from wavesweep.program.tables.table import Table
 
 METHOD = "durations in ticks, rounded; pairs of neighbours counted, and held against runs whose order is shuffled"
 SHOWN = 8  # lengths in a summary, and lengths after each

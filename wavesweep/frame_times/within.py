@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import name_of, scalars
-from wavesweep.core.drawing.expressions import names_in, text_of, value_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import own_loop
+from wavesweep.engine.drawing.drawing import name_of, scalars
+from wavesweep.engine.drawing.expressions import names_in, text_of, value_of
+from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.times import read_run
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
 
 RATIO = "rates.ratio"
 

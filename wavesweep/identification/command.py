@@ -10,9 +10,9 @@ from typing import Any
 import click
 
 from wavesweep.capabilities import modules
-from wavesweep.core.cli.options import is_given, overwriting
-from wavesweep.core.cli.talk import talk
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.options import is_given, overwriting
+from wavesweep.program.cli.talk import talk
 
 OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
 OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"  # options that frames take
@@ -119,13 +119,13 @@ def identify(
       wavesweep identify log.csv --column position=enc --scale position=2e-5 --friction
       wavesweep identify --frames times.csv --fast-hz 1000
     """
-    from wavesweep.core import results
-    from wavesweep.core.cli.files import refuse_inputs, refuse_no_folder, refuse_other_things, write_whole
-    from wavesweep.core.cli.messages import progress, say, show_json, where
-    from wavesweep.core.tables import kind_named
     from wavesweep.identification.device_spec import spec_text
     from wavesweep.identification.log import pairs
     from wavesweep.identification.table import identify
+    from wavesweep.program import results
+    from wavesweep.program.cli.file_places import refuse_inputs, refuse_no_folder, refuse_other_things, write_whole
+    from wavesweep.program.cli.messages import progress, say, show_json, where
+    from wavesweep.program.tables import kind_named
 
     started = time.perf_counter()
     named = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
@@ -153,7 +153,7 @@ def identify(
         table = find()
     table = replace(table, facts={**table.facts, "spec_place": results.place_of([source], directory)})
     if given["plot"]:
-        from wavesweep.core import plots
+        from wavesweep.program import plots
 
         plots.refuse_settings()
         table = plots.drawn(table)
@@ -190,7 +190,7 @@ def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[st
         raise click.UsageError("--frames: expected the capability frame_times, found that it is not there")
     fast_hz, number = given["fast_hz"], "rates.ratio"
     if given["spec"] is not None:
-        from wavesweep.core.spec import load
+        from wavesweep.program.spec import load
 
         spec = load(given["spec"])
         fast_hz, number = spec.tick_hz, module.number_of(spec)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.drawing.block_types import LONGEST_DELAY
-from wavesweep.core.spec.writing import as_toml
+from wavesweep.engine.drawing.block_types import LONGEST_DELAY
+from wavesweep.program.spec.writing import as_toml
 
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}
 DRAWN = {
@@ -110,7 +110,7 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
 
     A proof takes five ranges at most, so the load's damping has its ends as values in place of a range.
     """
-    from wavesweep.core.bundled import bundled
+    from wavesweep.program.bundled import bundled
 
     template = (bundled("sweeps/templates") / "two-mass.toml").read_text(encoding="utf-8")
     text = "[rates]" + template.partition("[rates]")[2].partition("[sweep]")[0]

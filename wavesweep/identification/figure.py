@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.plots.sampling import extremes
-from wavesweep.core.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, warn_above
-from wavesweep.core.plots.words import as_it_stands
+from wavesweep.program.columns import Columns
+from wavesweep.program.plots.labels import as_it_stands
+from wavesweep.program.plots.sampling import extremes
+from wavesweep.program.plots.style import GRID, IDEAL, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below, warn_above
 
 SEGMENTS = 64  # bands of the spectrum that are drawn, equally wide in octaves
 

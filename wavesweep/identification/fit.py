@@ -10,8 +10,8 @@ from operator import itemgetter
 import numpy as np
 from scipy.optimize import least_squares
 
-from wavesweep.core.errors import UsageError
-from wavesweep.identification.intervals import Estimate, estimated
+from wavesweep.engine.errors import UsageError
+from wavesweep.identification.estimates import Estimate, estimated
 from wavesweep.identification.model import ORDER, OWN, STEP, Model, euler, measured, of_modes, readings, sensitivities
 
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force

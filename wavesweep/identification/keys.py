@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.core.reading.keys import by_path, word
-from wavesweep.core.reading.tables import Asked, Table
+from wavesweep.engine.keys.key import by_path, word
+from wavesweep.program.reading.tables import Asked, Table
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec.schema import Shapes
-    from wavesweep.core.spec.studies import Request
+    from wavesweep.program.spec.schema import Shapes
+    from wavesweep.program.spec.studies import Request
 
 KEYS = by_path(
     [

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
-from wavesweep.core.tables.frame import framed
 from wavesweep.identification import table
+from wavesweep.program.tables.frame import framed
 
 if TYPE_CHECKING:
     from pandas import DataFrame

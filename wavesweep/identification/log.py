@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.core.csv_files import LEAST, MOST, read_csv
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.checking import nearest
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import nearest
+from wavesweep.program.csv_files import LEAST, MOST, read_csv
 
 MOST_BYTES = 1_000_000_000
 LEAST_ROWS = 50

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.plots.members import damping_of, specs_of
-from wavesweep.core.plots.style import distinct_colour
-from wavesweep.core.plots.words import as_it_stands
-from wavesweep.core.reading.keys import SYMBOLS
-from wavesweep.core.spec import Spec
 from wavesweep.identification.points import response_of, walls_of
+from wavesweep.program.plots.labels import as_it_stands
+from wavesweep.program.plots.member_panels import damping_of, specs_of
+from wavesweep.program.plots.style import distinct_colour
+from wavesweep.program.reading.keys import SYMBOLS
+from wavesweep.program.spec import Spec
 
 Facts = Mapping[str, Any]
 ByKind = Mapping[bool | None, np.ndarray]

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.asked import axes_asked, axis_along
-from wavesweep.core.analyses.intervals import job_over
-from wavesweep.core.analyses.spec_loops import loop_at_hand
-from wavesweep.core.doubts import INCOMPLETE
-from wavesweep.core.drawing.drawing import name_of
-from wavesweep.core.response.steady import respond
-from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import make_grid
-from wavesweep.core.sweep.running import in_memory
+from wavesweep.engine.doubts import INCOMPLETE
+from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.response.steady import respond
 from wavesweep.identification.points import FrequencyResponse, Walls, response_of, walls_of
+from wavesweep.program.analyses.asked import axes_asked, axis_along
+from wavesweep.program.analyses.interval_jobs import job_over
+from wavesweep.program.analyses.spec_loops import loop_at_hand
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import make_grid
+from wavesweep.program.sweep.running import in_memory
 
 FAR = 10.0  # times the largest stiffness that was measured, up to which limits are looked for
 CLOSE = 0.1  # of their median: limits without repetition are explained if the model is off by less, rms

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
     Facts = Mapping[str, Any]
 

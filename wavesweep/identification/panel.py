@@ -1,8 +1,8 @@
 """What a page of `explore` shows of the points of [measured]."""
 
-from wavesweep.core.columns import complex_columns
-from wavesweep.core.spec import Spec
 from wavesweep.identification.measured import read_points
+from wavesweep.program.columns import complex_columns
+from wavesweep.program.spec import Spec
 
 
 def data(spec: Spec) -> dict[str, dict[str, object]]:

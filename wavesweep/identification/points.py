@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core.csv_files import SHOWN, read_csv
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.checking import nearest
-from wavesweep.core.reading.reading import read_bytes
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import nearest
+from wavesweep.program.csv_files import SHOWN, read_csv
+from wavesweep.program.reading.reading import read_bytes
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
 DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}  # responses of position, velocity and acceleration

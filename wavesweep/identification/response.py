@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.identification.fit import LATE, NO_RESONANCE, RATES, RESONANCES, RINGING
 from wavesweep.identification.model import OWN, Model, euler, of_modes, reach, step, tick_of_two
 from wavesweep.identification.points import FrequencyResponse

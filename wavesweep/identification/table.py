@@ -10,17 +10,17 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from wavesweep.core.analyses.assumptions import USUAL
-from wavesweep.core.columns import Columns
-from wavesweep.core.csv_files import LEAST, MOST
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.keys import TURNED
-from wavesweep.core.reproducibility import versions
-from wavesweep.core.tables.fields import Field
-from wavesweep.core.tables.kind import Line, Numbers, whole_kind
-from wavesweep.core.tables.table import Table
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.key import TURNED
 from wavesweep.identification.columns import COLUMNS
 from wavesweep.identification.device_spec import PATHS, negative, spoken
+from wavesweep.program.analyses.assumptions import USUAL
+from wavesweep.program.columns import Columns
+from wavesweep.program.csv_files import LEAST, MOST
+from wavesweep.program.reproducibility import versions
+from wavesweep.program.tables.fields import Field
+from wavesweep.program.tables.kind import Line, Numbers, whole_kind
+from wavesweep.program.tables.table import Table
 
 METHOD = (
     "likelihood of rounded readings against the sampled model, force held over a tick, from the row on at which the force "
@@ -102,9 +102,9 @@ def identify(path: str, **asked: Unpack[Asked]) -> Table:
 
 
 def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
-    from wavesweep.core.columns import complex_columns
     from wavesweep.identification.points import read_response
     from wavesweep.identification.response import Hold, fitted_response
+    from wavesweep.program.columns import complex_columns
 
     period = MILLI if rate_hz is None else 1 / rate_hz
     started = time.perf_counter()
@@ -159,9 +159,9 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
 
 
 def _of_log(path: str, given: Asked, model: Any) -> Table:
+    from wavesweep.identification.explained import identified
     from wavesweep.identification.log import MOTIONS, read_log, step_of
     from wavesweep.identification.model import ORDER
-    from wavesweep.identification.verdict import identified
 
     started = time.perf_counter()
     columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")

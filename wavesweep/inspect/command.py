@@ -7,8 +7,8 @@ from typing import Any
 import click
 import numpy as np
 
-from wavesweep.core.cli.talk import talk
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.talk import talk
 
 FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 
@@ -26,7 +26,7 @@ def inspect(table: str) -> None:
       wavesweep inspect results/fig4/zwidth.parquet
       wavesweep inspect fig4
     """
-    from wavesweep.core.cli.messages import printable, show_json
+    from wavesweep.program.cli.messages import printable, show_json
 
     found = {str(path): _facts_of(path) for path in _tables(table)}
     if talk().as_json:
@@ -49,8 +49,8 @@ def _tables(name: str) -> list[Path]:
 
 def _facts_of(path: Path) -> Mapping[str, Any]:
     """A table as numbers and words that JSON can hold."""
-    from wavesweep.core.results import fields_of, read_table
-    from wavesweep.core.tables.kind import counted_doubts
+    from wavesweep.program.results import fields_of, read_table
+    from wavesweep.program.tables.kind import counted_doubts
 
     kind, columns, facts = read_table(path)
     fields = fields_of(kind, columns, facts)

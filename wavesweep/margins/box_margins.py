@@ -15,22 +15,22 @@ from itertools import product
 import numpy as np
 
 from wavesweep.capabilities import modules
-from wavesweep.core.analyses.open_loops import ANY
-from wavesweep.core.drawing.drawing import name_of, path_of
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.loops.dead_time import pieces_of, timing
-from wavesweep.core.loops.domain import domain
-from wavesweep.core.loops.resolution import Resolution, Side
-from wavesweep.core.monodromy.circle import inverse, on_circle
-from wavesweep.core.monodromy.rounding import balance
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.stability.certificate import NONE, SEARCH
-from wavesweep.core.stability.frames import Frames
-from wavesweep.core.stability.positive import Cover, any_positive, positive
+from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.loops.dead_time import pieces_of, timing
+from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loops.resolution import Resolution, Side
+from wavesweep.engine.monodromy.rounding import balance
+from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
+from wavesweep.engine.search.open_loops import ANY
+from wavesweep.engine.stability.certificate import NONE, SEARCH
+from wavesweep.engine.stability.positive import Cover, any_positive, positive
+from wavesweep.engine.stability.sampled_frames import Frames
 from wavesweep.margins.broken_loops import GAIN, broken_at, with_block, with_gain
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import MOST, SPANS, BrokenLoop, Margin, disk_margins
+from wavesweep.program.spec import Axis, Spec
 
 boxes = next(modules("boxes"))  # there, as the spec has its table
 NEAR = 4e-3  # of a margin that is refuted, how far from it a proof is tried

@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.core.analyses.lines_of_loops import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of
-from wavesweep.core.analyses.open_loops import open_loops
-from wavesweep.core.drawing.drawing import Drawing, path_of
-from wavesweep.core.drawing.drawn_block import DrawnBlock
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.from_drawing import FACTOR, PRODUCT
-from wavesweep.core.monodromy.open_ticks import OpenTicks
-from wavesweep.core.reading.checking import nearest
-from wavesweep.core.spec import Spec, load
-from wavesweep.core.sweep.grid import own_loop
+from wavesweep.engine.drawing.drawing import Drawing, path_of
+from wavesweep.engine.drawing.drawn_block import DrawnBlock
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import nearest
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
+from wavesweep.engine.monodromy.open_ticks import OpenTicks
+from wavesweep.engine.search.lines_of_loops import lines_in_loops
+from wavesweep.engine.search.open_loops import open_loops
+from wavesweep.engine.stability.radii import drift_of
 from wavesweep.margins.lifted_margins import LiftedLoop
 from wavesweep.margins.loop_margins import BESIDE, MOST, BrokenLoop, Margin
+from wavesweep.program.spec import Spec, load
+from wavesweep.program.sweep.grid import own_loop
 
 MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
 BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so

@@ -1,6 +1,6 @@
 """The columns of the table `margins`."""
 
-from wavesweep.core.tables.fields import columns_beside
+from wavesweep.program.tables.fields import columns_beside
 
 _VALUES = {
     "margin": {

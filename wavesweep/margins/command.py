@@ -2,8 +2,8 @@
 
 import click
 
-from wavesweep.core.cli.options import Options, run_options
-from wavesweep.core.cli.studies import one_spec
+from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.study_commands import one_spec
 
 
 @click.command("margins")
@@ -33,7 +33,7 @@ def margins(spec: str, options: Options, cut: str) -> None:
       wavesweep margins sweeps/recipes/current-loop.toml
       wavesweep margins mine.toml --cut avatar.out --set b=20
     """
-    from wavesweep.core.cli.output import produce
     from wavesweep.margins import table
+    from wavesweep.program.cli.output import produce
 
     produce(["margins"], [spec], options, lambda specs, **_: [table.margins(*specs, cut)])

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.errors import UsageError
-from wavesweep.core.plots.layout import MOST_MEMBERS
-from wavesweep.core.plots.style import (
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.response.step import Step
+from wavesweep.margins.marked_steps import MARK, draw_others, draw_step
+from wavesweep.program.columns import Columns
+from wavesweep.program.plots.figure_layout import MOST_MEMBERS
+from wavesweep.program.plots.labels import assumption, valued
+from wavesweep.program.plots.style import (
     GRID,
     TWO_COLUMNS,
     Look,
@@ -22,10 +25,7 @@ from wavesweep.core.plots.style import (
     paler,
     wide,
 )
-from wavesweep.core.plots.words import assumption, valued
-from wavesweep.core.response.step import Step
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.margins.steps import MARK, draw_others, draw_step
+from wavesweep.program.spec import Axis, Spec
 
 LEAST = 1e-4  # of the largest frequency, the lowest one of the Bode plot
 ALMOST = 0.999  # of it, up to which its axes show gains whole; L may be 0 there
@@ -91,7 +91,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     panel and no margins; by default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk that
     is proved for all of them.
     """
-    from wavesweep.core.spec import load
+    from wavesweep.program.spec import load
 
     spec, cut = load(facts["spec"]), facts["cut"]
     whose = np.asarray(columns.get("guarantee", np.full(len(columns["cut"]), "spec")))
@@ -163,8 +163,8 @@ def named_specs(spec: Spec, places: Sequence[Mapping[str, float]]) -> list[tuple
 
 def _closed_step(spec: Spec, cut: str) -> Step | None:
     """The response of T = L/(1 + L) to a step; None of a loop that comes to rest too slowly, or not at all."""
-    from wavesweep.core.analyses.steps import step_at
     from wavesweep.margins.broken_loops import with_block
+    from wavesweep.program.analyses.steps import step_at
 
     try:
         step = step_at(*with_block(spec, cut))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from itertools import product
 from typing import TYPE_CHECKING
 
-from wavesweep.core import api
-from wavesweep.core.analyses.asked import Numbers, axes_asked
-from wavesweep.core.plots.style import drawn_into
-from wavesweep.core.tables.frame import framed
 from wavesweep.margins import table
+from wavesweep.program import api
+from wavesweep.program.analyses.asked import Numbers, axes_asked
+from wavesweep.program.plots.style import drawn_into
+from wavesweep.program.tables.frame import framed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,14 +14,14 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.core.energy.hinf import SOFT, START
-from wavesweep.core.energy.lifted_map import TOLERANCE, LiftedMap, TickMaps, reached, read, squared_norm
-from wavesweep.core.monodromy.circle import on_circle, solve
-from wavesweep.core.monodromy.drift import TickDrift, errors_of_closed, filled, without_drift
-from wavesweep.core.monodromy.open_ticks import OpenTicks
-from wavesweep.core.stability.along_any import stable_along_any
-from wavesweep.core.stability.certificate import FAST, NONE, SEARCH
-from wavesweep.core.stability.frames import Frames
+from wavesweep.engine.energy.hinf import SOFT, START
+from wavesweep.engine.energy.lifted_map import TOLERANCE, LiftedMap, TickMaps, reached, read, squared_norm
+from wavesweep.engine.monodromy.drift import TickDrift, errors_of_closed, filled, without_drift
+from wavesweep.engine.monodromy.open_ticks import OpenTicks
+from wavesweep.engine.monodromy.unit_circle import on_circle, solve
+from wavesweep.engine.stability.along_any import stable_along_any
+from wavesweep.engine.stability.certificate import FAST, NONE, SEARCH
+from wavesweep.engine.stability.sampled_frames import Frames
 from wavesweep.margins.loop_margins import (
     BESIDE,
     SPANS,

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.energy.hinf import SOFT, START, Peak, angles, with_middles
-from wavesweep.core.energy.lifted_map import TOLERANCE, TickMaps, squared_norm
-from wavesweep.core.monodromy.circle import on_circle, solve
-from wavesweep.core.monodromy.cut import ERRORS, PARTS, Cut, open_in, with_batch
-from wavesweep.core.stability.boundary import K_VE
-from wavesweep.core.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
-from wavesweep.core.stability.stable import stable_intervals
+from wavesweep.engine.energy.hinf import SOFT, START, Peak, angles, with_middles
+from wavesweep.engine.energy.lifted_map import TOLERANCE, TickMaps, squared_norm
+from wavesweep.engine.monodromy.cut import ERRORS, PARTS, Cut, open_in, with_batch
+from wavesweep.engine.monodromy.unit_circle import on_circle, solve
+from wavesweep.engine.stability.boundary import K_VE
+from wavesweep.engine.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
+from wavesweep.engine.stability.stable import stable_intervals
 
 MOST = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better
@@ -28,7 +28,7 @@ class Margin:
     """One margin.
 
     value: NaN if it is not known. omega: its frequency, rad/s up to half the rate of the frame; NaN without a limit. bound: on
-    the error of the value, relative, to first order. doubt: a code of `core.stability.certificate`. limited: whether there
+    the error of the value, relative, to first order. doubt: a code of `engine.stability.certificate`. limited: whether there
     is a limit; otherwise the value is the end of what was looked at.
     """
 

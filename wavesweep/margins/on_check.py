@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
 
 def is_next(spec: Spec, found: Mapping[str, Any]) -> bool:

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.steps import routes_of, step_at, step_between
-from wavesweep.core.errors import UsageError, WavesweepError
-from wavesweep.core.plots.sampling import extremes
-from wavesweep.core.reading.keys import RATIO
-from wavesweep.core.response.step import Step
-from wavesweep.core.spec import Spec
-from wavesweep.core.stability.certificate import words
+from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.engine.keys.key import RATIO
+from wavesweep.engine.response.step import Step
+from wavesweep.engine.stability.certificate import words
 from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
 from wavesweep.margins.figure import decibels_and_degrees, marks_of, response_of
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.table import UNITS
+from wavesweep.program.analyses.steps import routes_of, step_at, step_between
+from wavesweep.program.plots.sampling import extremes
+from wavesweep.program.spec import Spec
 
 COARSE, FIRST = 0.2, 90  # change of ln L between two points of a curve, and the number of points to begin with
 MOST = 1_000_000  # samples of a step response times states

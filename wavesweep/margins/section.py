@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from shlex import quote
 
-from wavesweep.core.spec import Spec
-from wavesweep.core.tables.table import Table
+from wavesweep.program.spec import Spec
+from wavesweep.program.tables.table import Table
 
 TITLE, PLACE = "Margins", 2
 KNOWN = "Certified, to a relative 1e-6 or better, unless a line says that it is not certified."

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns, joined
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.keys import RATIO
-from wavesweep.core.spec import Spec
-from wavesweep.core.stability.certificate import words
-from wavesweep.core.tables.kind import Kind, Line, Numbers, SingleBlockTally, from_spec, plain
-from wavesweep.core.tables.table import Table, facts_of, held
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.key import RATIO
+from wavesweep.engine.stability.certificate import words
+from wavesweep.program.columns import Columns, joined
+from wavesweep.program.spec import Spec
+from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockTally, from_spec, plain
+from wavesweep.program.tables.table import Table, facts_of, held
 
 METHOD = (
     "gains from the certified stable interval around 1 of a factor of the signal; crossings of the gain 1 from the pencil of "
@@ -41,9 +41,9 @@ def margins(spec: Spec, cut: str = "") -> Table:
     cut: the signal, "block.port" or a name in [signals]; by default the first of `cuts_of`, an actuator's. Errors: UsageError
     for a signal at which the loop cannot be broken, or a loop that is not known to be stable.
     """
-    from wavesweep.core.analyses.assumptions import over_preset
     from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
     from wavesweep.margins.lifted_margins import margins_of
+    from wavesweep.program.analyses.assumptions import over_preset
 
     started, cut = time.perf_counter(), cut or next(iter(cuts_of(spec)), "")
     loop = broken_at(spec, cut)

@@ -4,14 +4,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.core.energy.held_loop import HeldLoop
-from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps, damping_peak, read
-from wavesweep.core.loops.block import Block
-from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.monodromy.circle import solve
-from wavesweep.core.monodromy.periodic import ticks_of
-from wavesweep.core.response.linear_systems import solved
-from wavesweep.core.stability.spectrum import is_stable
+from wavesweep.engine.energy.held_loop import HeldLoop
+from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, damping_peak, read
+from wavesweep.engine.loops.block import Block
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.unit_circle import solve
+from wavesweep.engine.response.linear_systems import solved
+from wavesweep.engine.stability.spectrum import is_stable
 
 LOWEST = 1e-3  # rad per frame; loops that do not settle are examined from here on
 

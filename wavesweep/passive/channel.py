@@ -5,15 +5,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import WAVE_ENDS, Drawing, path_of
-from wavesweep.core.drawing.expressions import names_in
-from wavesweep.core.energy.lifted_map import TOLERANCE, TickMaps, reached, read, squared_norm
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.block import Block
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.loops.from_drawing import assembled
-from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.core.monodromy.periodic import ticks_of
+from wavesweep.engine.drawing.drawing import WAVE_ENDS, Drawing, path_of
+from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.energy.lifted_map import TOLERANCE, TickMaps, reached, read, squared_norm
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.block import Block
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.engine.monodromy.periodic import ticks_of
 
 MOST_ENTRIES = 100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
 

@@ -1,7 +1,7 @@
 """The columns of the tables of `passivity`."""
 
-from wavesweep.core.tables.fields import COLUMNS as OF_CORE
-from wavesweep.core.tables.fields import columns_beside
+from wavesweep.program.tables.fields import COLUMNS as OF_CORE
+from wavesweep.program.tables.fields import columns_beside
 
 COLUMNS = columns_beside(
     __file__,

@@ -2,8 +2,8 @@
 
 import click
 
-from wavesweep.core.cli.options import Options, run_options
-from wavesweep.core.cli.studies import one_spec
+from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.study_commands import one_spec
 
 
 @click.command("passivity")
@@ -44,8 +44,8 @@ def passivity(spec: str, options: Options, filters: bool, along: str | None) -> 
       wavesweep passivity sweeps/paper/fig4.toml --filters
       wavesweep passivity mine.toml --along K_VE --set 'sweep.K_VE={start = 0, stop = 2000}'
     """
-    from wavesweep.core.cli.output import produce
     from wavesweep.passive import table as tables
+    from wavesweep.program.cli.output import produce
 
     def compute(specs, **work):
         (loaded,) = specs

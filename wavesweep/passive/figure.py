@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns, axes_of
-from wavesweep.core.plots.layout import rows_with
-from wavesweep.core.plots.sampling import Blocks, shown_loops
-from wavesweep.core.plots.scales import by_factors, is_logarithmic
-from wavesweep.core.plots.style import (
+from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.plots.figure_layout import rows_with
+from wavesweep.program.plots.labels import assumption, at_hand, label, symbol, valued
+from wavesweep.program.plots.sampling import Blocks, shown_loops
+from wavesweep.program.plots.scales import by_factors, is_logarithmic
+from wavesweep.program.plots.style import (
     DOUBTFUL,
     GRID,
     TWO_COLUMNS,
@@ -22,7 +23,6 @@ from wavesweep.core.plots.style import (
     note_below,
     wide,
 )
-from wavesweep.core.plots.words import assumption, at_hand, label, symbol, valued
 
 _TOLERANCE = 1e-10  # of the norm: up to this above 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from wavesweep.core.tables.row_kinds import RowKind
+from wavesweep.program.tables.row_kinds import RowKind
 
 if TYPE_CHECKING:
-    from wavesweep.core.analyses.intervals import Guarantee
-    from wavesweep.core.sweep.job import Job
+    from wavesweep.program.analyses.interval_jobs import Guarantee
+    from wavesweep.program.sweep.job import Job
 
 _EVERY = "stable with every passive hand"
 _PORT = "hand's port passive, forces held over a tick"
@@ -54,7 +54,7 @@ ROWS = {
 
 
 def of_word(kind: str, tolerance: str | None) -> Guarantee | None:
-    """The guarantee for a word of --for-hands, None for a word of others; see `core.tables.hands`."""
+    """The guarantee for a word of --for-hands, None for a word of others; see `program.tables.hand_rows`."""
     from wavesweep.passive.hands import PassiveGuarantee
 
     if kind not in ROWS or (tolerance is not None and kind != "channel"):
@@ -63,8 +63,8 @@ def of_word(kind: str, tolerance: str | None) -> Guarantee | None:
 
 
 def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
-    """The guarantees of a run; see `core.tables.hands.guarantees_of`. Errors: UsageError for loops that hands cannot hold."""
-    from wavesweep.core.tables.hands import refuse_velocity
+    """The guarantees of a run; see `hand_rows.guarantees_of`. Errors: UsageError for loops that hands cannot hold."""
+    from wavesweep.program.tables.hand_rows import refuse_velocity
 
     if any(each.kind == "passive" for each in asked):
         refuse_velocity(own)

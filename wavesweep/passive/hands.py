@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.core.analyses.interval_records import RECORD, blank_records
-from wavesweep.core.analyses.intervals import Guarantee
-from wavesweep.core.analyses.loops import held_loop
-from wavesweep.core.energy.held_loop import HeldLoop
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.stability.certificate import NONE, SEARCH
-from wavesweep.core.sweep.job import Job
-from wavesweep.passive.ranges import channel_ranges, hand_ranges, pair_ranges, port_ranges
+from wavesweep.engine.energy.held_loop import HeldLoop
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.search.interval_records import RECORD, blank_records
+from wavesweep.engine.stability.certificate import NONE, SEARCH
+from wavesweep.engine.stability.radii import held_loop
+from wavesweep.passive.port_ranges import channel_ranges, hand_ranges, pair_ranges, port_ranges
+from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.sweep.job import Job
 
 PASSIVE = (
     "determinant of {}, interpolated over number and angle with a bound, positive by Bernstein coefficients; outside, angles "

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Unpack
 
-from wavesweep.core import api
-from wavesweep.core.analyses.asked import Numbers, axes_asked
-from wavesweep.core.api import Source, figure_from, spec_of
-from wavesweep.core.spec.loading import naming
-from wavesweep.core.sweep.running import Options
-from wavesweep.core.tables.frame import framed
 from wavesweep.passive import table
+from wavesweep.program import api
+from wavesweep.program.analyses.asked import Numbers, axes_asked
+from wavesweep.program.api import Source, figure_from, spec_of
+from wavesweep.program.spec.loading import naming
+from wavesweep.program.sweep.running import Options
+from wavesweep.program.tables.frame import framed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

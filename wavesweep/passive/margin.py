@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.core.controllers import HAND
-from wavesweep.core.energy.held_loop import HeldLoop
-from wavesweep.core.energy.hinf import SOFT, angles, peak_by_levels
-from wavesweep.core.energy.lifted_map import TickMaps
-from wavesweep.core.errors import UsageError
-from wavesweep.core.monodromy.circle import solve
-from wavesweep.core.stability.spectrum import count_outside, eigenvalues, is_stable
+from wavesweep.engine.energy.held_loop import HeldLoop
+from wavesweep.engine.energy.hinf import SOFT, angles, peak_by_levels
+from wavesweep.engine.energy.lifted_map import TickMaps
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.monodromy.unit_circle import solve
+from wavesweep.engine.stability.spectrum import count_outside, eigenvalues, is_stable
 
 SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
 TOLERANCE = 1e-9  # of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding

@@ -7,8 +7,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
-    from wavesweep.core.sweep.job import Job
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.sweep.job import Job
 
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on
 LARGEST = 20_000  # entries of its matrix, up to which the norm takes less than 0.1 s; it grows with their power of 1.5
@@ -29,10 +29,10 @@ def _kept(spec):
 @lru_cache(maxsize=64)
 def _channel_of(kept):
     """The wave channel; None without one."""
-    from wavesweep.core.loops.controllers import loop_drawing
-    from wavesweep.core.reading.keys import VALUE_PATHS
-    from wavesweep.core.spec import KEYS
+    from wavesweep.engine.loops.controller_drawings import loop_drawing
     from wavesweep.passive.channel import channel_of
+    from wavesweep.program.reading.keys import VALUE_PATHS
+    from wavesweep.program.spec import KEYS
 
     values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
     return channel_of(loop_drawing(values), values)
@@ -69,9 +69,9 @@ def lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[tuple[float, str | C
 
 def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:
     """The lines about `passivity`, and its jobs. Errors: SpecError for a sweep that no command could do."""
-    from wavesweep.core.errors import SpecError, UsageError
-    from wavesweep.core.sweep.grid import make_grid
-    from wavesweep.passive.job import jobs_of, not_computed
+    from wavesweep.engine.errors import SpecError, UsageError
+    from wavesweep.passive.port_jobs import jobs_of, not_computed
+    from wavesweep.program.sweep.grid import make_grid
 
     if spec.drawing and spec.drawing.hand is None:
         return ["  passivity: not possible, [ports] names no hand"], []

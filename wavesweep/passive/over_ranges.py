@@ -16,17 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.energy.held_loop import HeldLoop, device_keys
-from wavesweep.core.energy.hinf import SOFT, Peak, angles, peak_by_levels, tick
-from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps
-from wavesweep.core.loops.domain import guards_at
-from wavesweep.core.loops.multirate import MultirateLoop
-from wavesweep.core.loops.ports import axes_of
-from wavesweep.core.monodromy.circle import inverse, on_circle, solve
-from wavesweep.core.monodromy.open_ticks import facts_of
-from wavesweep.core.monodromy.periodic import ticks_of
-from wavesweep.core.monodromy.rounding import balance
-from wavesweep.core.response.port import port_of
+from wavesweep.engine.energy.held_loop import HeldLoop, device_keys
+from wavesweep.engine.energy.hinf import SOFT, Peak, angles, peak_by_levels, tick
+from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
+from wavesweep.engine.loops.domain import guards_at
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import axes_of
+from wavesweep.engine.monodromy.open_ticks import facts_of
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.rounding import balance
+from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
+from wavesweep.engine.response.port import port_of
 from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of
 

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.core.analyses.loops import drift_of, frames
-from wavesweep.core.controllers import HAND
-from wavesweep.core.energy.held_loop import HeldLoop, device_of, with_hand
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.stability.spectrum import eigenvalues
-from wavesweep.passive.ranges import cover_of
+from wavesweep.engine.energy.held_loop import HeldLoop, device_of, with_hand
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.stability.radii import drift_of, frames
+from wavesweep.engine.stability.spectrum import eigenvalues
+from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
 
 CLOSE = 1e-2  # of a margin: what may lie between what is proved and what is refuted

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wavesweep.core.analyses.assumptions import notices_of
-from wavesweep.core.columns import Columns, joined
-from wavesweep.core.errors import UsageError
-from wavesweep.core.tables.columns import at_port
-from wavesweep.core.tables.intervals import interval_kind
-from wavesweep.core.tables.kind import Kind, Line, Numbers, SingleBlockTally, count, from_spec
-from wavesweep.core.tables.table import Table, facts_of, spans_held
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.assumptions import notices_of
+from wavesweep.program.columns import Columns, joined
+from wavesweep.program.tables.columns import at_port
+from wavesweep.program.tables.interval_table import interval_kind
+from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockTally, count, from_spec
+from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
-    from wavesweep.core.sweep.running import Options, Run
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.sweep.running import Options, Run
 
 TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
 PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
@@ -41,8 +41,8 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[Options])
     summary. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, and the errors
     of `run`.
     """
-    from wavesweep.core.sweep.running import Work, run
-    from wavesweep.passive.job import certified_slices, jobs_of, not_computed
+    from wavesweep.passive.port_jobs import certified_slices, jobs_of, not_computed
+    from wavesweep.program.sweep.running import Work, run
 
     _refuse_tolerance(tolerance)
     axes = tuple(axis for axis in spec.sweep if axis.values)
@@ -60,9 +60,9 @@ def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: 
 
     along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance, work: as for `passivity`.
     """
-    from wavesweep.core.tables.hands import hands_of
-    from wavesweep.core.tables.intervals import intervals
-    from wavesweep.passive.job import sends_waves
+    from wavesweep.passive.port_jobs import sends_waves
+    from wavesweep.program.tables.hand_rows import hands_of
+    from wavesweep.program.tables.interval_table import intervals
 
     _refuse_tolerance(tolerance)
     words = ["ports"] * bool(spec.drawing and spec.drawing.environment)
@@ -73,7 +73,7 @@ def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: 
 
 def over_frequency(spec: Spec) -> Table:
     """Llewellyn's index and the damping that both ports could do without, over frequency, for every combination of the axes."""
-    from wavesweep.passive.job import curves
+    from wavesweep.passive.port_jobs import curves
 
     started, axes = time.perf_counter(), tuple(axis for axis in spec.sweep if axis.values)
     columns = joined(curves(spec, axes))
@@ -87,15 +87,15 @@ def over_frequency(spec: Spec) -> Table:
 
 def in_memory(spec: Spec, axes) -> Columns:
     """The table over `axes`, computed in this process."""
-    from wavesweep.core.sweep.running import Work, run
-    from wavesweep.passive.job import jobs_of
+    from wavesweep.passive.port_jobs import jobs_of
+    from wavesweep.program.sweep.running import Work, run
 
     return joined(_blocks(run(jobs_of(spec, axes), Work(jobs=1))))
 
 
 def _blocks(found: Run) -> Iterator[Columns]:
     """Yield the rows in blocks."""
-    from wavesweep.passive.job import blocks
+    from wavesweep.passive.port_jobs import blocks
 
     for axes, columns in blocks(found):
         columns |= {name.replace("_omega", "_hz"): column / (2 * np.pi) for name, column in columns.items() if "_omega" in name}
@@ -105,7 +105,7 @@ def _blocks(found: Run) -> Iterator[Columns]:
 
 def _notices(grid) -> Iterator[str]:
     """Yield notices about axes that are not swept, and about a missing channel."""
-    from wavesweep.passive.job import not_computed, sends_waves
+    from wavesweep.passive.port_jobs import not_computed, sends_waves
 
     yield from notices_of(grid)
     yield from spans_held(grid.spec)

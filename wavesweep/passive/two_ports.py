@@ -19,15 +19,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import ENVIRONMENT
-from wavesweep.core.energy.held_loop import HeldLoop
-from wavesweep.core.energy.lifted_map import LiftedMap, TickMaps
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.from_drawing import OUTPUT, POSITION
-from wavesweep.core.loops.ports import Ports
-from wavesweep.core.monodromy.circle import inverse, on_circle, solve
-from wavesweep.core.response.port import port_of
-from wavesweep.core.stability.spectrum import eigenvalues, is_stable
+from wavesweep.engine.drawing.drawing import ENVIRONMENT
+from wavesweep.engine.energy.held_loop import HeldLoop
+from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.from_drawing import OUTPUT, POSITION
+from wavesweep.engine.loops.ports import Ports
+from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
+from wavesweep.engine.response.port import port_of
+from wavesweep.engine.stability.spectrum import eigenvalues, is_stable
 from wavesweep.passive.over_ranges import ANGLES, TERMS, Covering, away_from_0, inner_numbers, pivots_of, remembered, with_sizes
 
 OTHER = OUTPUT + ENVIRONMENT[1]  # the junction of the displacement at the port of the environment

@@ -3,13 +3,13 @@
 from functools import lru_cache
 from typing import Any
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.plots.style import distinct_look, family_looks, figure, paler
-from wavesweep.core.plots.words import as_it_stands
-from wavesweep.core.spec import Spec
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.picture.layout import ROW, Box, Routes, dots, lay_out
 from wavesweep.picture.wiring import CONTINUOUS, Part, Terms, Wiring, wiring_of_drawing
+from wavesweep.program.plots.labels import as_it_stands
+from wavesweep.program.plots.style import distinct_look, family_looks, figure, paler
+from wavesweep.program.spec import Spec
 
 WIDEST = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
 NARROWEST = 4.5

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from wavesweep.core import api
-from wavesweep.core.plots.style import drawn_into
 from wavesweep.picture.diagram import diagram
+from wavesweep.program import api
+from wavesweep.program.plots.style import drawn_into
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

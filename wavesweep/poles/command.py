@@ -2,8 +2,8 @@
 
 import click
 
-from wavesweep.core.cli.options import Options, run_options
-from wavesweep.core.cli.studies import one_spec
+from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.study_commands import one_spec
 
 
 @click.command("poles")
@@ -32,7 +32,7 @@ def poles(spec: str, options: Options, over: str) -> None:
       wavesweep poles sweeps/templates/drive.toml --over kp
       wavesweep poles mine.toml --over b --set 'sweep.b={start=5, stop=80}'
     """
-    from wavesweep.core.cli.output import produce
     from wavesweep.poles import table
+    from wavesweep.program.cli.output import produce
 
     produce(["poles"], [spec], options, lambda specs, **_: [table.poles(*specs, over)])

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.plots.scales import is_logarithmic
-from wavesweep.core.plots.style import DOUBTFUL, GRID, ONE_COLUMN, distinct_colour, family_map, figure, note_below
-from wavesweep.core.plots.words import assumption, label, symbol, unit
-from wavesweep.core.stability.spectrum import GONE
+from wavesweep.engine.stability.spectrum import GONE
 from wavesweep.poles.table import modes
+from wavesweep.program.columns import Columns
+from wavesweep.program.plots.labels import assumption, label, symbol, unit
+from wavesweep.program.plots.scales import is_logarithmic
+from wavesweep.program.plots.style import DOUBTFUL, GRID, ONE_COLUMN, distinct_colour, family_map, figure, note_below
 
 REACH = 1.5  # what is farther from 0 is not shown
 ROOM = 1.05  # about the unit circle, which is shown whole

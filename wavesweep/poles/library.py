@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core import api
-from wavesweep.core.analyses.asked import Numbers, axes_asked, axis_along
-from wavesweep.core.plots.style import drawn_into
-from wavesweep.core.spec.loading import naming
-from wavesweep.core.tables.frame import framed
 from wavesweep.poles import table
 from wavesweep.poles.figure import poles as drawn
+from wavesweep.program import api
+from wavesweep.program.analyses.asked import Numbers, axes_asked, axis_along
+from wavesweep.program.plots.style import drawn_into
+from wavesweep.program.spec.loading import naming
+from wavesweep.program.tables.frame import framed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

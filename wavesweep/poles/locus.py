@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.asked import axes_asked, key_named
-from wavesweep.core.analyses.intervals import job_over
-from wavesweep.core.analyses.own_design import searched
-from wavesweep.core.analyses.poles import ON_CIRCLE, poles
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.sweep.grid import make_grid
-from wavesweep.core.sweep.running import in_memory
 from wavesweep.poles.table import LOCUS, over
+from wavesweep.program.analyses.asked import axes_asked, key_named
+from wavesweep.program.analyses.interval_jobs import job_over
+from wavesweep.program.analyses.own_design import searched
+from wavesweep.program.analyses.poles import ON_CIRCLE, poles
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.sweep.grid import make_grid
+from wavesweep.program.sweep.running import in_memory
 
 End = tuple[float, list[float], list[float], float, bool]
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.tables.kind import Line, Numbers, count, from_spec, plain, whole_kind
-from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.program.columns import Columns
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.tables.kind import Line, Numbers, count, from_spec, plain, whole_kind
+from wavesweep.program.tables.table import Table, facts_of
 
 LOCUS = 300  # values of the number by default
 MOST = 8  # modes that the summary names
@@ -26,19 +26,19 @@ def poles(spec: Spec, number: str = "") -> Table:
 
     Errors: UsageError for a name that is not that of a number, SpecError for a range that the spec does not take.
     """
-    from wavesweep.core.spec.loading import naming
     from wavesweep.poles.locus import axis_over
+    from wavesweep.program.spec.loading import naming
 
     return over(spec := naming(spec, [number] if number else []), axis_over(spec, number) if number else None)
 
 
 def over(spec: Spec, axis: Axis | None = None) -> Table:
     """The same over the values of an axis."""
-    from wavesweep.core.analyses.assumptions import over_preset
-    from wavesweep.core.analyses.loops import drift_of
-    from wavesweep.core.analyses.poles import poles as poles_of
-    from wavesweep.core.sweep.grid import own_loop
+    from wavesweep.engine.stability.radii import drift_of
     from wavesweep.poles.locus import ends_on_circle
+    from wavesweep.program.analyses.assumptions import over_preset
+    from wavesweep.program.analyses.poles import poles as poles_of
+    from wavesweep.program.sweep.grid import own_loop
 
     started, columns, own = time.perf_counter(), poles_of(spec, axis), own_loop(spec)
     drawn, drift = own.drawn(), drift_of(own)

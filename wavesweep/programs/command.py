@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.core.cli.options import Options, run_options
-from wavesweep.core.reproducibility import ONE_THREAD
+from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.reproducibility import ONE_THREAD
 
 if TYPE_CHECKING:
-    from wavesweep.core.tables.table import Table
+    from wavesweep.program.tables.table import Table
 
 
 @click.command("bench")
@@ -35,8 +35,8 @@ def bench(quick: bool, options: Options) -> None:
     # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
     # starts inherit it.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
-    from wavesweep.core.bundled import program
-    from wavesweep.core.plots import drawn
+    from wavesweep.program.bundled import program
+    from wavesweep.program.plots import drawn
 
     own = program("benchmarks/bench")
 
@@ -58,7 +58,7 @@ def paper(options: Options) -> None:
     and its numbers for each statement. The last three are also written as Markdown. With --out - the statements go to
     stdout.
     """
-    from wavesweep.core.bundled import program
+    from wavesweep.program.bundled import program
 
     own = program("sweeps/paper/reproduce")
     _refuse(options, "the paper's values are its own; copy one of its specs and change the copy")
@@ -88,9 +88,9 @@ def _produce(
     said: Callable[[Table], tuple[dict[str, Any], list[str]]],
 ) -> None:
     """Write the tables of a program to files or the last one, of the kind `last`, to stdout, and say what that one says."""
-    from wavesweep.core.cli.messages import progress, say, show_json, where
-    from wavesweep.core.cli.output import alone
-    from wavesweep.core.results import publish, stream
+    from wavesweep.program.cli.messages import progress, say, show_json, where
+    from wavesweep.program.cli.output import alone
+    from wavesweep.program.results import publish, stream
 
     directory, lines, files, began = Path(options.out or Path("results", command)), [], [], time.perf_counter()
     with alone([last], directory, options), progress(options.quiet) as report:

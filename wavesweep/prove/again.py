@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core.analyses.loops import drift_of
-from wavesweep.core.errors import IllPosedLoopError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.dead_time import in_whole_ticks
-from wavesweep.core.tables.kind import ProvedAgain
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.dead_time import in_whole_ticks
+from wavesweep.engine.stability.radii import drift_of
+from wavesweep.program.tables.kind import ProvedAgain
 
 if TYPE_CHECKING:
-    from wavesweep.core.analyses.interval_search import Search
+    from wavesweep.engine.search.interval_search import Search
 
 OPERATIONS = 1e8  # of ball arithmetic for a slice, at most: up to some twenty seconds
 CLOSE = 1e-9  # relative difference that two proofs of an end may have

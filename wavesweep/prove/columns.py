@@ -10,9 +10,9 @@ from typing import Any
 
 from flint import arb, ctx
 
-from wavesweep.core.drawing.drawing import Drawing, name_of
-from wavesweep.prove.crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
-from wavesweep.prove.polynomials import Budget, Family
+from wavesweep.engine.drawing.drawing import Drawing, name_of
+from wavesweep.prove.ball_crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
+from wavesweep.prove.ball_polynomials import Budget, Family
 from wavesweep.prove.ticks import Loop, UndecidedError
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits

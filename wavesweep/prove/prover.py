@@ -5,12 +5,12 @@ from contextlib import suppress
 
 import numpy as np
 
-from wavesweep.core.analyses.loops import drift_of
-from wavesweep.core.drawing.drawing import name_of
-from wavesweep.core.errors import IllPosedLoopError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.dead_time import in_whole_ticks
-from wavesweep.core.loops.from_drawing import rate_of
+from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.dead_time import in_whole_ticks
+from wavesweep.engine.loops.from_drawing import rate_of
+from wavesweep.engine.stability.radii import drift_of
 from wavesweep.prove.again import prove_again
 
 __all__ = ["ball_prover", "prove_again"]
@@ -29,8 +29,8 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float 
     budgets = {}
 
     def prove(column, low, high):
+        from wavesweep.prove.ball_polynomials import Budget
         from wavesweep.prove.columns import prove_column
-        from wavesweep.prove.polynomials import Budget
 
         loop, span = loops.one(column), (low - MARGIN * abs(low), high + MARGIN * abs(high))
         drawing, budget = in_whole_ticks(*loop, along), budgets.setdefault(column, Budget(operations))

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx
 
-from wavesweep.core.drawing.block_types import TYPES
-from wavesweep.core.drawing.drawing import Drawing, scalars
-from wavesweep.core.drawing.drawn_block import DrawnBlock, Plant
-from wavesweep.core.drawing.exact import constants_of, named
-from wavesweep.core.drawing.expressions import FUNCTIONS, Tree, evaluate, names_in, value_of
-from wavesweep.prove.blocks import continuous, held, matrices
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing.drawing import Drawing, scalars
+from wavesweep.engine.drawing.drawn_block import DrawnBlock, Plant
+from wavesweep.engine.drawing.exact import constants_of, named
+from wavesweep.engine.drawing.expressions import FUNCTIONS, Tree, evaluate, names_in, value_of
+from wavesweep.prove.ball_blocks import continuous, held, matrices
 
 # Balls of roots and logarithms that meet a cut are not finite.
 _LIBRARIES = {

@@ -5,10 +5,10 @@ from pathlib import Path, PurePath
 
 import click
 
-from wavesweep.core.cli.options import override, overwriting
-from wavesweep.core.cli.studies import for_hands as of_hands
-from wavesweep.core.cli.talk import talk
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.options import override, overwriting
+from wavesweep.program.cli.study_commands import for_hands as of_hands
+from wavesweep.program.cli.talk import talk
 
 FILE = "report.html"
 
@@ -44,11 +44,11 @@ def report(
       wavesweep report sweeps/recipes/current-loop.toml --out current-loop.html
       wavesweep report mine.toml --for-hands passive --cut wall.y
     """
-    from wavesweep.core.cli.files import own_folder, refuse_inputs, refuse_other_things, write_whole
-    from wavesweep.core.cli.messages import progress, say
-    from wavesweep.core.plots import refuse_settings
-    from wavesweep.core.results import refuse_unusable
-    from wavesweep.core.spec import load
+    from wavesweep.program.cli.file_places import own_folder, refuse_inputs, refuse_other_things, write_whole
+    from wavesweep.program.cli.messages import progress, say
+    from wavesweep.program.plots import refuse_settings
+    from wavesweep.program.results import refuse_unusable
+    from wavesweep.program.spec import load
     from wavesweep.reports.content import Request, report
 
     started, loaded = time.perf_counter(), load(spec, overrides)
@@ -78,6 +78,6 @@ def _file(out: str) -> Path:
 
 def _is_report(path: Path, name: str) -> bool:
     """Whether a file is an earlier report of a spec of this name."""
-    from wavesweep.reports.page import head
+    from wavesweep.reports.report_page import head
 
     return head(name) in path.read_text(encoding="utf-8", errors="replace")

@@ -10,14 +10,14 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules
-from wavesweep.core.errors import WavesweepError
-from wavesweep.reports import page as html
-from wavesweep.reports.words import counterexamples, interval_rows, question, words_of_spec
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.reports import report_page as html
+from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
-    from wavesweep.core.tables.kind import Line
-    from wavesweep.core.tables.table import Table
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.tables.kind import Line
+    from wavesweep.program.tables.table import Table
 
 INTERVALS, RESPONSE = "Stable intervals", "Frequency response"
 BOUNDED = "Computed in double precision with a bound on the error of every row; a doubt is named where there is one."
@@ -105,8 +105,9 @@ def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, str, Callable[[A
     """Title -> how the numbers of a section are known, the command of its table, with {} for the spec, and a function of the
     watcher of its progress that makes the table.
     """
-    from wavesweep.core.tables import intervals, responses
-    from wavesweep.core.tables.hands import hands_of
+    from wavesweep.program.tables import interval_table as intervals
+    from wavesweep.program.tables import response_table as responses
+    from wavesweep.program.tables.hand_rows import hands_of
 
     hands = hands_of(asked.hands)
     along_wall = not spec.drawing and spec.names.find(spec.along).path == spec.wall[0]
@@ -125,9 +126,9 @@ def _for_hands(asked: Request) -> str:
 
 def _found(title: str, known: str, table: Table, command: str) -> Found:
     """A table written, drawn and summarised, as its command does all of it."""
-    from wavesweep.core import results
-    from wavesweep.core.plots import drawn
-    from wavesweep.core.tables import kind_named
+    from wavesweep.program import results
+    from wavesweep.program.plots import drawn
+    from wavesweep.program.tables import kind_named
 
     kind, notices = kind_named(table.kind), [(str(each), False) for each in table.facts.get("notices", ())]
     tally = kind.tally(table)
@@ -138,8 +139,8 @@ def _found(title: str, known: str, table: Table, command: str) -> Found:
 
 def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
     """The verdict on the spec's own numbers, and whether they lie in a certified range."""
-    from wavesweep.core.analyses.assumptions import over_preset, unusual
-    from wavesweep.core.analyses.own_design import own_design, own_lines
+    from wavesweep.program.analyses.assumptions import over_preset, unusual
+    from wavesweep.program.analyses.own_design import own_design, own_lines
 
     found = own_design(spec)
     lines = [*own_lines(spec, found)]
@@ -191,7 +192,7 @@ def _counterexamples(spec: Spec, intervals: Found | None) -> Iterator[str]:
 
 def _verification(spec: Spec, found: Iterable[Found], name: str, asked: Request) -> Iterator[str]:
     """Versions, digests, and the commands that give all of it again."""
-    from wavesweep.core.reproducibility import versions
+    from wavesweep.program.reproducibility import versions
 
     found = list(found)
     again = f"wavesweep report {name}{_for_hands(asked)}" + (f" --cut {quote(asked.cut)}" if asked.cut else "")
@@ -212,7 +213,7 @@ def _verification(spec: Spec, found: Iterable[Found], name: str, asked: Request)
 
 def _text(spec: Spec, asked: Request) -> Iterator[str]:
     """The spec as it was written; that of nested tables as TOML."""
-    from wavesweep.core.spec.writing import as_toml
+    from wavesweep.program.spec.writing import as_toml
 
     yield html.element("h2", f"The spec, {spec.name}.toml")
     if asked.overrides:

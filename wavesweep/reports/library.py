@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from wavesweep.core.api import Source, spec_of
-from wavesweep.core.atomic_files import write_file
+from wavesweep.program.api import Source, spec_of
+from wavesweep.program.atomic_files import write_file
 from wavesweep.reports import content
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.stability.intervals import Intervals
-from wavesweep.core.stability.spectrum import GONE
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.spectrum import GONE
 from wavesweep.require.keys import SETTLED, GainBound
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
@@ -23,7 +23,7 @@ class Bound:
     SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`. gain: what a gain stays
     below; None if none is required.
 
-    The protocol is that of `core.analyses.required_region`.
+    The protocol is that of `engine.search.required_region`.
     """
 
     radius: float = 1.0
@@ -83,7 +83,7 @@ class Bound:
 
     def within_gain(self, loops, along: str, span, period, bounds, resolved, stable: Intervals) -> Intervals:
         """The intervals in which the gain is small enough, looked for where the loops may be stable."""
-        from wavesweep.require.gains import along_gain
+        from wavesweep.require.gain_intervals import along_gain
         from wavesweep.require.signals import routed
 
         drawing, route = routed(loops.drawing, *self.gain[:2])

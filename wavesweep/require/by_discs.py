@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.core.monodromy.product import blocks_of
-from wavesweep.core.stability.along_any import EXACT
-from wavesweep.core.stability.frames import level, pole_inside
-from wavesweep.core.stability.intervals import Intervals
-from wavesweep.core.stability.regions import NEAR_ZERO
+from wavesweep.engine.monodromy.product import blocks_of
+from wavesweep.engine.stability.along_any import EXACT
+from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.regions import NEAR_ZERO
+from wavesweep.engine.stability.sampled_frames import level, pole_inside
+from wavesweep.require.disc_panels import OPEN, PANELS, RIM, Accuracy, along_panels
 from wavesweep.require.discs import Circle, Spiral, verdicts
-from wavesweep.require.panels import OPEN, PANELS, RIM, Accuracy, along_panels
 
 MANY, LARGE = 1024, 50_000  # panels of a column that may be open, and entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral

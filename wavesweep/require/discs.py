@@ -5,12 +5,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.monodromy.circle import inverse
-from wavesweep.core.monodromy.product import ROUNDING
-from wavesweep.core.monodromy.rounding import balance
-from wavesweep.core.stability.spectrum import GONE
-from wavesweep.require.panels import BAD, GOOD, OPEN, SAFE
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.monodromy.product import ROUNDING
+from wavesweep.engine.monodromy.rounding import balance
+from wavesweep.engine.monodromy.unit_circle import inverse
+from wavesweep.engine.stability.spectrum import GONE
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 SMALL = 1e-3  # up to which eigenvalues may be 0 but for rounding
 FINE = 0.1  # what an inverse of eigenvectors may be off by

@@ -6,14 +6,14 @@ from dataclasses import asdict, dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.checking import Leaf, show
-from wavesweep.core.reading.keys import Key, by_path, number, positive, word
-from wavesweep.core.reading.tables import Asked, Table
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import Leaf, show
+from wavesweep.engine.keys.key import Key, by_path, number, positive, word
+from wavesweep.program.reading.tables import Asked, Table
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec.schema import Shapes
-    from wavesweep.core.spec.studies import Request
+    from wavesweep.program.spec.schema import Shapes
+    from wavesweep.program.spec.studies import Request
     from wavesweep.require.bound import Bound
 
 SETTLED = 0.02  # share of its size to which a mode has decayed when it has settled

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wavesweep.core.monodromy.rounding import ENTRIES
-from wavesweep.core.response.port import Port
-from wavesweep.core.response.ticks import joined, plus, times
+from wavesweep.engine.monodromy.rounding import ENTRIES
+from wavesweep.engine.response.bounded_sums import joined, plus, times
+from wavesweep.engine.response.port import Port
 
 Pair = tuple[np.ndarray, np.ndarray]
 

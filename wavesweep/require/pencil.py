@@ -10,10 +10,10 @@ An arc is that from one angle of z to another in [0, pi], and its mirror image.
 
 import numpy as np
 
-from wavesweep.core.monodromy.circle import inverse, solve
-from wavesweep.core.monodromy.rounding import ROUNDING, balance
+from wavesweep.engine.monodromy.rounding import ROUNDING, balance
+from wavesweep.engine.monodromy.unit_circle import inverse, solve
+from wavesweep.require.disc_panels import SAFE
 from wavesweep.require.discs import SMALL
-from wavesweep.require.panels import SAFE
 
 TURN = 0.35 + 0.4j  # a
 RATE = (1 - abs(TURN) ** 2) / (1 - TURN)

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from wavesweep.core.drawing.drawing import Drawing
-from wavesweep.core.drawing.expressions import ONE
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.from_drawing import OUTPUT
-from wavesweep.core.reading.checking import nearest, show
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing.expressions import ONE
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import nearest, show
+from wavesweep.engine.loops.from_drawing import OUTPUT
 
 # What simulate has in columns: names of signals, and of what is there of them the first one.
 COLUMNS = {

@@ -20,9 +20,9 @@ halved.
 
 import numpy as np
 
-from wavesweep.core.monodromy.circle import on_circle, solve
-from wavesweep.core.monodromy.rounding import ROUNDING
-from wavesweep.require.panels import BAD, GOOD, OPEN, SAFE
+from wavesweep.engine.monodromy.rounding import ROUNDING
+from wavesweep.engine.monodromy.unit_circle import on_circle, solve
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 POINTS = 16  # of a circle of theta
 AROUND = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)

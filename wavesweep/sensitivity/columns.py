@@ -1,5 +1,5 @@
 """The columns of the table `why`."""
 
-from wavesweep.core.tables.fields import columns_beside
+from wavesweep.program.tables.fields import columns_beside
 
 COLUMNS = columns_beside(__file__)

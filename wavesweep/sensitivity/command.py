@@ -2,8 +2,8 @@
 
 import click
 
-from wavesweep.core.cli.options import Options, run_options
-from wavesweep.core.cli.studies import one_spec
+from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.study_commands import one_spec
 
 
 @click.command("why")
@@ -31,7 +31,7 @@ def why(spec: str, options: Options, along: str | None) -> None:
       wavesweep why sweeps/paper/fig4.toml
       wavesweep why mine.toml --along b --set 'sweep.b={start=5, stop=80}'
     """
-    from wavesweep.core.cli.output import produce
+    from wavesweep.program.cli.output import produce
     from wavesweep.sensitivity import table
 
     produce(["why"], [spec], options, lambda specs, **_: [table.why(*specs, along)])

@@ -5,19 +5,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import felt_of
-from wavesweep.core.analyses.interval_records import TINY
-from wavesweep.core.analyses.lines_of_loops import lines_in_loops
-from wavesweep.core.analyses.loops import drift_of, frames
-from wavesweep.core.columns import Columns
-from wavesweep.core.drawing.drawing import decides, path_of
-from wavesweep.core.drawing.expressions import names_in
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.ports import feels
-from wavesweep.core.spec import Axis, Spec
-from wavesweep.core.stability.spectrum import damping_ratio, eigenvalues
-from wavesweep.core.sweep.grid import Grid, drawn_groups, keys_of, own_loop
+from wavesweep.engine.drawing.drawing import decides, path_of
+from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.ports import feels
+from wavesweep.engine.response.at_hand import felt_of
+from wavesweep.engine.search.interval_records import TINY
+from wavesweep.engine.search.lines_of_loops import lines_in_loops
+from wavesweep.engine.stability.radii import drift_of, frames
+from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
+from wavesweep.program.columns import Columns
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.sweep.grid import Grid, drawn_groups, keys_of, own_loop
 from wavesweep.sensitivity.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
 
 BATCH = 2048  # frames at once

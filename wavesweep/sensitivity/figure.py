@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns, axes_of
-from wavesweep.core.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
-from wavesweep.core.plots.words import assumption, printed, symbol
-from wavesweep.core.tables.kind import plain
+from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.plots.labels import assumption, printed, symbol
+from wavesweep.program.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
+from wavesweep.program.tables.kind import plain
 from wavesweep.sensitivity.table import ends_of, mode_words
 
 MOST = 12  # numbers of a panel that have bars

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from wavesweep.core import api
-from wavesweep.core.analyses.asked import Numbers
-from wavesweep.core.api import Source, Span, spec_of
-from wavesweep.core.tables.frame import framed
+from wavesweep.program import api
+from wavesweep.program.analyses.asked import Numbers
+from wavesweep.program.api import Source, Span, spec_of
+from wavesweep.program.tables.frame import framed
 from wavesweep.sensitivity import table
 
 if TYPE_CHECKING:

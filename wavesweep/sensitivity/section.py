@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from wavesweep.core.spec import Spec
-from wavesweep.core.tables.table import Table
+from wavesweep.program.spec import Spec
+from wavesweep.program.tables.table import Table
 
 TITLE, PLACE = "What sets the limits", 1
 KNOWN = "Derivatives of the ends by the implicit function theorem, for small changes; a doubt is named where there is one."

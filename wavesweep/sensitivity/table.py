@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.core.analyses.interval_records import open_places
-from wavesweep.core.columns import Columns, axes_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.keys import readable
-from wavesweep.core.spec import Axis, Spec, sweep_axes
-from wavesweep.core.spec.loading import naming
-from wavesweep.core.tables.interval_tally import open_in_words
-from wavesweep.core.tables.kind import Line, Numbers, Recompute, counted_doubts, plain, whole_kind
-from wavesweep.core.tables.table import Table, facts_of, held
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.search.interval_records import open_places
+from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.reading.keys import readable
+from wavesweep.program.spec import Axis, Spec, sweep_axes
+from wavesweep.program.spec.loading import naming
+from wavesweep.program.tables.interval_tally import open_in_words
+from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, plain, whole_kind
+from wavesweep.program.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
-    from wavesweep.core.sweep.grid import Grid
+    from wavesweep.program.sweep.grid import Grid
 
 METHOD = (
     "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, with one of "
@@ -34,10 +34,10 @@ def why(spec: Spec, along: str | None = None) -> Table:
     along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
     held at the spec's values. Errors: as for `intervals`.
     """
-    from wavesweep.core.analyses.assumptions import over_preset
-    from wavesweep.core.analyses.intervals import job_over, method
-    from wavesweep.core.sweep.grid import make_grid
-    from wavesweep.core.sweep.running import in_memory
+    from wavesweep.program.analyses.assumptions import over_preset
+    from wavesweep.program.analyses.interval_jobs import job_over, method
+    from wavesweep.program.sweep.grid import make_grid
+    from wavesweep.program.sweep.running import in_memory
     from wavesweep.sensitivity.elasticities import elasticities, without_derivatives
 
     started = time.perf_counter()
@@ -74,8 +74,8 @@ def why(spec: Spec, along: str | None = None) -> Table:
 
 def sensitivities(grid: Grid, axis: Axis) -> Columns:
     """The same columns for every combination of a grid, in memory."""
-    from wavesweep.core.analyses.intervals import job_over
-    from wavesweep.core.sweep.running import in_memory
+    from wavesweep.program.analyses.interval_jobs import job_over
+    from wavesweep.program.sweep.running import in_memory
     from wavesweep.sensitivity.elasticities import elasticities
 
     taken = sorted({other.name for other in grid.axes} & set(KINDS[0].names))
@@ -201,7 +201,7 @@ def _unit(unit: str) -> str:
 
 
 def _again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
-    from wavesweep.core.spec import load
+    from wavesweep.program.spec import load
 
     spec = load(facts["spec"])
     return Recompute(spec.sha256, why(spec, facts["along"]["name"]).blocks)

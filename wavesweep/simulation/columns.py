@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from wavesweep.core.tables.fields import COLUMNS as OF_CORE
-from wavesweep.core.tables.fields import columns_beside
+from wavesweep.program.tables.fields import COLUMNS as OF_CORE
+from wavesweep.program.tables.fields import columns_beside
 
 _GROUPS, _BODE = columns_beside(__file__), OF_CORE["bode"]
 TICKS = _GROUPS["ticks"]

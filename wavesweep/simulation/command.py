@@ -2,8 +2,8 @@
 
 import click
 
-from wavesweep.core.cli.options import Options, run_options
-from wavesweep.core.cli.studies import one_spec
+from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.study_commands import one_spec
 from wavesweep.simulation.export.command import export
 
 __all__ = ["export", "simulate"]
@@ -38,7 +38,7 @@ def simulate(spec: str, options: Options) -> None:
       wavesweep simulate mine.toml --set simulate.input=step --set device.preset=omni
       wavesweep simulate sweeps/templates/drive.toml --set simulate.from=load
     """
-    from wavesweep.core.cli.output import produce
+    from wavesweep.program.cli.output import produce
     from wavesweep.simulation import table as simulation
 
     kinds = ["simulate", "simulate-response"]

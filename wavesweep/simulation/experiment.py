@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.analyses.at_hand import ports_of_batch
-from wavesweep.core.analyses.loops import radii_of
-from wavesweep.core.analyses.responses import doubt_of
-from wavesweep.core.analyses.spec_loops import loop_at_hand, port_at_hand, refuse_singular
-from wavesweep.core.columns import complex_columns
-from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.steady import respond, transfer
-from wavesweep.core.spec import Spec
-from wavesweep.core.sweep.grid import own_loop
+from wavesweep.engine.response.at_hand import ports_of_batch
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.steady import respond, transfer
+from wavesweep.engine.stability.radii import radii_of
+from wavesweep.program.analyses.response_jobs import doubt_of
+from wavesweep.program.analyses.spec_loops import loop_at_hand, port_at_hand, refuse_singular
+from wavesweep.program.columns import complex_columns
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
 from wavesweep.simulation.from_spec import simulated
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.keys import entry_of

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns, complex_columns
-from wavesweep.core.plots.sampling import POINTS_OF_A_LINE, extremes
-from wavesweep.core.plots.style import (
+from wavesweep.program.columns import Columns, complex_columns
+from wavesweep.program.plots.labels import assumption, at_hand, printed, with_unit
+from wavesweep.program.plots.sampling import POINTS_OF_A_LINE, extremes
+from wavesweep.program.plots.style import (
     GRID,
     IDEAL,
     LINES,
@@ -25,9 +26,8 @@ from wavesweep.core.plots.style import (
     warn_above,
     wide,
 )
-from wavesweep.core.plots.words import assumption, at_hand, printed, with_unit
-from wavesweep.core.tables.columns import signals_of
-from wavesweep.core.tables.planes import spec_of
+from wavesweep.program.tables.columns import signals_of
+from wavesweep.program.tables.planes import spec_of
 from wavesweep.simulation.keys import RANDOM
 
 _DETAIL_FRAMES = 40
@@ -255,9 +255,9 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
     loop, there are marks at these frequencies alone.
     """
-    from wavesweep.core.analyses.spec_loops import loop_at_hand
-    from wavesweep.core.plots.responses import Curve, at_both_ports, draw_curves
-    from wavesweep.core.response.steady import respond
+    from wavesweep.engine.response.steady import respond
+    from wavesweep.program.analyses.spec_loops import loop_at_hand
+    from wavesweep.program.plots.response_figures import Curve, at_both_ports, draw_curves
 
     spec, seen = spec_of(facts), columns["frequency_hz"]
     linear = {name.removeprefix("linear_"): column for name, column in columns.items() if name.startswith("linear_")}

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.capabilities import modules
-from wavesweep.core.analyses.assumptions import IN_TIME, Run
-from wavesweep.core.drawing.drawing import name_of, scalars
-from wavesweep.core.drawing.expressions import names_in, value_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import Axis, Spec
+from wavesweep.engine.drawing.drawing import name_of, scalars
+from wavesweep.engine.drawing.expressions import names_in, value_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.assumptions import IN_TIME, Run
+from wavesweep.program.spec import Axis, Spec
 from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects, random_frames
 from wavesweep.simulation.inputs import Input

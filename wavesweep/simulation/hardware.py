@@ -11,8 +11,8 @@ from itertools import accumulate
 
 import numpy as np
 
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.checking import Rejected, check
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import Rejected, check
 from wavesweep.simulation.keys import KEYS
 
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.core.arguments import real_numbers
-from wavesweep.core.csv_files import read_csv
-from wavesweep.core.errors import UsageError
-from wavesweep.core.reading.checking import apart
+from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import apart
+from wavesweep.program.csv_files import read_csv
 from wavesweep.simulation.keys import MOST_TICKS
 
 MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row

@@ -13,33 +13,22 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.core.drawing.block_types import MOST_LATE
-from wavesweep.core.drawing.drawing import RATE, Drawing
-from wavesweep.core.errors import SpecError
-from wavesweep.core.reading.axes import Axis, axis_place, build_axis, linear
-from wavesweep.core.reading.checking import Mistakes, nearest, show
-from wavesweep.core.reading.devices import HapticDevice
-from wavesweep.core.reading.keys import (
-    HARDWARE_KEYS,
-    HIGHEST_RATIO,
-    LONGEST_FRAME,
-    MOST_SEED,
-    Key,
-    by_path,
-    gain,
-    number,
-    positive,
-    whole,
-    word,
-)
-from wavesweep.core.reading.places import Leaf, Place
-from wavesweep.core.reading.sorting import Sorted, names_in_list
-from wavesweep.core.reading.tables import Asked, Table
+from wavesweep.engine.drawing.block_types import MOST_LATE
+from wavesweep.engine.drawing.drawing import RATE, Drawing
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.keys.checking import Mistakes, nearest, show
+from wavesweep.engine.keys.key import HIGHEST_RATIO, LONGEST_FRAME, Key, by_path, gain, number, positive, whole, word
+from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.program.reading.axes import Axis, axis_place, build_axis, linear
+from wavesweep.program.reading.devices import HapticDevice
+from wavesweep.program.reading.keys import HARDWARE_KEYS, MOST_SEED
+from wavesweep.program.reading.sorting import Sorted, names_in_list
+from wavesweep.program.reading.tables import Asked, Table
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec.schema import Shapes
-    from wavesweep.core.spec.spec import Spec
-    from wavesweep.core.spec.studies import Request
+    from wavesweep.program.spec.schema import Shapes
+    from wavesweep.program.spec.spec import Spec
+    from wavesweep.program.spec.studies import Request
 
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
 RANDOM = "random"  # as frames

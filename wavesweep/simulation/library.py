@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.core import api, drawn_loop
-from wavesweep.core.analyses.asked import Numbers
-from wavesweep.core.analyses.loops import named_loops
-from wavesweep.core.api import Source, figure_from, spec_of
-from wavesweep.core.arguments import real_numbers
-from wavesweep.core.errors import UsageError
-from wavesweep.core.monodromy.drift import closed_frame
-from wavesweep.core.spec import load
-from wavesweep.core.tables.frame import framed
+from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.monodromy.drift import closed_frame
+from wavesweep.engine.stability.radii import named_loops
+from wavesweep.program import api, drawn_loop
+from wavesweep.program.analyses.asked import Numbers
+from wavesweep.program.api import Source, figure_from, spec_of
+from wavesweep.program.spec import load
+from wavesweep.program.tables.frame import framed
 from wavesweep.simulation import table
 from wavesweep.simulation.experiment import simulation_of
 from wavesweep.simulation.from_spec import run_in_words

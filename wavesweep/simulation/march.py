@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.drawing.drawing import AT, Drawing
-from wavesweep.core.errors import UsageError
-from wavesweep.core.loops.controllers import loop_drawing
+from wavesweep.engine.drawing.drawing import AT, Drawing
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold
 from wavesweep.simulation.hardware import Effects, encoder, lateness, losses, tick_lengths
 from wavesweep.simulation.parts import (
@@ -34,7 +34,7 @@ from wavesweep.simulation.parts import (
     loop_of_blocks,
 )
 from wavesweep.simulation.record import Simulation, energies
-from wavesweep.simulation.ticks import Ticks, actual, arrived, besides, keep, run
+from wavesweep.simulation.tick_sums import Ticks, actual, arrived, besides, keep, run
 
 Messages = Mapping[str, Sequence[int | None]]
 SLOW_ALONE = MappingProxyType({"rates.ratio": 2, "environment.delay": 0})  # draw a slow environment without its timing

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.core.columns import complex_columns
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.columns import complex_columns
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.parts import REACTION, Loop
 

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from wavesweep.core.spec import Spec, load
-from wavesweep.core.tables.table import Table
+from wavesweep.program.spec import Spec, load
+from wavesweep.program.tables.table import Table
 
 TITLE, PLACE = "Simulation", 3
 KNOWN = "A run of the model, tick by tick from rest. It shows one experiment and proves nothing."

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.core.columns import Columns
-from wavesweep.core.reading.devices import DEVICES
-from wavesweep.core.tables.kind import Line, Numbers, Recompute, plain, whole_kind
-from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.program.columns import Columns
+from wavesweep.program.reading.devices import DEVICES
+from wavesweep.program.tables.kind import Line, Numbers, Recompute, plain, whole_kind
+from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
 from wavesweep.simulation.keys import RANDOM, entry_of
 
 if TYPE_CHECKING:
-    from wavesweep.core.spec import Spec
+    from wavesweep.program.spec import Spec
 
 SHOWN = 5  # frequencies that a notice names
 WITHIN = 0.02  # share of its final value within which an output counts as settled
@@ -125,7 +125,7 @@ def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float],
 
 def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
-    from wavesweep.core.analyses.assumptions import over_preset
+    from wavesweep.program.analyses.assumptions import over_preset
 
     options = spec.simulate
     if unread := spec.simulate.unread():
@@ -304,7 +304,7 @@ def _off(columns: Columns, name: str) -> float | None:
 
 
 def _again(number: int, facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute | None:
-    from wavesweep.core.spec import load
+    from wavesweep.program.spec import load
 
     if facts["spec"]["simulate"]["input"] == "record" or "frames_sha256" in facts:
         return None  # the package does not have the path of the file

@@ -10,7 +10,7 @@ import numpy as np
 from reproduce.readings import CHOICES, COUPLINGS
 from reproduce.specs import load_paper
 from reproduce.verdicts import VERDICTS
-from wavesweep.core.columns import Columns
+from wavesweep.program.columns import Columns
 
 _PREFACE = """# The paper's statements
 

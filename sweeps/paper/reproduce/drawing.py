@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.core.plots.regions import Bars, draw_at_values, draw_region, handles_of, view_of
-from wavesweep.core.plots.scales import scale_magnitudes
-from wavesweep.core.plots.style import (
+from wavesweep.program.plots.labels import label
+from wavesweep.program.plots.region_figures import Bars, draw_at_values, draw_region, handles_of, view_of
+from wavesweep.program.plots.scales import scale_magnitudes
+from wavesweep.program.plots.style import (
     IDEAL,
     LINES,
     ONE_COLUMN,
@@ -20,8 +21,7 @@ from wavesweep.core.plots.style import (
     fitting,
     wide,
 )
-from wavesweep.core.plots.words import label
-from wavesweep.core.tables.planes import curves_of, region_of
+from wavesweep.program.tables.planes import curves_of, region_of
 
 NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
 MARKS = "osv^D<>p"

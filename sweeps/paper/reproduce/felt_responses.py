@@ -12,14 +12,14 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec
-from wavesweep.core.analyses.at_hand import ports_of_batch
-from wavesweep.core.analyses.loops import radii_of
-from wavesweep.core.columns import Columns
-from wavesweep.core.drawing.drawing import Drawing
-from wavesweep.core.loops.batch import Loops
-from wavesweep.core.loops.controllers import loop_drawing
-from wavesweep.core.response.lifted import Lifted
-from wavesweep.core.response.steady import respond as respond_at
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.response.at_hand import ports_of_batch
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.steady import respond as respond_at
+from wavesweep.engine.stability.radii import radii_of
+from wavesweep.program.columns import Columns
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.
 LOW_OF_FIGURE_2 = (0.0, 0.15)

@@ -17,12 +17,12 @@ from reproduce.felt_responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE_2, ME
 from reproduce.paper_loops import PaperLoops
 from reproduce.specs import load_paper
 from reproduce.statements import STATEMENTS
-from wavesweep.core.plots import with_figure
-from wavesweep.core.plots.words import symbol, valued
-from wavesweep.core.results import fields_of
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.responses import responses
-from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.program.plots import with_figure
+from wavesweep.program.plots.labels import symbol, valued
+from wavesweep.program.results import fields_of
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.response_table import responses
+from wavesweep.program.tables.table import Table, facts_of
 
 
 def _named(name: str, table: Table, draw: Callable[[], Any] | None) -> Table:

@@ -9,11 +9,11 @@ import numpy as np
 
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.core.analyses.spec_loops import radius_over
-from wavesweep.core.results import Field
-from wavesweep.core.spec import KEYS
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.program.analyses.spec_loops import radius_over
+from wavesweep.program.results import Field
+from wavesweep.program.spec import KEYS
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.table import Table, facts_of
 
 AXES = {  # column: axis of the spec
     "delay": "environment.delay",

@@ -23,13 +23,13 @@ from reproduce.drawing import Line, Panel, draw_magnitudes
 from reproduce.felt_responses import HIGH, LOW, FeltResponse, deviation, respond, respond_to
 from reproduce.resolvent import alias_angles, solved_response
 from reproduce.specs import load_paper
-from wavesweep.core.loops.block import Block
-from wavesweep.core.loops.from_drawing import assembled
-from wavesweep.core.loops.page import Page, drawing_of_page
-from wavesweep.core.loops.pmw import pmw, pmw_lm
-from wavesweep.core.monodromy.circle import on_circle
-from wavesweep.core.results import Field
-from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.engine.loops.block import Block
+from wavesweep.engine.loops.controller_page import Page, drawing_of_page
+from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine.loops.pmw import pmw, pmw_lm
+from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.program.results import Field
+from wavesweep.program.tables.table import Table, facts_of
 
 ORDERS, CUTOFFS_HZ = (1, 2), (5.0, 10.0, 20.0, 40.0, 80.0)
 ANGLES = np.concatenate([np.geomspace(1e-6, 0.1, 60), np.linspace(0.1, np.pi, 300)])

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.core.loops.block import Block
-from wavesweep.core.monodromy.circle import solve
+from wavesweep.engine.loops.block import Block
+from wavesweep.engine.monodromy.unit_circle import solve
 
 
 def alias_angles(theta, ratio: int):

@@ -13,8 +13,8 @@ import numpy as np
 from reproduce.paper_loops import PaperLoops
 from reproduce.readings import OWN, Reading
 from reproduce.specs import FOLDER, load_paper
-from wavesweep.core.results import Field
-from wavesweep.core.tables.table import Table, facts_of
+from wavesweep.program.results import Field
+from wavesweep.program.tables.table import Table, facts_of
 
 REPRODUCED = "reproduced"
 INFERRED = "reproduced only under an inferred value"

@@ -7,7 +7,7 @@ import references as made
 from bench.accuracy import ENDS, RESPONSES
 from bench.frequency_responses import problem as response_problem
 from bench.problems import COLUMNS, PROBLEMS, Intervals, bundles, checked, digest, references, score
-from wavesweep.core.errors import WavesweepError
+from wavesweep.engine.errors import WavesweepError
 
 NAMES = [problem.name for problem in PROBLEMS]
 SPAN = (0.0, 100.0)

@@ -16,9 +16,9 @@ from bench.measuring import forget
 from bench.problems import COLUMNS, PROBLEMS, bundles
 from bench.stiffness import COMMAND, LIBRARY
 from bench.this_tool import _compiled
-from wavesweep.core import results
-from wavesweep.core.cli import main
-from wavesweep.core.plots import drawn
+from wavesweep.program import results
+from wavesweep.program.cli import main
+from wavesweep.program.plots import drawn
 
 
 def rows(run, **wanted):
@@ -82,7 +82,7 @@ def test_the_threads_are_limited_before_numpy_is_loaded():
         "            print(os.environ.get('OPENBLAS_NUM_THREADS'))\n"
         "            sys.exit(0)\n"
         "sys.meta_path.insert(0, Watch())\n"
-        "from wavesweep.core.cli import main\n"
+        "from wavesweep.program.cli import main\n"
         "main(['bench', '--quick'])\n"
     )
     inherited = {name: value for name, value in os.environ.items() if not name.endswith("_THREADS")}

@@ -6,7 +6,7 @@ import pytest
 from bench.accuracy import ENDS
 from bench.problems import COLUMNS, PROBLEMS, references, score
 from bench.rivals import bisected_by_feedback, bisected_together, decomposed
-from wavesweep.core.spec import load
+from wavesweep.program.spec import load
 
 
 @pytest.mark.sample(2)

@@ -4,11 +4,11 @@ import pytest
 from support.specs import KINDS
 
 from wavesweep import load
-from wavesweep.core.analyses.assumptions import assumed_by, assumes
-from wavesweep.core.tables import kind_named
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.responses import responses
 from wavesweep.passive.table import passivity
+from wavesweep.program.analyses.assumptions import assumed_by, assumes
+from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.response_table import responses
 from wavesweep.sensitivity.table import why
 
 GIVEN = {"environment": {"integration": "trapezoidal", "delay": 7}, "device": {"velocity": "difference"}}

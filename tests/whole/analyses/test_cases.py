@@ -14,7 +14,7 @@ import pytest
 from stress.drawings import verdict
 
 import wavesweep
-from wavesweep.core.spec import load
+from wavesweep.program.spec import load
 
 CASES = {
     f"{path.stem}-{number}": case

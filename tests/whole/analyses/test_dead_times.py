@@ -6,10 +6,10 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
-from wavesweep.core.loops.from_drawing import assembled
-from wavesweep.core.monodromy.periodic import ticks_of
-from wavesweep.core.spec import load
-from wavesweep.core.sweep.grid import loops_of
+from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import loops_of
 from wavesweep.simulation.export.source import exported
 
 T = 1e-3

@@ -12,19 +12,19 @@ from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep.check.planning import plan
-from wavesweep.core.analyses.intervals import Way, job_of, job_over
-from wavesweep.core.columns import joined
-from wavesweep.core.errors import SpecError, UsageError
-from wavesweep.core.loops import blocks
-from wavesweep.core.loops.domain import refuse_unsuitable
-from wavesweep.core.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.core.spec import load, sweep_axes
-from wavesweep.core.sweep.grid import make_grid
-from wavesweep.core.sweep.job import cut_otherwise
-from wavesweep.core.sweep.running import blocks as rows_of
-from wavesweep.core.sweep.running import checkpoint_of, compute, in_memory
-from wavesweep.core.sweep.workers import Workers
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.loops import blocks
+from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.program.analyses.interval_jobs import Way, job_of, job_over
+from wavesweep.program.columns import joined
+from wavesweep.program.spec import load, sweep_axes
+from wavesweep.program.sweep.grid import make_grid
+from wavesweep.program.sweep.job import cut_otherwise
+from wavesweep.program.sweep.running import blocks as rows_of
+from wavesweep.program.sweep.running import checkpoint_of, compute, in_memory
+from wavesweep.program.sweep.workers import Workers
+from wavesweep.program.tables.interval_table import intervals
 
 T = 1e-3
 

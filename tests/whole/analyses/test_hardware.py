@@ -5,12 +5,19 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.core.analyses.hardware import ROUNDING, deciding, hardware_of, limits_of_walls, peak_of_encoder, readings
-from wavesweep.core.analyses.own_design import own_design
-from wavesweep.core.energy.held_loop import device_of
-from wavesweep.core.errors import WavesweepError
-from wavesweep.core.loops.from_drawing import REACTION
-from wavesweep.core.sweep.grid import own_loop
+from wavesweep.engine.energy.held_loop import device_of
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.engine.loops.from_drawing import REACTION
+from wavesweep.program.analyses.hardware_limits import (
+    ROUNDING,
+    deciding,
+    hardware_of,
+    limits_of_walls,
+    peak_of_encoder,
+    readings,
+)
+from wavesweep.program.analyses.own_design import own_design
+from wavesweep.program.sweep.grid import own_loop
 from wavesweep.simulation import table as simulation
 from wavesweep.simulation.hardware import Effects
 from wavesweep.simulation.march import run_drawn, simulate

@@ -6,7 +6,7 @@ from support.plants import bodies, joint
 
 import wavesweep
 from wavesweep.check.planning import plan, within_ticks
-from wavesweep.core.spec import load
+from wavesweep.program.spec import load
 
 LIMIT = 4164.33267612  # of kp, from the joint as one state-space model
 

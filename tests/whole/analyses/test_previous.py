@@ -6,7 +6,7 @@ from support.exports import LEVELS, made, present, written
 
 import wavesweep
 from wavesweep.check.planning import within_ticks
-from wavesweep.core.errors import SpecError
+from wavesweep.engine.errors import SpecError
 
 A, T, I = 0.2, 0.002, 0.025
 DECAY = np.exp(-1.0 / 0.1 * T)

@@ -5,9 +5,9 @@ import pytest
 from support.tables import same
 
 import wavesweep
-from wavesweep.core.analyses import responses as analysis
-from wavesweep.core.errors import UsageError
-from wavesweep.core.tables.responses import responses
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses import response_jobs as analysis
+from wavesweep.program.tables.response_table import responses
 from wavesweep.simulation.table import simulate
 
 

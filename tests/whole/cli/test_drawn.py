@@ -10,11 +10,11 @@ import pytest
 from support.drawn import ARM, WALL
 
 from wavesweep.check import on_check as verdict
-from wavesweep.core.cli import main
-from wavesweep.core.plots import figure_of
-from wavesweep.core.results import read
-from wavesweep.core.spec import load
-from wavesweep.core.tables.responses import BodeTally, bode_lines
+from wavesweep.program.cli import main
+from wavesweep.program.plots import figure_of
+from wavesweep.program.results import read
+from wavesweep.program.spec import load
+from wavesweep.program.tables.response_table import BodeTally, bode_lines
 
 
 @pytest.fixture

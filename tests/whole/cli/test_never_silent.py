@@ -2,7 +2,7 @@
 
 import pytest
 
-from wavesweep.core.cli import messages
+from wavesweep.program.cli import messages
 
 SPEC = """
 [controller]

@@ -9,9 +9,9 @@ from support.certified import Witness
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.core.analyses.assumptions import assumes
-from wavesweep.core.analyses.hardware import limits_of_walls
-from wavesweep.core.spec import load
+from wavesweep.program.analyses.assumptions import assumes
+from wavesweep.program.analyses.hardware_limits import limits_of_walls
+from wavesweep.program.spec import load
 from wavesweep.simulation.from_spec import simulated
 
 SPAN = (0.0, 3000.0)

@@ -8,7 +8,7 @@ from flint import arb
 from support.exports import made, present, written
 
 import wavesweep
-from wavesweep.core.spec import load
+from wavesweep.program.spec import load
 
 
 def tables_of(line, feedback, n=5, **more):

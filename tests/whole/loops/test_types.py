@@ -9,9 +9,9 @@ from support.exports import made, present, written
 
 import wavesweep
 from wavesweep import UsageError, load
-from wavesweep.core.drawing.block_types import TYPES
-from wavesweep.core.loops.from_drawing import assembled
-from wavesweep.core.monodromy.periodic import frame_of, ticks_of
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
 from wavesweep.simulation.from_spec import simulated
 
 METHODS = "explicit", "implicit", "trapezoidal"

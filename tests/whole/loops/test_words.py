@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lfilter
 
 import wavesweep
-from wavesweep.core.loops.from_drawing import assembled, scalar_place
-from wavesweep.core.loops.integrator_modes import equations_of
-from wavesweep.core.spec import load
+from wavesweep.engine.loops.from_drawing import assembled, scalar_place
+from wavesweep.engine.loops.integrator_modes import equations_of
+from wavesweep.program.spec import load
 from wavesweep.simulation.parts import loop_of
 
 T = 1 / 400

@@ -7,9 +7,9 @@ from reproduce.felt_responses import respond
 from reproduce.paper_loops import PaperLoops
 from reproduce.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, Reading, readings, under
 from reproduce.specs import load_paper
-from wavesweep.core.controllers import WALL
-from wavesweep.core.loops.controllers import keys_of_page
-from wavesweep.core.tables.intervals import intervals
+from wavesweep.engine.loops.controller_drawings import keys_of_page
+from wavesweep.engine.loops.controllers import WALL
+from wavesweep.program.tables.interval_table import intervals
 
 PAPERS = {  # what the paper gives for its statements: a local model with a stiffness only, a device without delay
     *(

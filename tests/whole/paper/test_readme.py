@@ -9,9 +9,9 @@ import pytest
 from reproduce.felt_responses import CONTROLLERS
 from reproduce.figures import FIGURES, figure_7
 from reproduce.specs import load_paper
-from wavesweep.core.cli import main
-from wavesweep.core.results import publish
-from wavesweep.core.spec import load
+from wavesweep.program.cli import main
+from wavesweep.program.results import publish
+from wavesweep.program.spec import load
 
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "sweeps" / "paper" / "README.md").read_text(encoding="utf-8")

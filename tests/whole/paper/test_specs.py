@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from reproduce.specs import load_paper
-from wavesweep.core import bundled
-from wavesweep.core.errors import UsageError
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.responses import responses
+from wavesweep.engine.errors import UsageError
+from wavesweep.program import bundled
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.response_table import responses
 
 ROOT = Path(__file__).parents[3]
 NAMES = sorted(path.stem for path in (ROOT / "sweeps" / "paper").glob("*.toml"))

@@ -1,3 +1,3 @@
 """Tables made by hand, those of the core's tests."""
 
-from core.plots.conftest import bars, family, panels, plane, responses  # noqa: F401 - fixtures
+from program.plots.conftest import bars, family, panels, plane, responses  # noqa: F401 - fixtures

@@ -11,11 +11,11 @@ import pytest
 from matplotlib.colors import same_color, to_rgb
 
 import wavesweep
-from wavesweep.core import plots
-from wavesweep.core.plots.regions import FELT, LADDER
-from wavesweep.core.plots.style import DOUBTFUL
-from wavesweep.core.tables import planes
-from wavesweep.core.tables.planes import Interval
+from wavesweep.program import plots
+from wavesweep.program.plots.region_figures import FELT, LADDER
+from wavesweep.program.plots.style import DOUBTFUL
+from wavesweep.program.tables import planes
+from wavesweep.program.tables.planes import Interval
 
 pytestmark = [pytest.mark.whole, pytest.mark.slow]
 
@@ -138,7 +138,7 @@ def drawn(seed, monkeypatch):
         return Between([(rows["b"][0], rows["K_LM"][0], word) for rows in members], truths)
 
     monkeypatch.setattr(planes, "_source", source)
-    monkeypatch.setattr("wavesweep.core.plots.style._settle", lambda _: None)
+    monkeypatch.setattr("wavesweep.program.plots.style._settle", lambda _: None)
     facts = {"spec": wavesweep.load(TABLES).tables(), "spec_name": "hard"} if whose != "spec" else {}
     draw = plots.zwidth_specs if whose == "spec" else plots.zwidth
     return draw(columns, facts), columns, truths, whose, computed

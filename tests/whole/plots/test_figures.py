@@ -9,22 +9,22 @@ from itertools import pairwise, product
 import matplotlib
 import numpy as np
 import pytest
-from core.plots.conftest import table_of_intervals
+from program.plots.conftest import table_of_intervals
 
 import wavesweep
-import wavesweep.core.sweep
-from wavesweep.core import plots
-from wavesweep.core.cli import main
-from wavesweep.core.controllers import CONTROLLERS
-from wavesweep.core.plots import style
-from wavesweep.core.plots.files import save
-from wavesweep.core.plots.layout import best_row, lay_out
-from wavesweep.core.plots.shown import Shown
-from wavesweep.core.plots.style import about_figure, as_asked, figure, note_below, warn_above
-from wavesweep.core.spec import sweep_axes
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.planes import smooth_axes
-from wavesweep.core.tables.specs import intervals_of_specs
+import wavesweep.program.sweep
+from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.program import plots
+from wavesweep.program.cli import main
+from wavesweep.program.plots import style
+from wavesweep.program.plots.figure_files import save
+from wavesweep.program.plots.figure_layout import best_row, lay_out
+from wavesweep.program.plots.shown import Shown
+from wavesweep.program.plots.style import about_figure, as_asked, figure, note_below, warn_above
+from wavesweep.program.spec import sweep_axes
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.planes import smooth_axes
+from wavesweep.program.tables.specs import intervals_of_specs
 
 pytestmark = pytest.mark.slow
 SWEEPS = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps"

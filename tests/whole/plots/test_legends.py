@@ -9,10 +9,10 @@ from matplotlib.lines import Line2D
 from support.drawn import DRIVE
 
 import wavesweep
-from wavesweep.core import plots
-from wavesweep.core.plots.style import DOUBTFUL
 from wavesweep.margins.table import margins
 from wavesweep.poles.table import poles
+from wavesweep.program import plots
+from wavesweep.program.plots.style import DOUBTFUL
 
 pytestmark = [pytest.mark.whole, pytest.mark.slow]
 LATE = {
@@ -41,7 +41,7 @@ FIGURES = {
 
 @pytest.mark.parametrize("kind", FIGURES)
 def test_a_legend_shows_what_is_drawn(kind, request, monkeypatch):
-    monkeypatch.setattr("wavesweep.core.plots.style._settle", lambda _: None)
+    monkeypatch.setattr("wavesweep.program.plots.style._settle", lambda _: None)
     figure = FIGURES[kind](request)
     drawn, red = set(), False
     for axes in figure.axes:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.core.analyses.loops import radii_of
-from wavesweep.core.sweep.grid import loops_of
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.planes import View, curves_of, region_of
+from wavesweep.engine.stability.radii import radii_of
 from wavesweep.explore.answers import PIXELS, Plane, certified_plane
+from wavesweep.program.sweep.grid import loops_of
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.planes import View, curves_of, region_of
 
 pytestmark = pytest.mark.slow
 POINTS, AWAY = 200, 8  # of each boundary, and pixels up to which they lie away from it

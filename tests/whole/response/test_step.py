@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.core.analyses.steps import routes_of, step_at, step_between
-from wavesweep.core.errors import UsageError
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.steps import routes_of, step_at, step_between
 
 MOTOR = wavesweep.load(Path(__file__).parents[3] / "sweeps" / "templates" / "drive.toml")
 

@@ -8,14 +8,14 @@ import pytest
 
 import wavesweep
 from wavesweep.check.planning import plan
-from wavesweep.core.analyses.intervals import job_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import load
-from wavesweep.core.sweep import estimates, job, running, workers
-from wavesweep.core.sweep.estimates import _samples, expected_bytes, expected_seconds, refuse_full_disk
-from wavesweep.core.sweep.workers import WORTH, choose
-from wavesweep.core.tables.intervals import intervals
-from wavesweep.core.tables.responses import responses
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.analyses.interval_jobs import job_of
+from wavesweep.program.spec import load
+from wavesweep.program.sweep import estimates, job, running, workers
+from wavesweep.program.sweep.estimates import _samples, expected_bytes, expected_seconds, refuse_full_disk
+from wavesweep.program.sweep.workers import WORTH, choose
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.response_table import responses
 
 
 def spec_of(kind="pmw", **axes):

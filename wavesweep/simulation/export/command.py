@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from wavesweep.core.cli.options import folder, override, overwriting
-from wavesweep.core.cli.talk import talk
+from wavesweep.program.cli.options import folder, override, overwriting
+from wavesweep.program.cli.talk import talk
 
 
 @click.command("export")
@@ -37,11 +37,11 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     Example:
       wavesweep export sweeps/paper/fig4.toml --to c --out controller
     """
-    from wavesweep.core import results
-    from wavesweep.core import spec as specs
-    from wavesweep.core.analyses.assumptions import assumes, over_preset
-    from wavesweep.core.cli.files import own_folder, refuse_inputs, refuse_other_things, write_whole
-    from wavesweep.core.cli.messages import say, show_json
+    from wavesweep.program import results
+    from wavesweep.program import spec as specs
+    from wavesweep.program.analyses.assumptions import assumes, over_preset
+    from wavesweep.program.cli.file_places import own_folder, refuse_inputs, refuse_other_things, write_whole
+    from wavesweep.program.cli.messages import say, show_json
     from wavesweep.simulation.experiment import linear_loop
     from wavesweep.simulation.export import exported, terms_of
     from wavesweep.simulation.from_spec import hand_force, run_in_words

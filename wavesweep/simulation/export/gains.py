@@ -8,11 +8,11 @@ through other functions or decides how a tick is built, and stays a constant.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from wavesweep.core.errors import WavesweepError
-from wavesweep.core.spec import Spec
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.program.spec import Spec
 from wavesweep.simulation.export.text import factor
 from wavesweep.simulation.named import Named, again
-from wavesweep.simulation.ticks import Program
+from wavesweep.simulation.tick_sums import Program
 
 LONGEST = 100  # letters of an expression, from which a part of it has a line of its own
 

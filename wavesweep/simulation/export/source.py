@@ -11,21 +11,21 @@ from textwrap import fill
 from typing import Any, NamedTuple
 
 from wavesweep import __version__
-from wavesweep.core.drawing.drawing import AT, scalars
-from wavesweep.core.drawing.drawn_block import PORT
-from wavesweep.core.drawing.expressions import sum_of, text_of, value_of
-from wavesweep.core.errors import UsageError
-from wavesweep.core.spec import Spec
+from wavesweep.engine.drawing.drawing import AT, scalars
+from wavesweep.engine.drawing.drawn_block import PORT
+from wavesweep.engine.drawing.expressions import sum_of, text_of, value_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
-from wavesweep.simulation.export.experiment import NEXT, Steps, drawing_of, loop_with, march_of, steps_of, timing_of
 from wavesweep.simulation.export.gains import Gains, Table, gains_of, named
+from wavesweep.simulation.export.repeated_experiment import NEXT, Steps, drawing_of, loop_with, march_of, steps_of, timing_of
 from wavesweep.simulation.export.text import comment, constants, factor, filled, number, table_of
 from wavesweep.simulation.from_spec import effects_of, hand_force
 from wavesweep.simulation.laws import Sum
 from wavesweep.simulation.march import Results, results_of
 from wavesweep.simulation.named import Named
 from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SEEN, SPEED, Loop, Part, divided
-from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
+from wavesweep.simulation.tick_sums import Line, Program, Ticks, arrived, besides
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 1000

@@ -1,0 +1,89 @@
+"""The device under held forces, against scipy's matrix exponential and 50 digits."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from support import exact
+from support.specs import values_of
+
+import wavesweep
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.keys.key import LARGEST, SMALLEST
+from wavesweep.engine.loops.blocks import held
+from wavesweep.engine.loops.blocks import mass as mass_block
+
+# mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
+# spring in the hand; stiff and overdamped; heavy and slow.
+CALM = [
+    (0.1, 1.5, 0.0, 1e-3), (0.1, 0.0, 0.0, 1e-3), (1e-4, 50.0, 0.0, 1e-3), (0.1, 1.5, 800.0, 1e-3),
+    (1e-3, 40.0, 300.0, 0.01), (80.0, 1e-3, 1e-3, 1e-4),
+]  # fmt: skip
+# These ring within the tick, and so their entries may pass through zero.
+RINGING = [(0.1, 0.0, 800.0, 0.02), (0.05, 0.3, 20000.0, 5e-3)]
+
+
+def block_of(mass, damping, stiffness, period):
+    return mass_block("device", period, mass, damping, stiffness)
+
+
+@pytest.mark.parametrize(("mass", "damping", "stiffness", "period"), CALM + RINGING)
+def test_a_tick_is_the_exponential_of_the_plant(mass, damping, stiffness, period):
+    """scipy's expm is good to a few ulp, times the norm that it squares away, of each column's largest entry."""
+    block = block_of(mass, damping, stiffness, period)
+    plant = np.array([[-damping / mass, -stiffness / mass, 1 / mass], [1, 0, 0], [0, 0, 0]])
+    whole = scipy.linalg.expm(plant * period)[:2]
+    found = np.hstack([block.E + np.eye(2), block.B])
+    lost = 1e-15 * (100 + np.abs(plant * period).sum())
+    assert np.all(np.abs(found - whole) <= lost * np.abs(whole).max(axis=0))
+
+
+@pytest.mark.parametrize(("mass", "damping", "stiffness", "period"), CALM)
+def test_every_entry_keeps_its_digits(mass, damping, stiffness, period):
+    """Relative to each entry, not to the largest, and in delta form, where 1 - exp(-tiny) would have lost them."""
+    block = block_of(mass, damping, stiffness, period)
+    values = values_of("dc", mass=mass, damping=damping, stiffness=stiffness)
+    flow, push = exact.zero_order_hold(values, exact.mp.mpf(period))
+    wanted = [[flow[1][1] - 1, flow[1][0], push[1]], [flow[0][1], flow[0][0] - 1, push[0]]]
+    found = np.hstack([block.E, block.B])
+    for row, line in zip(found, wanted, strict=True):
+        for have, want in zip(row, line, strict=True):
+            assert abs(have - want) <= 1e-13 * abs(want)
+
+
+def test_devices_of_a_batch_come_out_as_one_by_one():
+    """Masses from grams to tons share the number of doublings, which must not be seen in the result."""
+    mass, damping = np.array([1e-4, 0.1, 1e3]), np.array([50.0, 0.0, 2.0])
+    together = block_of(mass, damping, 10.0, 1e-3)
+    for i in range(3):
+        alone = block_of(mass[i], damping[i], 10.0, 1e-3)
+        np.testing.assert_allclose(together.E[i], alone.E, rtol=1e-14)
+        np.testing.assert_allclose(together.B[i], alone.B, rtol=1e-14)
+
+
+@pytest.mark.parametrize(("kind", "limit"), [("dc", 3000.0), ("dc-slow", 150.0)])
+def test_the_least_mass_has_the_limit_of_a_bare_damper(kind, limit):
+    """A damper alone under a held force moves by F T/d in a step of T: stable to 2 d/T of the wall's own period."""
+    tables = {"controller": {"kind": kind}, "device": {"mass": SMALLEST}, "environment": {"B_VE": 0.0}}
+    table = wavesweep.compile(tables).stable_intervals(span=(0.0, 2e4))
+    assert table["low"].tolist() == [0.0]
+    np.testing.assert_allclose(table["high"], limit, rtol=1e-9)
+
+
+@pytest.mark.parametrize("mass", [1e-163, 1e-200, SMALLEST / 2, 2 * LARGEST])
+def test_a_mass_whose_motion_would_leave_doubles_is_refused(mass):
+    loop = wavesweep.compile({"controller": {"kind": "dc"}})
+    for ask in (
+        lambda: loop.with_(**{"device.mass": mass}),
+        lambda: loop.stable_intervals(**{"device.mass": [1e-3, mass, 1e3]}),
+    ):
+        with pytest.raises(SpecError, match="a number from 1e-60 to 1e\\+60 in size, or 0"):
+            ask()
+
+
+def test_a_spring_that_turns_more_often_in_a_tick_than_doubles_can_count_is_not_known():
+    """After 1e26 turns the phase is lost; rounding alone would bring the mass to rest, which it never comes to."""
+    assert np.isnan(block_of(1e-38, 0.0, 22.5, 7e6).E).all()
+    turning = np.array([[[0.0, -1e10], [1e10, 0.0]], [[0.0, -0.01], [0.01, 0.0]]])
+    (lost, kept), *_ = held(turning, np.eye(2), np.full(2, 1e7))
+    assert np.isnan(lost).all()
+    np.testing.assert_allclose(kept + np.eye(2), [[np.cos(1e5), -np.sin(1e5)], [np.sin(1e5), np.cos(1e5)]], rtol=1e-6)

@@ -1,0 +1,255 @@
+"""Loops of several rates against limits that are known in closed form, the built-in loops, and products tick by tick."""
+
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from support.drawings import T, pmw, random_drawing
+from support.specs import nested, values_of
+
+import wavesweep
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops import blocks
+from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.engine.loops.ports import Ports
+from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.engine.monodromy.open_frame import cut_of, open_frame
+from wavesweep.engine.monodromy.periodic import frame_of, in_a_row, then, ticks_of
+from wavesweep.engine.monodromy.product import product_with_errors
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.port import port_of
+from wavesweep.engine.response.steady import respond
+from wavesweep.engine.stability.along_any import stable_along_any
+from wavesweep.engine.stability.stable import stable_intervals
+
+
+def along_any(draw, span):
+    """The stable intervals along p by eigenvalues, and whether they are certified."""
+    drift, first = drift_of_drawn(draw(7.3), draw(8.9)), draw(7.3)
+    period = np.array([float(first.period) * first.ticks])
+    found = stable_along_any(lambda _, p: closed_frame(draw(p), drift), span, 1, period)
+    return list(zip(found.low.tolist(), found.high.tolist(), strict=True)), bool(found.certified.all())
+
+
+def cut_at(drawn, drift, read):
+    frame = open_frame(drawn, drift, "w", read)
+    return frame and cut_of(frame, drift, len(read))
+
+
+def exactly(draw, read, span, damped=""):
+    """The same along a number that is cut out: `draw(other)` has its product as the input "w"."""
+    watched = (read, damped) if damped else (read,)
+    cut = cut_at(draw(1.1), drift_of_drawn(draw(1.1), draw(0.7), watched), watched)
+    if cut is None:
+        return None, None
+    found = stable_intervals(cut if cut.batch else cut.at(np.newaxis), "K_VE", span, np.zeros((1, 1)))
+    return list(zip(found.low.tolist(), found.high.tolist(), strict=True)), bool(found.certified.all())
+
+
+def pd(kp, kd, **sums):
+    return MultirateLoop(T, (ScheduledBlock(blocks.mass("m", T, 0.2)),), {"m.f": {"m.x": -kp, "m.v": -kd} | sums}, ("w",))
+
+
+def test_pd_on_a_mass_with_forces_held_over_a_tick():
+    """kp < 2 kd/T and kd < 2 m/T, both ways."""
+    assert along_any(lambda p: pd(p, 3.0), (0, 20000)) == ([(0, pytest.approx(6000, rel=1e-9))], True)
+    ends, certified = exactly(lambda kd: pd(0.0, kd + 1.9, w=-1.0), "m.x", (0, 20000))
+    assert certified
+    assert ends == [(0, pytest.approx(6000, rel=1e-9))]
+    ends, certified = along_any(lambda p: pd(100.0, p), (0, 2000))
+    assert certified
+    assert ends == [(pytest.approx(100 * T / 2, rel=1e-9), pytest.approx(400, rel=1e-9))]
+
+
+def test_a_joint_of_a_physics_engine():
+    """Semi-implicit Euler, kp explicit, kd implicit: kp < (4 I + 2 h kd)/h^2."""
+    h, inertia, kd = 1e-3, 0.2, 3.0
+
+    def joint(p):
+        a = 1 / (1 + h * kd / inertia)
+        A = [[a, -a * h / inertia * p], [h * a, 1 - h * h / inertia * a * p]]
+        block = blocks.ss("j", h, A, [[0.0], [0.0]], [[0.0, 1.0]], [[0.0]], ("u",), ("x",), discrete=True)
+        return MultirateLoop(h, (ScheduledBlock(block),), {})
+
+    assert along_any(joint, (0, 2e6)) == ([(0, pytest.approx((4 * inertia + 2 * h * kd) / h**2, rel=1e-9))], True)
+
+
+@pytest.mark.parametrize(("ticks", "t"), [(0, 0.4), (1, 0.3), (3, 0.2), (7, 0.1)])
+def test_an_undamped_mass_with_difference_velocity_and_delay(ticks, t):
+    mass, R = 0.1, 4 * np.sin(t / 2) ** 2 / np.cos(t / 2)
+    b = R * np.sin((ticks + 0.5) * t) / np.sin(t)
+    K = (R * np.cos((ticks + 0.5) * t) - b * (1 - np.cos(t))) * mass / T**2
+
+    def draw(p):
+        placed = [blocks.mass("m", T, mass), blocks.defined("difference", "v", T), blocks.defined("delay", "z", T, steps=ticks)]
+        sums = {"v.u": {"m.x": 1.0}, "z.u": {"m.x": p, "v.y": b * mass / T}, "m.f": {"z.y": -1.0}}
+        return MultirateLoop(T, tuple(map(ScheduledBlock, placed)), sums)
+
+    ends, certified = along_any(draw, (1e-3 * K, 5 * K))  # from 0 on it takes balls, as both poles are 1 there
+    assert certified
+    assert ends[0][1] == pytest.approx(K, rel=1e-9)
+
+
+@pytest.mark.parametrize(("share", "phase"), [(0.5, 10), (0.2, 4), (0.75, 15), (0.3, 6)])
+def test_an_integrator_behind_a_network(share, phase):
+    """d x' = f, sampled and held every h, late by r h: K h/d < min(1/r, 1/(1/2 - r)) (Zhang, Branicky, Phillips 2001)."""
+    h, d = 0.02, 1.3
+    tick, limit = h / 20, min(1 / share, 1 / (0.5 - share) if share < 0.5 else np.inf)
+
+    def draw(wire):
+        placed = (
+            ScheduledBlock(blocks.ss("x", tick, [[0.0]], [[1 / d]], [[1.0]], [[0.0]], ("f",), ("x",))),
+            ScheduledBlock(blocks.defined("hold", "s", h), 20, 0),
+            ScheduledBlock(blocks.defined("hold", "a", h), 20, phase),
+        )
+        return MultirateLoop(tick, placed, {"s.u": {"x.x": 1.0}, **wire}, ("w",))
+
+    expected = [(0, pytest.approx(limit * d / h, rel=1e-9))]
+    assert along_any(lambda p: draw({"a.u": {"s.y": -p}, "x.f": {"a.y": 1.0}}), (0, 600)) == (expected, True)
+    # The gain before the second hold, and behind it.
+    assert exactly(lambda _: draw({"a.u": {"w": -1.0}, "x.f": {"a.y": 1.0}}), "s.y", (0, 600)) == (expected, True)
+    assert exactly(lambda _: draw({"a.u": {"s.y": 1.0}, "x.f": {"w": -1.0}}), "a.y", (0, 600)) == (expected, True)
+
+
+WAVES = [{}, {"Kp": 20.0}, {"delay": 7}, {"delay": 7, "Kp": 20.0}, {"integration": "implicit"}, {"order": 3}]
+
+
+def built_in(changes):
+    changes = {"lp1_order" if name == "order" else name: value for name, value in changes.items()}
+    return wavesweep.compile(nested(values_of("pmw", **({"integration": "explicit"} | changes))))
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("changes", WAVES)
+def test_waves_written_as_blocks_are_the_built_in_loop(changes):
+    """Its walls exactly, its radius, its response and its port."""
+    reads, B = ("av.x_spring", "av.v"), np.array([[0.0, 0.5, 1.0, 3.0]])
+    drift = drift_of_drawn(pmw(**changes), pmw(**changes, b=11.0), reads)
+    cut = cut_at(pmw(**changes), drift, reads)
+    found, own = stable_intervals(cut.at(np.newaxis), "K_VE", (0, 20000), B), built_in(changes)
+    table = own.stable_intervals(B_VE=B[0])
+    assert found.high == pytest.approx(table["high"].to_numpy(), rel=1e-10)
+    closed = pmw(**changes, wall=(500.0, 1.0))
+    drift = drift_of_drawn(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)))
+    radius = np.abs(1 + np.linalg.eigvals(closed_frame(closed, drift))).max()
+    assert radius == pytest.approx(float(own.spectral_radius()), rel=1e-12)
+    ports = Ports("hand", "m.x", "f_m")
+    port = port_of(closed, ports, drift_of_drawn(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)), ("m.x", "f_m")))
+    frequency = np.array([1e-2, 1.0, 49.9, 50.0, 123.0])
+    seen, rows = respond(Lifted.of(port), frequency), own.response(frequency)
+    assert seen.admittance == pytest.approx((rows["admittance_re"] + 1j * rows["admittance_im"]).to_numpy(), rel=1e-10)
+    assert seen.impedance == pytest.approx((rows["impedance_re"] + 1j * rows["impedance_im"]).to_numpy(), rel=1e-10)
+    assert seen.admittance_error.max() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_frame_is_the_product_of_its_ticks(seed):
+    drawn = random_drawing(seed)
+    ticks = ticks_of(drawn)
+    whole = np.eye(len(ticks.states))
+    for kind in ticks.kind:
+        whole = (np.eye(len(whole)) + ticks.maps[kind].E) @ whole
+    assert np.abs(frame_of(ticks) + np.eye(len(whole)) - whole).max() < 1e-12 * max(1, np.abs(whole).max())
+
+
+@pytest.mark.parametrize("length", [1, 2, 7, 60])
+def test_maps_are_joined_in_their_order(length):
+    r = np.random.default_rng(length)
+    kinds, maps = r.integers(0, 3, length), list(0.1 * r.normal(size=(3, 4, 4)))
+    whole = np.eye(4)
+    for kind in kinds:
+        whole = (np.eye(4) + maps[kind]) @ whole
+    assert in_a_row(kinds, maps, then) + np.eye(4) == pytest.approx(whole, rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("length", [1, 2, 60, 300])
+def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
+    """Damped turns in other units, in an order that repeats little; exact by fractions. Sizes alone grow by 3 % in a tick."""
+    r = np.random.default_rng(length)
+    kinds, angles, units = r.integers(0, 3, length), (0.02, 0.03, 0.04), np.array([[1.0, 0.1], [10.0, 1.0]])
+    turns = [np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) for angle in angles]
+    changes = [0.999 * turn * units - np.eye(2) for turn in turns]
+    E, dE = product_with_errors(kinds, changes, [np.abs(each) for each in changes])
+    exact = [[Fraction(i == j) for j in range(2)] for i in range(2)]
+    ticks = [[[Fraction(each[i, j]) + (i == j) for j in range(2)] for i in range(2)] for each in changes]
+    for kind in kinds.tolist():
+        exact = [[sum(row[k] * exact[k][j] for k in range(2)) for j in range(2)] for row in ticks[kind]]
+    off = np.array([[float(abs(Fraction(E[i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
+    assert np.all(off <= dE)
+    assert np.all(dE <= 100 * length * np.finfo(float).eps * units)
+
+
+def test_a_state_that_a_tick_forgets_is_forgotten_exactly():
+    """A sum of the two would leave the rounding of -1 - 0.3 + 0.3, which a later tick passes on."""
+    random = np.random.default_rng(1)
+    first, second = random.normal(size=(2, 6, 4, 4))
+    first[:, :, 1], second[:, 2, :] = -np.eye(4)[1], -np.eye(4)[2]
+    found = np.eye(4) + then(first, second)
+    assert (found[:, :, 1] == 0).all()
+    assert (found[:, 2, :] == 0).all()
+    np.testing.assert_allclose(found, (np.eye(4) + second) @ (np.eye(4) + first), atol=1e-14)
+    second[3, 2, 0] = 0.1  # which one of the matrices does not forget
+    assert (np.eye(4) + then(first, second))[3, 2].any()
+
+
+def placed_hold(**place):
+    return MultirateLoop(
+        1e-3,
+        (ScheduledBlock(blocks.mass("arm", 1e-3, 0.1), 1), ScheduledBlock(blocks.defined("hold", "h", 5e-3), **place)),
+        {"h.u": {"arm.x": 1.0}, "arm.f": {"h.y": -20.0}},
+    )
+
+
+@pytest.mark.parametrize(
+    "place",
+    [{"every": 5, "phase": 7}, {"every": 5, "phase": -1}, {"every": 5, "phase": 2.5}, {"every": 0}, {"every": 5, "phase": ()}],
+)
+def test_a_block_that_would_never_run_is_refused(place):
+    with pytest.raises(UsageError, match="block h: expected every >= 1"):
+        placed_hold(**place)
+
+
+@pytest.mark.parametrize(
+    ("sums", "found"),
+    [
+        ({"h.uu": {"arm.x": 1.0}}, "h.uu"),
+        ({"h.u": {"leg.x": 1.0}}, "leg.x"),
+        ({"h.u": {"arm.x": 1.0}, "arm.f": {"arm.f": 1.0}}, "arm.f"),
+        ({"h.u": {"a": 1.0}, "a": {"c": 1.0}, "c": {"a": 1.0}}, "a, c"),
+    ],
+)
+def test_junctions_of_unknown_names_and_rings_of_them_are_refused(sums, found):
+    arm, hold = ScheduledBlock(blocks.mass("arm", 1e-3, 0.1)), ScheduledBlock(blocks.defined("hold", "h", 5e-3), 5)
+    with pytest.raises(UsageError, match=rf"a drawn loop: expected .*, found .*{found}"):
+        wavesweep.compile(MultirateLoop(1e-3, (arm, hold), sums))
+    with pytest.raises(UsageError, match="different names, found arm"):
+        wavesweep.compile(MultirateLoop(1e-3, (arm, arm), {}))
+    with pytest.raises(UsageError, match="period > 0"):
+        wavesweep.compile(MultirateLoop(None, (arm, hold), {}))
+
+
+@pytest.mark.parametrize("frequency", [[-1.0], [600.0], [float("nan")], "x", []])
+def test_a_response_is_between_0_and_half_the_ticks_rate(frequency):
+    arm = ScheduledBlock(blocks.mass("arm", 1e-3, 0.1, damping=1.0))
+    loop = wavesweep.compile(MultirateLoop(1e-3, (arm,), {"arm.f": {"hand": 1.0}}, ("hand",)))
+    assert len(loop.response([1.0, 500.0], "hand", "arm.x")) == 2
+    with pytest.raises(UsageError, match="frequency_hz: expected numbers from 0 to 500 Hz"):
+        loop.response(frequency, "hand", "arm.x")
+
+
+@pytest.mark.parametrize(
+    ("mass", "gain", "said"),
+    [
+        (0.2, np.nan, "wire m.f: expected a finite gain of m.x, found nan"),
+        (0.2, np.inf, "wire m.f: expected a finite gain of m.x, found inf"),
+        (0.2, "-3", "wire m.f: expected a finite gain of m.x, found '-3'"),
+        (np.nan, -3.0, "block m: expected finite numbers, found an entry that is not finite"),
+    ],
+)
+def test_numbers_that_are_none_are_refused(mass, gain, said):
+    drawn = MultirateLoop(T, (ScheduledBlock(blocks.mass("m", T, mass)),), {"m.f": {"m.x": gain, "w": 1.0}}, ("w",))
+    with pytest.raises(UsageError, match=re.escape(said)):
+        wavesweep.compile(drawn)

@@ -1,0 +1,75 @@
+"""Worst-case gain, against singular values of the lifted system formed tick by tick."""
+
+import numpy as np
+import pytest
+from support.responses import loop_of
+from support.specs import KINDS, nested, random_values, values_of
+
+import wavesweep
+from wavesweep.engine.response.circle import Circle
+from wavesweep.engine.response.gain import gain_of
+
+
+def gain(values, frequency_hz):
+    return gain_of(loop_of(values))(frequency_hz)[0]
+
+
+def dense(values, frequency_hz):
+    """LAPACK's largest singular value of python-control's matrix; that of `dc` is of one tick."""
+    values = values | ({"rates.ratio": 1, "environment.delay": 0} if values["controller.kind"] == "dc" else {})
+    whole = wavesweep.compile(nested(values)).to_control()
+    angle = 2 * np.pi * np.asarray(frequency_hz) * values["rates.ratio"] / values["rates.fast_hz"]
+    return np.array([np.linalg.svd(whole(np.exp(1j * a), squeeze=False), compute_uv=False)[0] for a in angle])
+
+
+@pytest.mark.sample(5)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(8))
+def test_random_loops_have_the_dense_gain(kind, seed):
+    """Every ratio up to 50, inside and beyond half the slow rate."""
+    values = random_values(seed, kind)
+    frequency = np.random.default_rng(seed).uniform(0.001, 0.49, 5) * values["rates.fast_hz"]
+    np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ratio", [32, 33, 100, 200])
+def test_long_frames_have_the_dense_gain(kind, ratio):
+    """On either side of the size at which the dense way is left for Lanczos' process, and far beyond."""
+    values = values_of(kind, ratio=ratio, K_VE=50.0, Kp=20.0, delay=ratio // 3)
+    frequency = np.array([0.3, 1.7, 2.49, 8.0, 61.0]) * 20 / ratio
+    np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+@pytest.mark.parametrize("stiffness", [0.0, 100.0])
+def test_a_loop_that_may_drift_has_no_worst_case_at_multiples_of_the_slow_rate(kind, stiffness):
+    found = gain(values_of(kind, stiffness=stiffness), [49.0, 50.0, 100.0, 101.0])
+    assert np.isnan(found).tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ratio", [20, 50])
+def test_a_held_loop_has_a_finite_worst_case_at_multiples_of_the_slow_rate(kind, ratio):
+    """The gain is even about them: the mean of both sides 1e-4 Hz away is right to 1e-7."""
+    values, rate = values_of(kind, Kp=20.0, ratio=ratio, K_VE=100.0), 1000 / ratio
+    around = dense(values, [rate - 1e-4, rate + 1e-4, 2 * rate - 1e-4, 2 * rate + 1e-4])
+    np.testing.assert_allclose(gain(values, [rate, 2 * rate]), around.reshape(2, 2).mean(-1), rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])
+def test_without_a_wall_nothing_holds_the_hand(kind):
+    """A constant force, or one that is aliased to a constant, moves a free hand for ever."""
+    found = gain(values_of(kind, K_VE=0.0), [49.0, 50.0, 101.0])
+    assert np.isnan(found).tolist() == [False, True, False]
+
+
+def test_the_ticks_of_a_circle_do_not_depend_on_what_was_asked_before():
+    frequency = np.geomspace(0.1, 400, 50)
+    fresh, asked = (Circle(frequency, 1000.0, 20) for _ in range(2))
+    for count in (3, 7, 20):
+        asked.ladder(count)
+    assert (asked.ladder(50) == fresh.ladder(50)).all()

@@ -1,0 +1,118 @@
+"""The stiffness felt of a number that is one gain of a frame, against responses at 0 Hz, which are computed another way."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.engine.response import resting_frame
+from wavesweep.engine.search import open_loops
+from wavesweep.program.sweep.grid import own_loop
+
+TABLES = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"K": 500.0, "B": 0.5, "b": 25.0},
+    "ports": {
+        "hand": {"force": "hand", "displacement": "device.x", "reaction": "force"},
+        "wall": {"stiffness": "K", "damping": "B"},
+    },
+    "sweep": {"along": "K", "K": {"start": 0, "stop": 20000}},
+}
+DEVICE = {"type": "mass", "mass": 0.1, "damping": 1.5}
+
+
+def wave_line(rng):
+    """A wave line to an avatar, with filters, delays and a damper at the device now and then."""
+    ticks, filtered, late, back, held = int(rng.choice([2, 5, 20, 50])), *rng.random(4)
+    blocks = {"end": {"type": "wave", "b": "b"}}
+    ways = ["implicit", "explicit"]
+    blocks["avatar"] = {
+        "type": "avatar",
+        "b": "b",
+        "every": ticks,
+        "phase": int(rng.integers(ticks)),
+        "integration": rng.choice(ways),
+    }
+    wires, out, wave = {"avatar.f": "K*avatar.x_spring + B*avatar.v", "end.v": "device.v"}, "end.out", "avatar.out"
+    if filtered < 0.6:
+        blocks["lp"], wires["lp.u"], out = (
+            {"type": "butterworth", "order": int(rng.integers(1, 4)), "cutoff_hz": 15},
+            out,
+            "lp.y",
+        )
+    if late < 0.4:
+        blocks["to"], wires["to.u"], out = {"type": "delay", "steps": int(rng.integers(1, 2 * ticks))}, out, "to.y"
+    if back < 0.4:
+        blocks["from"], wires["from.u"], wave = {"type": "delay", "steps": int(rng.integers(1, 4))}, wave, "from.y"
+    more = " + 0.3*device.v" if held < 0.4 else ""
+    return blocks, wires | {"avatar.in": out, "end.in": wave}, f"end.force{more}"
+
+
+def coupling(rng):
+    """A tool on a virtual coupling, whose wall is read by a slower rate."""
+    ticks = int(rng.choice([2, 5, 20]))
+    blocks = {"tool": {"type": "mass", "mass": 0.05, "damping": 0.3}}
+    blocks["h"] = {"type": "hold", "every": ticks, "phase": int(rng.integers(ticks))}
+    force = "10*b*(device.x - tool.x) + 0.1*b*(device.v - tool.v)"
+    return blocks, {"h.u": "tool.x", "tool.f": f"{force} - K*h.y - B*tool.v"}, force
+
+
+def sampled_wall(rng):
+    """A wall that is read by a slower rate from the device."""
+    blocks = {"h": {"type": "hold", "every": int(rng.choice([2, 5, 20]))}, "wall": {"type": "gain", "k": "K"}}
+    return blocks, {"h.u": "device.x", "wall.u": "h.y"}, "wall.y + B*device.v + b*device.v"
+
+
+@pytest.mark.slow
+@pytest.mark.sample(3)
+@pytest.mark.parametrize("drawn", [wave_line, coupling, sampled_wall])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 5, 6, 8])  # 7: a delay of two frames, which leaves the bound too large
+def test_what_is_felt_at_an_end_is_the_response_at_0_hz(drawn, seed, monkeypatch):
+    blocks, wires, force = drawn(np.random.default_rng(seed))
+    tables = TABLES | {"block": {"device": DEVICE, **blocks}}
+    device = "hand - (" + force + ")" if drawn is not wave_line else " - ".join(["hand", *force.split(" + ")])
+    loop = wavesweep.compile(tables | {"wire": {**wires, "device.f": device}, "ports": _ports(force)})
+    used, asked = [], resting_frame.resting_frame
+    monkeypatch.setattr(resting_frame, "resting_frame", lambda *given: used.append(asked(*given)) or used[-1])
+    waves = [10.0, 25.0, 60.0]
+    table = loop.stable_intervals("K", b=waves)
+    assert [each is not None for each in used] == [True]
+    some = table[table.intervals > 0]
+    assert len(some) > 0
+    assert np.isfinite(some[["felt_low", "felt_high"]].to_numpy()).all()
+    for b, high, felt in zip(some.b, some.high, some.felt_high, strict=True):
+        at = float(high) * (1 - 1e-4)  # beside the end, where the response exists
+        response = loop.response([0.0], K=at, b=b)
+        found = used[0].stiffness(np.array([waves.index(b)]), np.array([at]))
+        np.testing.assert_allclose(found, response.impedance_re, rtol=1e-9)
+        assert felt == pytest.approx(float(response.impedance_re[0]), rel=1e-2)
+
+
+def _ports(force):
+    hand, wall = TABLES["ports"]["hand"], TABLES["ports"]["wall"]
+    return {"hand": hand | {"reaction": force}, "wall": wall}
+
+
+def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
+    """The wall reads a velocity: every force moves the device without end."""
+    blocks = {"device": DEVICE, "h": {"type": "hold", "every": 10}, "wall": {"type": "gain", "k": "K"}}
+    wires = {"h.u": "device.v", "wall.u": "h.y", "device.f": "hand - wall.y - B*device.v - b*device.v"}
+    loop = wavesweep.compile(TABLES | {"block": blocks, "wire": wires, "ports": _ports("wall.y")})
+    opened = open_loops.open_loops(own_loop(loop.spec), "K", felt=True)
+    assert np.isnan(opened.at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
+    assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
+
+
+def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
+    """The same wall, written as a product in the reaction and as a block: the same ends and the same stiffness felt."""
+    blocks, wires = {"device": DEVICE, "h": {"type": "hold", "every": 10}}, {"h.u": "device.x"}
+    found = []
+    for force, more in (("K*h.y", {}), ("wall.y", {"wall": {"type": "gain", "k": "K"}})):
+        wires = {"h.u": "device.x", "device.f": f"hand - {force} - B*device.v - b*device.v"} | {
+            f"{name}.u": "h.y" for name in more
+        }
+        loop = wavesweep.compile(TABLES | {"block": blocks | more, "wire": wires, "ports": _ports(force)})
+        assert open_loops.exact_cut(own_loop(loop.spec), "K") is not None
+        found.append(loop.stable_intervals("K", b=[5.0, 10.0]))
+    names = ["low", "high", "felt_low", "felt_high"]
+    np.testing.assert_allclose(*(table[names] for table in found), rtol=1e-9)
+    assert found[0].certified.all()

@@ -1,0 +1,153 @@
+"""Admittance and impedance, against 50 digits, laws of the model, and the marched loop."""
+
+import numpy as np
+import pytest
+from support import exact
+from support.responses import loop_of
+from support.specs import INTEGRATIONS, KINDS, random_values, values_of
+
+from wavesweep.engine.response.steady import respond
+
+
+def response(values, frequency_hz):
+    found = respond(loop_of(values), frequency_hz)
+    return found.admittance, found.impedance
+
+
+def slow_multiples(values):
+    """1, 3 and M/2 times the slow rate, as far as they are below half the fast one."""
+    ratio, fast = values["rates.ratio"], values["rates.fast_hz"]
+    return [m * fast / ratio for m in sorted({1, 3, ratio // 2}) if 0 < m <= ratio / 2]
+
+
+def worst_error(values, frequency_hz, witness):
+    """Largest relative error of both answers; of an impedance that vanishes, relative to a thousandth of the wall."""
+    floor = 1e-3 * values["environment.K_VE"]
+    worst = 0.0
+    for f, admittance, impedance in zip(frequency_hz, *response(values, frequency_hz), strict=True):
+        wanted = witness(values, f)
+        error = abs(admittance - wanted[0]) / abs(wanted[0])
+        worst = max(worst, float(error), float(abs(impedance - wanted[1]) / max(abs(wanted[1]), floor)))
+    return worst
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+def test_random_frequencies_hold_at_50_digits(kind, seed):
+    """From 0.1 Hz to a hundred-thousandth below the fast Nyquist frequency, where a digit more is lost."""
+    values = random_values(seed, kind)
+    T = 1 / values["rates.fast_hz"]
+    inner = np.random.default_rng(seed).uniform(0.001, 0.49, 2) / T
+    assert worst_error(values, [0.1, *inner, 0.49999 / T], exact.response) < 1e-9
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "dc-vc", "dc-vc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("seed", [0, 3, 12])
+def test_multiples_of_the_slow_rate_hold_at_50_digits(kind, seed):
+    """The formula is 0/0 there with a drift: its limit, the mean of both sides a hundred-billionth away."""
+    values = random_values(seed, kind)
+    assert worst_error(values, slow_multiples(values), exact.limit) < 1e-9
+
+
+# A spring in the hand and no position feedback: what stays for ever is a combination of states.
+CONSERVED = [
+    ("pmw", {}), ("pmw-lm", {}), ("pmw", {"delay": 7, "velocity": "difference", "integration": "explicit"}),
+    ("pmw-lm", {"delay": 20, "integration": "trapezoidal", "lp1_order": 3, "hp_order": 2}),
+    ("pmw-lm", {"K_LM": 0.0, "delay": 1}), ("pmw", {"ratio": 2, "delay": 1}), ("pmw-lm", {"ratio": 3, "hp_order": 4}),
+]  # fmt: skip
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "changes"), CONSERVED)
+def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
+    """At 1 mHz, between, and at multiples of the slow rate."""
+    values = values_of(kind, stiffness=120.0, **changes)
+    multiples = slow_multiples(values)
+    assert worst_error(values, [1e-3, 0.7, 33.3, 333.0], exact.response) < 1e-10
+    assert worst_error(values, multiples, exact.limit) < 1e-10
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+@pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"Kp": 20.0, "stiffness": 120.0}])
+def test_a_millihertz_keeps_nine_digits(kind, changes):
+    """Through the drift pole as a state, digits are lost like eps/w^2: none would be left."""
+    assert worst_error(values_of(kind, **changes), [1e-3], exact.response) < 1e-9
+
+
+# (kind, changes): long and slow filters, many ticks.
+HARD = [
+    ("pmw", {"lp1_order": 12, "lp1_cutoff_hz": 10.0}), ("pmw", {"lp1_order": 10, "lp1_cutoff_hz": 1.0, "delay": 20}),
+    ("pmw-lm", {"lp1_order": 6, "lp1_cutoff_hz": 3.0, "hp_order": 6, "lp2_order": 6, "Kp": 20.0}),
+    ("pmw-lm", {"ratio": 200, "delay": 100, "Kp": 20.0}),
+]  # fmt: skip
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "changes"), HARD)
+def test_long_filters_and_frames_keep_their_digits(kind, changes):
+    """10th order at 1 Hz: direct-form sections would answer with a relative error of 12."""
+    assert worst_error(values_of(kind, **changes), [0.1, 1.0, 23.0], exact.response) < 1e-9
+
+
+@pytest.mark.parametrize("integration", INTEGRATIONS)
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+@pytest.mark.parametrize("delay", [0, 20])
+def test_with_position_feedback_the_wall_is_transmitted_exactly(kind, integration, delay):
+    """Kp makes x_s = x_m at rest, so stiffness at DC is K_VE; a mHz is off by its lag only, of order 1e-3 rad."""
+    values = values_of(kind, Kp=20.0, integration=integration, delay=delay)
+    admittance, impedance = response(values, 1e-3)
+    assert admittance[0].real == pytest.approx(1 / 500, rel=1e-4)
+    assert impedance[0].real == pytest.approx(500.0, rel=1e-4)
+    assert abs(admittance[0].imag) < 1e-3 / 500
+
+
+@pytest.mark.parametrize(("order", "aliased"), [(2, 1e-2), (4, 3e-4), (8, 1e-6)])
+@pytest.mark.parametrize("delay", [0, 5, 20])
+def test_without_feedback_delay_feels_like_compliance(order, aliased, delay):
+    """`1/K_VE + tau/(2b)`: LP1's group delay, half a frame's hold and the delay, up to what LP1 lets alias.
+
+    At the slow rate LP1 lets through 3e-2, 9e-4 and 7e-7, of which a third or less reaches the answer.
+    """
+    T, warped = 1e-3, np.tan(np.pi * 8.57e-3)
+    angles = np.pi * (2 * np.arange(1, order + 1) + order - 1) / (2 * order)
+    group_delay = (-1 / np.exp(1j * angles)).sum().real * T / (2 * warped)  # of the analog prototype, unwarped at DC
+    tau = group_delay + 19 / 2 * T + delay * T
+    values = values_of("pmw", lp1_order=order, lp1_cutoff_hz=8.57, delay=delay)
+    assert response(values, 1e-3)[0][0].real - 1 / 500 == pytest.approx(tau / 50, rel=aliased)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_marched_sine_settles_to_the_same_answer(kind):
+    """`f_h[k] = cos(w k T)` at 5 Hz until the start has died out, then the component at w of a whole second.
+
+    The slowest mode of these loops halves in well under a second: after 12 s it is below 1e-10.
+    """
+    values = values_of(kind, K_VE=100.0, **({"Kp": 20.0} if kind.startswith("pmw") else {}))
+    turn = 2 * np.pi * 5.0 * np.arange(13_000) / 1000
+    seen = exact.march(values, np.cos(turn))
+    carrier = 2 * np.exp(-1j * turn[-1000:]) / 1000
+    x, f_m = (signal[-1000:] @ carrier for signal in (seen["x"], seen["f_m"]))
+    # A real sine's mirror image at -5 Hz has its aliases at 50 n - 5 Hz, none at 5 Hz.
+    admittance, impedance = response(values, 5.0)
+    assert abs(x - admittance[0]) <= 1e-8 * abs(x)
+    assert abs(f_m / x - impedance[0]) <= 1e-8 * abs(f_m / x)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_batch_of_loops_answers_as_its_members(kind):
+    b, K = np.array([20.0, 40.0]), np.array([100.0, 500.0])
+    values, frequency = values_of(kind, b=b), np.array([0.5, 7.0, 120.0])
+    together = np.array(response(values | {"environment.K_VE": K}, frequency))
+    for i in range(2):
+        alone = np.array(response(values_of(kind, b=b[i], K_VE=K[i]), frequency))
+        np.testing.assert_allclose(together[:, i], alone, rtol=1e-9)

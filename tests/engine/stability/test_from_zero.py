@@ -1,0 +1,131 @@
+"""Ranges from 0 of a number whose root or power a loop reads: there it may not be analytic, and poles leave z = 1 as any power.
+
+A mass m on a spring K and a damper B that are read every T seconds is stable if `0 < K`, `B > K T/2` and `B < 2 m/T`.
+"""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.engine.drawing.expressions import degree
+from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.stability.along_any import BENT, stable_along_any
+
+T, M = 0.005, 0.1
+
+
+def joint(force, **block):
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {name: value for name, value in {"K": 100.0, "z": 1.0, "m": M}.items() if name in f"{force} m"},
+        "block": {"arm": {"type": "mass", "mass": "m", **block}, "h": {"type": "hold", "every": 5}},
+        "wire": {"h.u": force, "arm.f": "hand - h.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "arm.x", "reaction": "h.y"}},
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.whole
+@pytest.mark.sample(3)
+@pytest.mark.parametrize(
+    ("force", "limits"),
+    [
+        ("K*arm.x + 2*z*sqrt(K*m)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("K*arm.x + 2*z*(m*K)**0.5*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("K*arm.x + 2*z*(m*K)**(1/2)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("K**(z/z)*arm.x + 2*z*sqrt(K*m)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("z*sqrt(K)*arm.x + z*sqrt(K)*arm.v", lambda z: ((2 * M / (T * z)) ** 2,)),
+        ("K**2*arm.x + z*K*arm.v", lambda z: (2 * z / T, 2 * M / (T * z))),
+        ("K*K*arm.x + z*arm.v", lambda z: (np.sqrt(2 * z / T),)),
+    ],
+)
+def test_the_range_may_begin_where_the_root_or_power_vanishes(force, limits):
+    z = [0.3, 0.6, 1.0, 3.0]
+    found = wavesweep.compile(joint(force)).stable_intervals("K", (0, 2e4), z=z)
+    assert found["certified"].all()
+    assert (found["intervals"] == 1).all()
+    assert (found[["low", "low_omega"]] == 0).all(axis=None)
+    np.testing.assert_allclose(found["high"], [min(limits(each)) for each in z], rtol=1e-9)
+
+
+@pytest.mark.parametrize("high", [1e9, 1e11, 1e13])
+@pytest.mark.parametrize(
+    ("force", "stable"),
+    [
+        ("K**2*arm.x + z*K*arm.v", (0.0, 2 * M / T)),
+        ("100*z*arm.x + K*K*arm.v", (np.sqrt(50 * T), np.sqrt(2 * M / T))),
+    ],
+)
+def test_ends_next_to_0_are_found_in_a_range_that_goes_far_beyond(force, stable, high):
+    found = wavesweep.compile(joint(force)).stable_intervals("K", (0, high), z=[1.0])
+    assert found["certified"].all()
+    np.testing.assert_allclose(found[["low", "high"]], [stable], rtol=1e-9)
+
+
+def crossing_at_0_6(column, p):
+    """Frames with eigenvalues 0.7 + p/2, and 0.5 - p/2 + 0.3i with its conjugate: the first is outside from 0.6 on."""
+    p = np.broadcast_arrays(column, p)[1].ravel()
+    E = np.zeros((p.size, 3, 3), p.dtype)
+    E[:, 0, 0], E[:, 1, 1], E[:, 2, 2] = p / 2 - 0.3, -0.5 - p / 2, -0.5 - p / 2
+    E[:, 1, 2], E[:, 2, 1] = 0.3, -0.3
+    return E
+
+
+@pytest.mark.parametrize("high", [1e3, 1e9, 1e11])
+def test_a_crossing_next_to_the_low_end_is_no_drift(high):
+    found = stable_along_any(crossing_at_0_6, (0.0, high), 1, np.ones(1), variable=BENT)
+    assert found.certified.all()
+    assert found.low.tolist() == [0.0]
+    np.testing.assert_allclose(found.high, 0.6, rtol=1e-9, atol=1e-14 * high)
+
+
+def test_frames_that_are_not_known_next_to_the_low_end_leave_the_column_in_doubt():
+    def frames(column, p):
+        E = crossing_at_0_6(column, p)
+        E[np.broadcast_arrays(column, p)[1].ravel().real < 5] = np.nan
+        return E
+
+    found = stable_along_any(frames, (0.0, 1e11), 1, np.ones(1), variable=BENT)
+    assert not found.certified.any()
+    assert found.low.tolist() == [0.0]  # of what is not known, where all that is stable lies
+
+
+def test_a_root_that_is_zero_in_some_loops_is_no_hindrance_to_others():
+    loop = wavesweep.compile(joint("K*arm.x + arm.v + sqrt(K*z)*arm.v"))
+    found = loop.stable_intervals("K", (0, 100), z=[0.0, 1.0, 2.0])
+    assert found["certified"].all()
+    for z, row in zip([0.0, 1.0, 2.0], found.to_dict("records"), strict=True):
+        assert row["high"] == pytest.approx(loop.stable_intervals("K", (0, 100), z=z)["high"][0], rel=1e-9)
+
+
+def test_a_loop_that_is_held_by_something_else_begins_without_an_eigenvalue_1():
+    found = wavesweep.compile(joint("sqrt(K)*arm.v", stiffness=10.0, damping=1.0)).stable_intervals("K", (0, 100))
+    assert found["certified"].all()
+    assert found["low"].tolist() == [0.0]
+    assert found["low_omega"].isna().all()
+
+
+@pytest.mark.parametrize("force", ["arm.x/sqrt(K)", "K**-0.5*arm.x", "sqrt(K - 1)*arm.x", "sqrt(1 - K)*arm.x"])
+def test_a_range_with_values_without_a_loop_is_refused(force):
+    tables = joint(f"K*arm.x + {force}")
+    tables["numbers"]["K"] = 1.0
+    with pytest.raises(UsageError):
+        wavesweep.stability_region(tables | {"sweep": {"K": {"start": 0, "stop": 100}}}, "K")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("K", 1),
+        ("3*m", 0),
+        ("K*m + 1", 1),
+        ("K*(K - 2)/m", 2),
+        ("(K + 1)**3", 3),
+        ("m/K", np.inf),
+        ("sqrt(K)", np.inf),
+        ("m**K", np.inf),
+    ],
+)
+def test_degree(text, expected):
+    assert degree(parse(text), "K") == expected

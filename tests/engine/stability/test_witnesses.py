@@ -1,0 +1,148 @@
+"""Every reported end, and what lies between, before witnesses that know nothing of polynomials."""
+
+import numpy as np
+import pytest
+from support import exact
+from support.intervals import cut_of, excess, intervals_of, mislabelled, pairs
+from support.specs import KINDS, nested, random_values, values_of
+
+import wavesweep
+from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.stability.stable import stable_intervals
+
+pytestmark = pytest.mark.slow
+
+K_SPAN, B_SPAN = (0, 20000.0), (0, 300.0)
+
+
+def columns(seed, along):
+    """Zero and three random values of the other wall parameter, over their range of use."""
+    r = np.random.default_rng(seed)
+    return np.concatenate([[0], r.uniform(0, 15, 3) if along == "K_VE" else np.exp(r.uniform(0, 9, 3))])
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+@pytest.mark.parametrize("first", range(0, 60, 15))
+def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, first):
+    """Loops of all kinds, 4 columns each, 350 points a column; K_VE = 0 and B_VE = 0 among the columns."""
+    span = K_SPAN if along == "K_VE" else B_SPAN
+    for seed in range(first, first + 15):
+        cut, fixed = cut_of(random_values(seed)), columns(seed, along)
+        found = stable_intervals(cut, along, span, fixed[None])
+        assert mislabelled(cut, along, span, fixed, found) == [], seed
+
+
+@pytest.mark.thorough
+def test_random_columns_along_the_stiffness_are_all_certified():
+    """A fallback that gives up, or a proof that became too timid, shows here."""
+    for seed in range(120):
+        found = stable_intervals(cut_of(random_values(seed)), "K_VE", K_SPAN, columns(seed, "K_VE")[None])
+        assert found.certified.all(), seed
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+def test_stable_just_inside_and_unstable_just_outside_of_every_end(along):
+    """To a part in a million of the end; an end that the eigenvalues hardly notice would be no end."""
+    span, seen = (K_SPAN if along == "K_VE" else B_SPAN), 0
+    for seed in range(12):
+        cut, fixed = cut_of(random_values(seed)), columns(seed, along)
+        found = stable_intervals(cut, along, span, fixed[None])
+        for end, omega, inward in ((found.low, found.low_omega, 1), (found.high, found.high_omega, -1)):
+            real = np.flatnonzero(np.isfinite(omega) & (end > span[0]))
+            other, at = fixed[found.column[real]], end[real]
+            loops = cut.at(np.zeros(real.size, int))
+            assert np.all(excess(loops, along, other, at * (1 + 1e-6 * inward)) < 0), seed
+            assert np.all(excess(loops, along, other, at * (1 - 1e-6 * inward)) > 0), seed
+            seen += real.size
+    assert seen > 12
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+def test_dominance_finds_what_the_polynomial_finds(along, monkeypatch):
+    """The two ways share nothing but the loop; both prove nearly every column."""
+    span, fixed, compared = *((K_SPAN, "B_VE") if along == "K_VE" else (B_SPAN, "K_VE")), 0
+    for seed in range(0, 60, 12):
+        loop, axis = wavesweep.compile(nested(random_values(seed))), {fixed: columns(seed, along)[1:]}
+        usual = loop.stable_intervals(along, span, **axis)
+        with monkeypatch.context() as patch:
+            patch.setattr(Search, "opened", lambda *_: None)
+            other = loop.stable_intervals(along, span, **axis)
+        for column in axis[fixed]:
+            one, two = (found[found[fixed] == column] for found in (usual, other))
+            if one.certified.all() and two.certified.all():
+                ends = ["low", "high", "low_omega", "high_omega"]
+                np.testing.assert_allclose(one[ends], two[ends], rtol=1e-9)
+                compared += 1
+    assert compared > 13
+
+
+def loops_with_an_end(kind, many):
+    """The first random loops of a kind that have an end inside the range: (values, end, whether stable below)."""
+    found = []
+    for seed in range(1000, 1100):
+        values = random_values(seed, kind)
+        if values["rates.ratio"] > 20:
+            continue
+        result = intervals_of(values)
+        inside = np.flatnonzero(np.isfinite(result.high_omega) & (result.high < K_SPAN[1]))
+        if inside.size:
+            found.append((values, float(result.high[inside[0]])))
+        if len(found) == many:
+            break
+    return found
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("kind", KINDS)
+def test_loops_decay_below_an_upper_end_and_grow_above_at_50_digits(kind):
+    """A millionth to either side."""
+    loops = loops_with_an_end(kind, 2)
+    assert len(loops) == 2
+    for values, end in loops:
+        below, above = (exact.spectral_radius(values | {"environment.K_VE": end * (1 + off)}) for off in (-1e-6, 1e-6))
+        assert below < 1 < above
+
+
+# Loops that are hard in double precision: long filters with slow poles, many ticks in a frame, all three at once.
+HARD = [
+    ("pmw", {"lp1_order": 12, "lp1_cutoff_hz": 10.0, "integration": "explicit"}, (0, 20000)),
+    ("pmw", {"lp1_order": 10, "lp1_cutoff_hz": 1.0, "integration": "explicit", "delay": 20}, (0, 20000)),
+    ("pmw", {"ratio": 200, "integration": "explicit", "delay": 100, "lp1_cutoff_hz": 2.0}, (0, 20000)),
+    ("pmw-lm", {"lp1_order": 6, "hp_order": 4, "lp2_order": 4, "integration": "explicit", "Kp": 20.0}, (0, 20000)),
+    ("pmw-lm", {"lp1_order": 3, "hp_order": 3, "stiffness": 200.0, "delay": 7, "integration": "explicit"}, (0, 20000)),
+    ("dc-lm", {"K_LM": 400.0, "B_LM": 0.5, "delay": 3, "velocity": "difference", "stiffness": 50.0}, (0, 20000)),
+    ("dc", {"velocity": "difference"}, (0, 20000)),
+]
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(("kind", "changes", "span"), HARD)
+def test_ends_of_hard_loops_hold_at_50_digits(kind, changes, span):
+    """Each end, polished on the model's equations in 50 digits: angle and wall parameter good to 1e-9."""
+    values = values_of(kind, **changes)
+    found, loop = intervals_of(values, span=span), exact.frame(values)
+    assert found.certified.all()
+    ends = [(e, w) for e, w in zip((*found.low, *found.high), (*found.low_omega, *found.high_omega), strict=True)]
+    real = [(end, omega * float(loop.period)) for end, omega in ends if np.isfinite(omega) and omega > 0]
+    assert real
+    for end, theta in real:
+        angle = exact.mp.pi
+        if theta < 3.1415926:
+            angle = exact.mp.findroot(lambda t: exact.mp.im(loop.value_at(t, "K_VE", 1.0)), exact.mp.mpf(theta))
+        wanted = exact.mp.re(loop.value_at(angle, "K_VE", 1.0))
+        assert abs(theta - angle) <= 1e-9 * angle
+        assert abs(end - wanted) <= 1e-9 * wanted
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize(("kind", "changes", "span"), [HARD[0], HARD[5]])
+def test_the_spectral_radius_at_50_digits_agrees_about_every_interval(kind, changes, span):
+    """In the middle of each interval inside, and a hundredth beyond its upper end outside."""
+    values = values_of(kind, **changes)
+    for low, high in pairs(intervals_of(values, span=span)):
+        points = [((low + high) / 2, True)] + ([(high * 1.01, False)] if high < span[1] else [])
+        for K_VE, decays in points:
+            assert (exact.spectral_radius(values | {"environment.K_VE": K_VE}) < 1) == decays

@@ -1,0 +1,83 @@
+"""Slices that differ in a number of the wire that the axis is in: they share a loop, and give what each alone gives."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.monodromy.cut import with_batch
+from wavesweep.engine.search import open_loops
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
+
+RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
+
+
+def wave_line():
+    return load(RECIPES / "controllers" / "pmw-lm.toml")
+
+
+def alone(spec, along, span, other, value):
+    """The intervals of a loop that has that value as its own, which no axis varies."""
+    return wavesweep.compile(load(spec.tables(), [f"{other}={value!r}"])).stable_intervals(along, span)
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    """Of each frame of loops that are open at the axis, whether they are open at a number beside it as well."""
+    made, frame = [], open_loops.open_frame
+    monkeypatch.setattr(
+        open_loops, "open_frame", lambda *given, **how: made.append(open_loops.BESIDE in given[3]) or frame(*given, **how)
+    )
+    open_loops.open_loop.cache_clear()
+    return made
+
+
+def test_each_has_the_same_bits_whichever_others_there_are(opened):
+    loop, values = wavesweep.compile(wave_line()), np.linspace(0.1, 14, 7).tolist()
+    whole = loop.stable_intervals("K", (0, 20000), b=[15.0, 40.0], B=values)
+    assert sum(opened) == 1
+    for b, some in ((15.0, values[:2]), (40.0, values[3:4]), (15.0, values[2:])):
+        part = loop.stable_intervals("K", (0, 20000), b=[b], B=some)
+        mine = whole[(whole.b == b) & whole.B.isin(some)].reset_index(drop=True)
+        for name in ("low", "high", "low_omega", "high_omega", "residual", "felt_low", "felt_high"):
+            np.testing.assert_array_equal(part[name], mine[name])
+
+
+def test_a_number_with_which_a_loop_of_direct_terms_has_no_solution_is_named():
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"p": 40.0, "q": 0.5},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 0.2}, "g": {"type": "gain"}},
+        "wire": {"g.u": "p*m.x + q*g.y", "m.f": "-g.y"},
+    }
+    loop = wavesweep.compile(tables)
+    assert loop.stable_intervals("p", (0, 400), q=[0.5, 2.0]).certified.all()
+    with pytest.raises(IllPosedLoopError, match=r"q = 1\.0: the loop of direct terms through g has no solution"):
+        loop.stable_intervals("p", (0, 400), q=[0.5, 1.0, 2.0])
+
+
+def test_loops_with_other_numbers_of_slices_go_together(opened):
+    """A chunk may end within the slices of a loop."""
+    spec, b, B = wave_line(), np.array([11.0, 11.0, 13.0, 12.0]), np.array([1.0, 2.0, 1.0, 3.0])
+    loop = own_loop(spec)
+    found = [
+        open_loops.Opened.of(loop.changed({"numbers.b": b[some], "numbers.B": B[some]}), "K", len(some), felt=False)
+        for some in ([0, 1, 2, 3], [0], [1], [2], [3])
+    ]
+    whole, *each = (part.intervals(with_batch(part.loops.cut, part.which.max() + 1), (0.0, 20000.0)) for part in found)
+    assert opened == [True] * 4  # the slices [0] and [1] alone have one loop, which is remembered
+    assert whole.column.tolist() == [0, 1, 2, 3]
+    assert whole.high.tolist() == [float(part.high[0]) for part in each]
+    assert whole.high.max() < 20000
+
+
+def test_another_value_of_a_number_opens_one_loop_more(opened):
+    """What a slice costs is known from the first one."""
+    loop = wavesweep.compile(wave_line())
+    loop.stable_intervals("K", (0, 20000), b=21.0)
+    before = len(opened)
+    loop.stable_intervals("K", (0, 20000), b=22.0)
+    assert len(opened) == before + 1

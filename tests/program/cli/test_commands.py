@@ -1,0 +1,215 @@
+"""What all commands share: the help, the table of commands, options and where the results go."""
+
+import inspect
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from wavesweep import load
+from wavesweep.program.cli.entry import COMMANDS, command_of, group
+from wavesweep.program.cli.file_places import own_folder
+
+ROOT = Path(__file__).parents[3]
+
+SWEEPS = ("zwidth", "stability-region", "bode")  # whose fixture answers at once
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_short_help_is_the_first_sentence_of_the_commands_own(name):
+    command = command_of(name)
+    assert command.name == name
+    assert command.help.split("\n\n")[0] == COMMANDS[name]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(name, wavesweep):
+    code, out, err = wavesweep(name, "--help")
+    assert (code, err) == (0, "")
+    assert out.startswith(f"Usage: wavesweep {name} ")
+
+
+EXAMPLES = [
+    line.strip()
+    for name in COMMANDS
+    for line in inspect.cleandoc(command_of(name).help).splitlines()
+    if line.startswith("  wavesweep ")
+]
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_the_examples_in_the_helps_are_valid(example, tmp_path):
+    """Words and settings are accepted; `mine.toml` and `other.toml` are those of a user."""
+    _, name, *words = (word for word in shlex.split(example) if word != "--quiet")
+    files = [word for word in words if word.endswith(".toml")]
+    settings = group.get_command(None, name).make_context(name, list(words)).params.get("overrides", ())
+    for file in files:
+        source = ROOT / file if file.startswith("sweeps/") else tmp_path / file
+        if not file.startswith("sweeps/"):
+            source.write_text('controller.kind = "pmw"\n')
+        load(source, settings).asking("simulate")
+
+
+@pytest.mark.parametrize(("option", "asked"), [("--overwrite", 1), ("--restart", 2)])
+def test_to_overwrite_results_and_to_throw_a_checkpoint_away_are_two_options(option, asked, wavesweep, sweep, spec, tmp_path):
+    (tmp_path / "results/wall").mkdir(parents=True)
+    (tmp_path / "results/wall/zwidth.csv").write_text("somebody's")
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", option)
+    assert (code, "give --overwrite to replace them" in err) == ((0, False) if asked & 1 else (2, True))
+    assert [given["force"] for _, given in sweep.seen] == ([asked > 1] if asked & 1 else [])
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SWEEPS)
+def test_results_go_to_a_folder_of_the_specs_name(name, wavesweep, sweep, spec, tmp_path):
+    code, out, err = wavesweep(name, spec)
+    assert (code, out) == (0, "")
+    files = {file.name for file in (tmp_path / "results" / "wall").iterdir()}
+    assert files == {f"{name}{suffix}" for suffix in (".csv", ".parquet", ".png", ".datapackage.json")}
+    assert f"Wrote results/wall/{name}.csv, .parquet, .png, .datapackage.json in " in err
+    assert len(sweep.seen) == 1
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_dash_writes_the_table_to_stdout_and_no_file(name, wavesweep, sweep, spec, tmp_path):
+    code, out, err = wavesweep(name, spec, "--out", "-")
+    assert code == 0
+    assert not (tmp_path / "results").exists()
+    wavesweep(name, spec, "--no-plot", "--quiet")
+    assert out == (tmp_path / f"results/wall/{name}.csv").read_text()
+    assert "Wrote" not in err
+    assert len(sweep.seen) == 2
+
+
+@pytest.mark.slow
+def test_workers_are_passed_on(wavesweep, sweep, spec):
+    wavesweep("zwidth", spec, "--no-plot", "--jobs", "3", "--backend", "dask", "--scheduler", "tcp://there:8786")
+    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None}
+    ((name, given),) = sweep.seen
+    expected |= {"checkpoint": given["checkpoint"], "force": False}
+    assert re.fullmatch(r"results/wall/\.zwidth-[0-9a-f]{12}\.sqlite", str(given["checkpoint"]))
+    assert (name, {key: value for key, value in given.items() if key != "progress"}) == ("intervals", expected)
+    assert callable(given["progress"])
+
+
+def test_stability_region_leaves_the_axis_to_the_spec(wavesweep, sweep, spec):
+    wavesweep("stability-region", spec, "--no-plot")
+    assert sweep.seen[0][1]["along"] is None
+
+
+@pytest.mark.whole
+def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
+    code, out, err = wavesweep("zwidth", spec, "--no-plot", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert (found["command"], found["specs"]) == ("zwidth", ["wall"])
+    files = [f"results/wall/zwidth{suffix}" for suffix in (".csv", ".parquet", ".datapackage.json")]
+    assert (found["files"], found["changed"], len(sweep.seen)) == (files, [], 1)
+    table = found["tables"]["zwidth"]
+    assert table["largest"] == {
+        "value": 4448.819, "from": 2523.335, "ended_by": "stability",
+        "open": None, "at": {"B_VE": 1.0}, "at_the_edge_of": ["B_VE"], "equal_rows": 1, "certified": True,
+    }  # fmt: skip
+    assert (table["stiffest_felt"]["value"], table["stiffest_felt"]["with"]) == (90.0, 700.0)
+    assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.whole
+@pytest.mark.parametrize("words", [("-q", "check", "SPEC"), ("check", "-q", "SPEC"), ("check", "SPEC", "--quiet")])
+def test_how_the_program_speaks_may_stand_anywhere_in_the_line(words, wavesweep, spec):
+    assert wavesweep(*(spec if word == "SPEC" else word for word in words)) == (0, "", "")
+
+
+def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep, sweep, spec, tmp_path):
+    def run(*more):
+        return wavesweep("zwidth", spec, "--no-plot", *more)
+
+    assert "replaced" not in run()[2]
+    assert "replaced" not in run()[2]
+    (tmp_path / spec).write_text((tmp_path / spec).read_text().replace("[0.5, 1.0]", "[0.5, 1.0, 2.0]"))
+    assert "replaced the results of this spec; changed: sweep.B_VE [0.5, 1] -> [0.5, 1, 2]\n" in run()[2]
+    code, _, err = run("--set", "b=40", "--set", "environment.delay=3", "--out", "results/wall")
+    assert code == 0
+    assert "replaced the results of this spec; changed: environment.delay 0 -> 3, b 25 -> 40\n" in err
+    assert json.loads(run("--json")[1])["changed"] == ["environment.delay 3 -> 0", "b 40 -> 25"]
+    assert len(sweep.seen) == 5
+    (tmp_path / "other.toml").write_text((tmp_path / spec).read_text())
+    code, _, err = wavesweep("zwidth", "other.toml", "--no-plot", "--set", "b=30", "--out", "results/wall", "--overwrite")
+    assert (code, "changed" in err) == (0, False)  # another spec's results are no former ones of this spec
+
+
+@pytest.mark.parametrize(
+    ("settings", "folder"),
+    [
+        (["b=40"], "wall,b=40"),
+        (["b=40", "environment.delay=3"], "wall,b=40,environment.delay=3"),
+        (["sweep.B_VE="], "wall,sweep.B_VE="),
+        (["sweep.B_VE=[2, 4]"], "wall,sweep.B_VE=_2,_4_-9c0f6a65"),
+        (["sweep.B_VE=[2,4]"], "wall,sweep.B_VE=_2,4_-df89b177"),
+    ],
+)
+def test_results_with_set_stand_beside_the_specs_own_in_a_folder_that_says_so(settings, folder, wavesweep, spec):
+    """A digest tells settings apart whose texts no file system takes; the spec's own results stay as they were."""
+    wavesweep("zwidth", spec, "--no-plot", "--quiet")
+    own = {path: path.read_bytes() for path in Path("results/wall").iterdir()}
+    words = [word for each in settings for word in ("--set", each)]
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", *words)
+    assert (code, "replaced" in err, sorted(path.name for path in Path("results").iterdir())) == (0, False, ["wall", folder])
+    assert {path: path.read_bytes() for path in Path("results/wall").iterdir()} == own
+
+
+@pytest.mark.asks("inspect")
+def test_results_with_set_are_found_by_the_name_of_their_folder(wavesweep, spec):
+    wavesweep("zwidth", spec, "--no-plot", "--quiet", "--set", "sweep.B_VE=[2, 4]")
+    assert wavesweep("inspect", "wall,sweep.B_VE=_2,_4_-9c0f6a65")[0] == 0
+
+
+def test_a_folder_for_long_settings_has_a_short_name():
+    one, other = (own_folder(["a", "b"], [f"wire.x={'1+' * 300}{end}"]) for end in "12")
+    assert one != other
+    assert {len(one.name), len(other.name)} == {len("a+b,-12345678") + 80}
+
+
+def test_an_edited_spec_does_not_meet_the_checkpoint_of_its_earlier_version(wavesweep, sweep, spec):
+    """Each version has a file of its own; one that was left behind is named, and nothing is thrown away."""
+    for _ in range(2):
+        wavesweep("zwidth", spec, "--no-plot", "--quiet")
+    first, again = (given["checkpoint"] for _, given in sweep.seen)
+    assert first == again
+    first.touch()
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--set", "b=40", "--out", "results/wall")
+    assert (code, sweep.seen[-1][1]["checkpoint"] == first) == (0, False)
+    assert f"an interrupted run of another version of the spec is kept in {first}; remove it if it is not needed\n" in err
+
+
+def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wavesweep, sweep, spec, tmp_path, monkeypatch):
+    package = "results/wall/zwidth.datapackage.json"
+    (tmp_path / "one").mkdir()
+    (tmp_path / spec).rename(tmp_path / "one" / spec)
+    monkeypatch.chdir(tmp_path / "one")
+    wavesweep("zwidth", spec, "--no-plot")
+    assert str(tmp_path) not in Path(package).read_text()
+    assert tmp_path.name not in Path(package).read_text()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one").rename(tmp_path / "two")
+    monkeypatch.chdir(tmp_path / "two")
+    assert wavesweep("zwidth", spec, "--no-plot", "--set", "b=40", "--out", "results/wall")[0] == 0
+    assert len(sweep.seen) == 2
+
+
+@pytest.mark.parametrize("wait", [False, True])
+def test_a_command_waits_for_another_run_if_it_is_told_to(wavesweep, tmp_path, monkeypatch, wait):
+    from wavesweep.program import results
+
+    asked, at_work = [], results.at_work
+    monkeypatch.setattr(results, "at_work", lambda kinds, to, wait, say: asked.append(wait) or at_work(kinds, to, wait, say))
+    (tmp_path / "mine.toml").write_text('[controller]\nkind = "pmw"\n[sweep]\nB_VE = [1]\n')
+    options = ["--wait"] if wait else []
+    assert wavesweep("zwidth", str(tmp_path / "mine.toml"), "--no-plot", "--out", str(tmp_path / "there"), *options)[0] == 0
+    assert asked == [wait]

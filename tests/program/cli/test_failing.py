@@ -1,0 +1,328 @@
+"""Each kind of failing has its exit code and a line for its user; a traceback comes with --debug only."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
+from wavesweep.program import results
+from wavesweep.program.cli import main
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (IllPosedLoopError("the loop has no solution"), 1, "Error: the loop has no solution"),
+        (UsageError("no such axis"), 2, "Error: no such axis"),
+        (KeyboardInterrupt(), 130, "Interrupted."),
+        (MemoryError(), 1, "Error: out of memory; fewer values per axis or fewer --jobs take less"),
+        (OSError(28, "No space left on device"), 1, "Error: No space left on device"),
+        (PermissionError(13, "Permission denied", "there/x.csv"), 1, "Error: there/x.csv: Permission denied"),
+        (
+            ZeroDivisionError("by zero"),
+            1,
+            "Error: ZeroDivisionError: by zero (a fault of wavesweep; --debug shows where)",
+        ),
+    ],
+)
+def test_a_failing_run_says_one_line_and_its_code(error, code, line, wavesweep, sweep, spec, tmp_path):
+    sweep.fail = error
+    found, out, err = wavesweep("zwidth", spec)
+    assert (found, out, err.strip()) == (code, "", line)
+    assert not (tmp_path / "results").exists()
+    found, _, err = wavesweep("zwidth", spec, "--debug")
+    assert found == code
+    assert "Traceback" in err
+    assert err.strip().endswith(line)
+
+
+def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
+    def terminated(*_, **__):
+        os.kill(os.getpid(), signal.SIGTERM)
+        # The handler runs at the next bytecode; this line is not reached.
+        signal.pause()
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr("wavesweep.program.tables.interval_table.intervals", terminated)
+    assert wavesweep("zwidth", spec) == (143, "", "Terminated.\n")
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert sweep.seen == []
+
+
+def run_as_program(before, cwd, *words):
+    """Exit code, stdout and stderr of the command line in a process of its own, which runs `before` first."""
+    program = f"import atexit, os, signal, sys\n{before}\nsys.argv = ['wavesweep', *{words!r}]\n"
+    program += "from wavesweep.program.cli import main\nsys.exit(main())"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=cwd, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_an_interrupt_while_the_program_is_loaded_is_one_line(tmp_path):
+    (tmp_path / "click.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    assert run_as_program("", tmp_path, "keys") == (130, "", "Interrupted.\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_python_shuts_down_ends_it_without_a_word(number, tmp_path):
+    late = f"atexit.register(lambda: os.kill(os.getpid(), {int(number)}))"
+    code, out, err = run_as_program(late, tmp_path, "--version")
+    assert (code, out.startswith("wavesweep "), err) == (-number, True, "")
+
+
+def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, spec, tmp_path):
+    (tmp_path / "other.toml").write_text((tmp_path / spec).read_text() + "[device]\nmass = 0.2\n")
+    wavesweep("zwidth", spec, "--no-plot", "--out", "here")
+    for several in (["zwidth", "other.toml"], ["zwidth", "other.toml", "--json"]):
+        code, _, err = wavesweep(*several, "--no-plot", "--out", "here")
+        assert code == 2
+        assert "found results of another spec" in err
+        assert "--overwrite" in err
+    assert len(sweep.seen) == 1
+    code, _, err = wavesweep("zwidth", "other.toml", "--no-plot", "--out", "here", "--overwrite")
+    assert code == 0
+    assert "replaced" not in err
+
+
+@pytest.mark.slow
+def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
+    program = (
+        "import sys, os, signal\n"
+        "from wavesweep.program.cli import main\n"
+        "from wavesweep import results\n"
+        "from wavesweep.program.tables import intervals, table\n"
+        "def stream(table, out):\n"
+        "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
+        "results.stream = stream\n"
+        "intervals.intervals = lambda *_, **__: table.Table('zwidth', list, {}, {})\n"
+        f"sys.exit(main(['zwidth', {spec!r}, '--out', '-', '--quiet']))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 1
+    assert list(tmp_path.iterdir()) == [tmp_path / spec]
+
+
+def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command_is_not(wavesweep, sweep, spec):
+    with results.at_work(["zwidth"], "here"):
+        code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--overwrite")
+        assert code == 1
+        assert err.startswith(f"Error: here: another run is at work on zwidth here (process {os.getpid()} on ")
+        assert err.endswith("; give --wait to wait for it, or another --out\n")
+        assert sweep.seen == []
+        assert wavesweep("bode", spec, "--no-plot", "--out", "here")[0] == 0
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--wait")[0] == 0
+
+
+@pytest.mark.whole
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("words", [("zwidth",), ("bode",), ("check", "--plot")])
+def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words, wavesweep, spec, tmp_path):
+    (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe")
+    code, out, err = wavesweep(words[0], spec, *words[1:])
+    assert (code, out) == (2, "")
+    assert err.startswith("Error: matplotlibrc: expected text in UTF-8")
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.whole
+@pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
+def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_path, monkeypatch):
+    make, made = os.open, []
+
+    def full(path, *rest, **more):
+        temporary = ".wavesweep.new-" in str(path) and bool(rest[0] & os.O_CREAT)
+        made.extend([path] if temporary else [])
+        if temporary and len(made) == 4:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return make(path, *rest, **more)
+
+    def full_bytes(path, content):
+        with path.open("wb") as file:
+            file.write(content[:10])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "open", full)
+    monkeypatch.setattr(Path, "write_bytes", full_bytes)
+    code, _, err = wavesweep(words[0], spec, *words[1:], "--out", "there")
+    assert code == 1
+    assert err.startswith("Error: there/")
+    assert "No space left on device" in err
+    assert list((tmp_path / "there").iterdir()) == []
+
+
+def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    spec = '[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 2000 }\n'
+    spec += "B_VE = { start = 0, stop = 15, num = 9000 }\n"
+    (tmp_path / "wall.toml").write_text(spec)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    words = ["zwidth", "wall.toml", "--no-plot", "--out", "there"]
+    with monkeypatch.context() as patched:
+        patched.setattr("wavesweep.program.results.table_writing.package_text", full)
+        assert main(words) == 1
+    said = capsys.readouterr().err
+    (kept,) = (tmp_path / "there").glob(".zwidth-*.sqlite")
+    assert "Error: there: No space left on device" in said.splitlines()[-1]  # after what is said of a slow run
+    assert f"is kept in there/{kept.name}; the same command goes on from there." in said
+    assert main(words) == 0
+    assert sorted(path.name for path in (tmp_path / "there").iterdir()) == [
+        "zwidth.csv",
+        "zwidth.datapackage.json",
+        "zwidth.parquet",
+    ]
+
+
+@pytest.mark.whole
+def test_a_folder_that_cannot_be_used_is_refused_before_the_work(wavesweep, spec, monkeypatch):
+    code, _, err = wavesweep("zwidth", spec, "--out", "a" * 300)
+    assert code == 2
+    assert err.endswith("File name too long; choose another name\n")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for words in (("init", "pmw"), ("export", spec, "--to", "c"), ("zwidth", spec)):
+        code, _, err = wavesweep(*words)
+        assert code == 2
+        assert "may not be written to" in err
+
+
+@pytest.mark.parametrize("damage", ['"spec": null, "x": {', '"spec": [1], "x": {'])
+def test_a_package_that_somebody_has_changed_costs_no_finished_run(damage, wavesweep, spec, tmp_path):
+    again = ("zwidth", spec, "--no-plot", "--out", "here", "--set", "sweep.B_VE=[1]")
+    wavesweep(*again)
+    package = tmp_path / "here" / "zwidth.datapackage.json"
+    package.write_text(package.read_text().replace('"spec": {', damage, 1))
+    code, _, err = wavesweep(*again)
+    assert (code, "fault of wavesweep" in err) == (0, False)
+
+
+@pytest.mark.parametrize("resources", ["null", "3", '"x"', "[]", "{}", "[1]", '[{"schema": null}]', '[{"schema": []}]'])
+def test_a_figure_of_a_table_with_a_damaged_package_is_refused_in_a_line(resources, wavesweep, spec, tmp_path):
+    wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--set", "sweep.B_VE=[1]")
+    package = tmp_path / "here" / "zwidth.datapackage.json"
+    facts = json.loads(package.read_text()) | {"resources": json.loads(resources)}
+    package.write_text(json.dumps(facts))
+    code, out, err = wavesweep("plot", "here/zwidth.csv")
+    assert (code, out) == (2, "")
+    assert err.startswith("Error: here/zwidth")
+    assert "fault of wavesweep" not in err
+
+
+@pytest.mark.whole
+def test_the_largest_number_of_a_spec_is_judged(wavesweep, spec):
+    code, out, _ = wavesweep("check", spec, "--set", "K_VE=1e60", "--set", "controller.kind=dc", "--json")
+    assert code == 0
+    assert json.loads(out)["verdict"]["limits"][0]["to"] < float("inf")
+
+
+@pytest.mark.whole
+def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path):
+    code, _, err = wavesweep("simulate", spec, "--set", "device.mass=1e60", "--no-plot", "--out", "here")
+    assert (code, "fault of wavesweep" in err) == (0, False)
+    assert (tmp_path / "here" / "simulate-response.csv").exists()
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize(
+    ("command", "kind", "work"), [("bench", "bench", "bench.measure"), ("paper", "statements", "reproduce.tables")]
+)
+def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wavesweep, monkeypatch):
+    monkeypatch.setattr(work, None)
+    with results.at_work([kind], "here"):
+        code, _, err = wavesweep(command, "--out", "here")
+    assert (code, err.startswith(f"Error: here: another run is at work on {kind} here")) == (1, True)
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
+def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec, monkeypatch):
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", "here")[0] == 0
+    held, waiting, released = (threading.Event() for _ in range(3))
+    monkeypatch.setattr("wavesweep.program.results.lock._name_in", lambda _: waiting.set() or "")
+
+    def hold():
+        with results.at_work(["zwidth"], "here"):
+            held.set()
+            waiting.wait(300)
+        released.set()
+
+    other = threading.Thread(target=hold)
+    other.start()
+    held.wait()
+    code, _, err = wavesweep("plot", "here/zwidth.csv", *quiet)
+    assert (code, released.is_set()) == (0, True)
+    other.join()
+    assert err.count("another run is at work on zwidth here") == said
+    assert not results.verify("here").differences
+
+
+@pytest.mark.usefixtures("sweep")
+def test_control_characters_of_foreign_files_are_shown_and_not_sent(wavesweep, spec, tmp_path):
+    wavesweep("zwidth", spec, "--no-plot", "--quiet")
+    package = tmp_path / "results/wall/zwidth.datapackage.json"
+    package.write_text(package.read_text().replace('"spec_sha256": "', '"spec_sha256": "\\u001b[31m'))
+    code, out, err = wavesweep("verify", "results/wall")
+    assert (code, "\x1b" in out + err) == (1, False)
+
+
+REPLACING = [
+    (["zwidth", "READ", "--out", "MADE"], "mine.csv"),
+    (["zwidth", "READ", "--out", "."], "zwidth.csv"),
+    (["bode", "READ", "--out", "MADE"], "mine.svg"),
+    (["zwidth", "wall.toml", "READ", "--out", "."], "zwidth-specs.png"),
+    (["simulate", "READ", "--out", "."], "simulate.datapackage.json"),
+    (["design", "READ", "--out", "."], "best/mine-01.toml"),
+    (["zwidth", "wall.toml", "--set", "measured.z_width=READ", "--out", "."], "zwidth.csv"),
+    (["simulate", "wall.toml", "--set", "simulate={input='record', record='READ'}", "--out", "."], "simulate.csv"),
+    (["report", "READ", "--out", "MADE"], "mine.html"),
+    (["export", "READ", "--to", "c", "--out", "."], "controller.h"),
+    (["check", "READ", "--plot", "--out", "MADE"], "mine.png"),
+    (["explore", "READ", "--save", "MADE"], "mine.toml"),
+    (["identify", "READ", "--out", "MADE"], "mine.csv"),
+    (["identify", "READ"], "results/identify/identify.csv"),
+    (["identify", "/dev/stdin", "--out", "MADE"], "mine.csv"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.whole
+@pytest.mark.parametrize(("words", "name"), REPLACING)
+@pytest.mark.parametrize("linked", [False, True])
+def test_no_command_replaces_a_file_that_it_reads(wavesweep, spec, words, name, linked):
+    """The link is to the file in the place of the results."""
+    text = Path(spec).read_text() + "[design]\nvary.b = [20, 30]\nwish.z_width = {}\n"
+    if words[0] == "identify":
+        text = "time,force,position\n" + "".join(f"{0.001 * n},{n % 7},{n % 5}\n" for n in range(60))
+    Path(name).parent.mkdir(parents=True, exist_ok=True)
+    Path(name).write_text(text)
+    given = name
+    if linked:
+        Path("link").mkdir()
+        given = f"link/{Path(name).name}"
+        Path(given).symlink_to(Path(name).absolute())
+    before = {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
+    words = [word.replace("READ", given).replace("MADE", name) for word in words]
+    with Path(name).open("rb") as own:
+        saved = os.dup(0)
+        os.dup2(own.fileno(), 0)
+        try:
+            code, out, err = wavesweep(*words, "--overwrite" if words[0] != "check" else "--all")
+        finally:
+            os.dup2(saved, 0)
+            os.close(saved)
+    assert (code, out) == (2, "")
+    assert "which is read" in err
+    assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before

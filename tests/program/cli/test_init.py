@@ -1,0 +1,209 @@
+"""`init` writes a spec that loads, in which every key that the loop reads is explained, and never over another file."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import wavesweep as package
+from wavesweep.engine.loops.controller_drawings import keys_of_page
+from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.program.cli.init import STARTING_RECIPES, starter
+from wavesweep.program.reading.devices import DEVICES
+from wavesweep.program.reading.tables import study_keys
+from wavesweep.program.spec import KEYS, load, sweep_axes
+
+SWEEPS = Path(__file__).parents[3] / "sweeps"
+KINDS = list(CONTROLLERS)
+KEY_LINE = re.compile(r"^(#?)(\w+) = (.+)$")
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a starter spec and give its path and text."""
+
+    def write(kind, device=None):
+        path = tmp_path / f"{kind}-{device}.toml"
+        path.write_text(starter(kind, device, path.name))
+        return path, path.read_text()
+
+    return write
+
+
+def key_lines(text):
+    """(number of the line, path, whether it is a comment) of every key in a text."""
+    table = ""
+    for number, line in enumerate(text.splitlines()):
+        if heading := re.fullmatch(r"\[([\w.]+)\]", line):
+            table = heading[1]
+        elif found := KEY_LINE.fullmatch(line):
+            yield number, f"{table}.{found[2]}", bool(found[1])
+
+
+def digest(path):
+    spec = load(path)
+    return (spec.asking("simulate") if spec.simulate else spec).sha256
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("device", [None, *DEVICES])
+def test_the_spec_loads_and_has_a_sweep(kind, device, written):
+    path, _ = written(kind, device)
+    spec = load(path)
+    assert (spec.values["controller.kind"], spec.preset) == (kind, device)
+    along, others = sweep_axes(spec, "K_VE")
+    assert (along.stop, [axis.name for axis in others]) == (5000, ["B_VE", *(["b"] if kind.startswith("pmw") else [])])
+
+
+@pytest.mark.whole
+@pytest.mark.sample(5)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("device", [None, "touch", "omega"])
+def test_a_comment_shows_the_value_that_the_spec_has_anyway(kind, device, written):
+    path, text = written(kind, device)
+    before, lines = digest(path), text.splitlines()
+    commented = [number for number, _, is_comment in key_lines(text) if is_comment]
+    assert len(commented) > 10
+    for number in commented:
+        path.write_text("\n".join([*lines[:number], lines[number][1:], *lines[number + 1 :]]))
+        assert digest(path) == before
+    path.write_text("\n".join(line[1:] if number in commented else line for number, line in enumerate(lines)))
+    assert digest(path) == before
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("device", [None, "desktop"])
+def test_every_key_is_explained_with_its_unit(kind, device, written):
+    _, text = written(kind, device)
+    lines = text.splitlines()
+    for number, path, _ in key_lines(text):
+        study, _, axis = path.partition(".")
+        key = KEYS.get(path) or study_keys().get(path) or next(key for p, key in KEYS.items() if p.endswith(f".{axis}"))
+        prose = []
+        while lines[number := number - 1].startswith("# "):
+            prose.insert(0, lines[number][2:])
+        assert key.description in " ".join(prose), (path, study)
+        assert key.unit in ("", "1") or f"{key.unit}: " in " ".join(prose)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_keys_are_those_that_the_loop_reads(kind, written):
+    path, text = written(kind)
+    read = keys_of_page({**load(path).values, "controller.Kp": 1.0})
+    shown = {path for _, path, _ in key_lines(text) if path in KEYS}
+    assert shown == {path.replace("rates.ratio", "rates.slow_hz") for path in read}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_wall_and_velocity_are_those_of_an_ordinary_engine(kind, written):
+    """Their defaults are the kindest ones: a design that begins with them is stable in its spec alone."""
+    spec = load(written(kind)[0])
+    assert spec.values["environment.integration"] == "explicit" or kind in (
+        "dc",
+        "dc-slow",
+        "dc-lm",
+    )  # which read no integration
+    assert spec.values["environment.delay"] == 20 or kind == "dc"
+    assert spec.values["device.velocity"] == "difference"
+    assert package.compile(spec).spectral_radius() < 1
+
+
+@pytest.mark.slow
+@pytest.mark.whole
+def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "--example", "first-hour") == (0, "", "first-hour.toml\n")
+    assert Path("first-hour.toml").read_text() == (SWEEPS / "examples" / "first-hour.toml").read_text()
+    code, _, said = wavesweep("init", "first-our")
+    assert code == 2
+    assert "did you mean first-hour?" in said
+    assert wavesweep("check", "first-hour.toml", "--exit-code", "-q")[0] == 0
+    assert wavesweep("check", "first-hour.toml", "--exit-code", "-q", "--set", "K_VE=1000")[0] == 1
+
+
+TO_BEGIN_WITH = sorted(path.stem for path in (SWEEPS / "templates").glob("*.toml")) + list(STARTING_RECIPES)
+
+
+@pytest.mark.whole
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.thorough] * (name != "current-loop")) for name in TO_BEGIN_WITH]
+)
+def test_a_drawn_loop_to_begin_with_is_stable_and_proved(name, wavesweep, tmp_path, monkeypatch):
+    """It needs no change for the questions that its comment asks, and is not at its limit; each number has a meaning."""
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", name) == (0, "", f"{name}.toml\n")
+    text = Path(f"{name}.toml").read_text()
+    assert "sweeps/" not in text
+    code, said, _ = wavesweep("check", f"{name}.toml", "--exit-code")
+    assert (code, "not certified" in said) == (0, False)
+    for words in re.findall(r"^#     wavesweep (.*)$", text, re.MULTILINE):
+        assert wavesweep(*words.split(), "-q")[0] == 0
+    assert wavesweep("simulate", f"{name}.toml", "-q")[0] == 0
+    spec = load(f"{name}.toml")
+    assert all(description for _, _, description in spec.drawing.numbers)
+    along, _ = sweep_axes(spec, spec.along)
+    (row,) = package.compile(spec).stable_intervals(along.name, (along.start, along.stop)).itertuples()
+    assert row.low <= spec.values[along.path] / 1.04  # the recipe of an arm is at 1.045 times its limit
+    assert spec.values[along.path] * 1.04 <= row.high
+
+
+@pytest.mark.whole
+def test_numbers_are_put_into_a_drawn_loop(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "drive", "--set", "J=0.01", "--set", "numbers.kp=2e1")[0] == 0
+    mine, shipped = load("drive.toml"), load(SWEEPS / "templates" / "drive.toml")
+    assert dict(mine.values) == {**shipped.values, "numbers.J": 0.01, "numbers.kp": 20.0}
+    for setting, said in (("j=1", "did you mean J?"), ("J=-1", "expected a number > 0"), ("J", "found no `=`")):
+        code, _, err = wavesweep("init", "drive", "--set", setting, "--out", "other.toml")
+        assert (code, said in err, Path("other.toml").exists()) == (2, True, False)
+    assert wavesweep("init", "drive", "--device", "touch", "--out", "-")[0] == 2
+    assert wavesweep("init", "physics-joint", "--set", "block.velocity.method=implicit")[0] == 0
+    words = [(each.name, dict(each.keys)["method"]) for each in load("physics-joint.toml").drawing.blocks]
+    assert dict(words)["velocity"] == "implicit"
+    assert wavesweep("init", "first-hour", "--set", "b=60", "--set", "rates.ratio=40")[0] == 0
+    assert [load("first-hour.toml").values[path] for path in ("controller.b", "rates.ratio")] == [60, 40]
+
+
+def test_numbers_are_put_into_the_loop_of_a_controller(wavesweep, tmp_path, monkeypatch):
+    """Where the rates change, results come with the next frame, as late as those of the defaults."""
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "pmw", "--set", "device.mass=0.045", "--set", "b=40", "--set", "rates.ratio=33")[0] == 0
+    spec = load("pmw.toml")
+    assert [spec.values[path] for path in ("device.mass", "controller.b", "rates.ratio")] == [0.045, 40, 33]
+    assert spec.values["environment.delay"] == 33
+    assert wavesweep("init", "dc", "--set", "b=40", "--out", "-")[:2] == (2, "")
+    assert wavesweep("init", "pmw", "--set", "b=-40", "--out", "-")[:2] == (2, "")
+
+
+def test_all_names_are_listed(wavesweep):
+    code, out, _ = wavesweep("init", "--list")
+    named = [line.split()[0] for line in out.splitlines() if line.startswith("  ")]
+    shipped = {path.stem for folder in ("templates", "recipes", "examples") for path in (SWEEPS / folder).glob("*.toml")}
+    assert (code, sorted(named)) == (0, sorted({*CONTROLLERS, *DEVICES, *shipped}))
+    assert max(map(len, out.splitlines())) < 130
+
+
+def test_an_existing_file_is_replaced_by_force_only(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("pmw.toml").write_text("mine")
+    code, out, err = wavesweep("init")
+    assert (code, out) == (2, "")
+    assert err == "Error: pmw.toml: the file exists; expected another --out FILE, or --overwrite to replace it\n"
+    assert Path("pmw.toml").read_text() == "mine"
+    assert wavesweep("init", "--overwrite") == (0, "", "pmw.toml\n")
+    assert load("pmw.toml").name == "pmw"
+    assert [path.name for path in tmp_path.iterdir()] == ["pmw.toml"]
+
+
+def test_the_file_may_be_named_or_go_to_stdout(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "dc", "--out", "wall.toml") == (0, "", "wall.toml\n")
+    assert "wavesweep check wall.toml" in Path("wall.toml").read_text()
+    code, out, err = wavesweep("init", "dc", "--out", "-")
+    assert (code, err) == (0, "")
+    assert out == Path("wall.toml").read_text().replace("wall.toml", "dc.toml")
+    code, _, err = wavesweep("init", "--out", "nowhere/wall.toml")
+    assert code == 2
+    assert "found no folder nowhere; make it first" in err

@@ -1,0 +1,244 @@
+"""`wavesweep plot`: the figure of a table again, in every format; and figures of every command."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet
+import pytest
+from PIL import Image
+
+from wavesweep.program.tables.response_table import responses
+
+pytestmark = pytest.mark.slow
+
+SPEC = """[controller]
+kind = "pmw"
+[sweep]
+K_VE = { start = 0, stop = 4000 }
+B_VE = [0.5, 1.0, 2.0]
+b = [20, 40]
+[bode]
+frequency_hz = [0, 1, 5, 20]
+b = [20, 40]
+[simulate]
+frequency_hz = 2
+duration_s = 0.5
+"""
+COMMANDS = {
+    "zwidth": ("zwidth",),
+    "stability-region": ("stability-region",),
+    "bode": ("bode",),
+    "passivity": ("passivity",),
+    "simulate": ("simulate",),
+    "passivity-filters": ("passivity", "--filters"),
+    "why": ("why",),
+    "margins": ("margins", "--cut", "avatar.out"),
+}
+FORMATS = ("--format", "png", "--format", "svg", "--format", "pdf")
+
+
+@pytest.fixture
+def wavesweep(wavesweep):
+    """The command line, which takes paths as well."""
+    return lambda *words: wavesweep(*map(str, words))
+
+
+@pytest.fixture
+def spec(tmp_path):
+    """The path of a small spec."""
+    path = tmp_path / "small.toml"
+    path.write_text(SPEC)
+    return path
+
+
+@pytest.mark.whole
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("kind", COMMANDS)
+def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, tmp_path, kind):
+    made = tmp_path / "made"
+    command, *options = COMMANDS[kind]
+    assert wavesweep(command, spec, *options, "--out", made)[0] == 0
+    package = json.loads((made / f"{kind}.datapackage.json").read_text())
+    for table in (made / f"{kind}.csv", made / f"{kind}.parquet"):
+        out = tmp_path / table.suffix[1:]
+        formats = FORMATS if table.suffix == ".csv" else ()
+        assert wavesweep("plot", table, *formats, "--out", out)[0] == 0
+        assert (out / f"{kind}.png").read_bytes() == (made / f"{kind}.png").read_bytes()
+        assert {path.suffix for path in out.iterdir()} == {".png", *([".svg", ".pdf"] if formats else [])}
+    names = [resource["name"] for resource in package["resources"]]
+    assert names == [f"{kind}-{form}" for form in ("csv", "parquet", "png")]
+
+
+@pytest.mark.whole
+def test_a_new_figure_beside_the_table_is_entered_in_the_package(wavesweep, spec, tmp_path):
+    wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path)
+    assert wavesweep("plot", tmp_path / "zwidth.csv", "--format", "svg")[0] == 0
+    package = json.loads((tmp_path / "zwidth.datapackage.json").read_text())
+    assert package["resources"][-1]["path"] == "zwidth.svg"
+    assert package["resources"][-1]["bytes"] == (tmp_path / "zwidth.svg").stat().st_size
+    assert wavesweep("plot", tmp_path / "zwidth.csv", "--format", "svg", "--quiet")[0] == 0
+    assert json.loads((tmp_path / "zwidth.datapackage.json").read_text()) == package
+
+
+@pytest.mark.whole
+@pytest.mark.thorough
+def test_figures_say_what_made_them(wavesweep, spec, tmp_path):
+    import wavesweep as package
+
+    wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path)
+    wavesweep("plot", tmp_path / "zwidth.csv", *FORMATS)
+    digest = package.load(spec).sha256
+    told = Image.open(tmp_path / "zwidth.png").text
+    assert told["Title"] == "zwidth of small"
+    assert told["Software"] == f"wavesweep {package.__version__}"
+    assert (told["Spec"], told["Spec SHA-256"], told["Command"]) == ("small", digest, "wavesweep zwidth")
+    svg, pdf = (tmp_path / "zwidth.svg").read_text(), (tmp_path / "zwidth.pdf").read_bytes()
+    assert digest in svg
+    assert "<dc:date>" not in svg
+    assert digest.encode() in pdf
+    assert b"CreationDate" not in pdf
+
+
+def spoilt(made, case):
+    """The path of a table that cannot be drawn, and a part of the message."""
+    table = made / "zwidth.csv"
+    if case == "missing":
+        return made / "none.csv", "found no such file"
+    if case == "alone":
+        shutil.copy(table, made.parent / "alone.csv")
+        return made.parent / "alone.csv", "data package"
+    if case == "torn":
+        table.write_bytes(table.read_bytes()[:-40])
+        return table, "torn or was changed"
+    if case == "torn parquet":
+        parquet = made / "zwidth.parquet"
+        parquet.write_bytes(parquet.read_bytes()[:-40])
+        return parquet, "cannot be read"
+    if case == "other program":
+        import pyarrow
+        import pyarrow.parquet
+
+        pyarrow.parquet.write_table(pyarrow.table({"x": [1.0]}), made / "other.parquet")
+        return made / "other.parquet", "no facts"
+    (made / "table.txt").write_text("x")
+    return made / "table.txt", "expected .csv or .parquet"
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("case", ["missing", "alone", "torn", "torn parquet", "other program", "other suffix"])
+def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
+    wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")
+    table, message = spoilt(tmp_path / "made", case)
+    code, out, err = wavesweep("plot", table)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert len(err.strip().splitlines()) == 1
+    assert not table.with_suffix(".png").exists()
+
+
+@pytest.mark.whole
+@pytest.mark.sample(7)
+@pytest.mark.parametrize("thing", ["pipe", "folder", "link to nothing", "link to a file"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["init", "--overwrite", "--out", "taken"],
+        ["explore", "SPEC", "--overwrite", "--save", "taken"],
+        ["plot", "made/zwidth.csv", "--out", "figures"],
+        ["check", "SPEC", "--plot", "--out", "figures"],
+        ["export", "SPEC", "--overwrite", "--out", "figures"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_nothing_but_a_file_is_replaced(wavesweep, spec, tmp_path, monkeypatch, thing, words):
+    monkeypatch.chdir(tmp_path)
+    if words[0] == "plot":
+        assert wavesweep("zwidth", spec, "--no-plot", "--out", "made")[0] == 0
+    names = {"plot": "figures/zwidth.png", "check": "figures/diagram.png", "export": "figures/Makefile"}
+    place = tmp_path / names.get(words[0], "taken")
+    place.parent.mkdir(exist_ok=True)
+    (tmp_path / "mine.txt").write_text("mine")
+    if thing == "pipe":
+        os.mkfifo(place)
+    elif thing == "folder":
+        place.mkdir()
+    else:
+        place.symlink_to(tmp_path / ("nowhere" if thing == "link to nothing" else "mine.txt"))
+    before = place.lstat()
+    code, out, err = wavesweep(*(spec if word == "SPEC" else word for word in words))
+    assert (code, out) == (2, "")
+    assert f"{place.name}: expected a file or none, found a {thing.split()[0]}" in err
+    assert place.lstat() == before
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert sorted(each.name for each in place.parent.iterdir() if each.name.startswith(".")) == []
+
+
+@pytest.mark.whole
+def test_a_page_does_not_replace_its_spec(wavesweep, spec):
+    before = spec.read_text()
+    code, _, err = wavesweep("explore", spec, "--save", spec, "--overwrite")
+    assert (code, spec.read_text()) == (2, before)
+    assert "which is read" in err
+
+
+@pytest.mark.thorough
+@pytest.mark.whole
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("command", ["zwidth", "bode", "why", "check --plot"])
+def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, monkeypatch, command):
+    """A dollar sign begins a formula in the program that draws."""
+    monkeypatch.chdir(tmp_path)
+    name, *rest = command.split()
+    recipe = Path(__file__).parents[3] / "sweeps" / "recipes" / "two-rate-wall.toml"
+    (tmp_path / "x$b_{y$.toml").write_text(recipe.read_text().replace('unit = "N/m"', 'unit = "$N_{$m"'))
+    (tmp_path / "y$1 and $2.toml").write_text(recipe.read_text())
+    specs = ["x$b_{y$.toml", "y$1 and $2.toml"] if name in ("zwidth", "bode") else ["x$b_{y$.toml"]
+    code, _, err = wavesweep(name, *specs, *rest, "--out", "made")
+    assert code == 0, err
+    assert list((tmp_path / "made").glob("*.png"))
+
+
+@pytest.mark.whole
+def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path):
+    from reproduce.figures import _named
+    from wavesweep.program import results
+    from wavesweep.program.spec import load
+
+    results.publish(_named("fig2", responses([load(spec)]), None), tmp_path)
+    code, _, err = wavesweep("plot", tmp_path / "fig2.csv")
+    assert code == 2
+    assert "found one of wavesweep paper, which draws it" in err
+
+
+@pytest.mark.whole
+def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesweep, spec, tmp_path):
+    assert wavesweep("zwidth", spec, "--out", tmp_path / "made")[0] == 0
+    table = pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet")
+    changed = table.select(table.column_names[::-1]).add_column(0, "note", [["theirs"] * len(table)])
+    pyarrow.parquet.write_table(changed.replace_schema_metadata(table.schema.metadata), tmp_path / "zwidth.parquet")
+    assert wavesweep("plot", tmp_path / "zwidth.parquet", "--out", tmp_path / "again")[0] == 0
+    assert (tmp_path / "again/zwidth.png").read_bytes() == (tmp_path / "made/zwidth.png").read_bytes()
+
+
+@pytest.mark.whole
+def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")[0] == 0
+    pyarrow.parquet.write_table(
+        pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet").slice(0, 0), tmp_path / "zwidth.parquet"
+    )
+    code, _, err = wavesweep("plot", tmp_path / "zwidth.parquet")
+    assert code == 2
+    assert err.endswith("zwidth.parquet: expected the rows of a table, found none\n")
+
+
+@pytest.mark.whole
+def test_a_figure_goes_into_the_file_that_is_named(wavesweep, spec, tmp_path):
+    assert wavesweep("zwidth", str(spec), "--out", str(tmp_path), "--no-plot", "--quiet")[0] == 0
+    table = str(tmp_path / "zwidth.csv")
+    assert wavesweep("plot", table, "--out", str(tmp_path / "mine.pdf"))[0] == 0
+    assert (tmp_path / "mine.pdf").read_bytes().startswith(b"%PDF")
+    code, _, said = wavesweep("plot", table, "--out", str(tmp_path / "mine.svg"), "--format", "png")
+    assert code == 2
+    assert "whose name says its format" in said

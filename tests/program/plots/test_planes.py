@@ -1,0 +1,162 @@
+"""Lines of a plane that follow intervals from column to column."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from wavesweep.program import plots
+from wavesweep.program.plots.region_figures import draw_region
+from wavesweep.program.plots.style import Look
+from wavesweep.program.spec import load
+from wavesweep.program.tables.interval_table import intervals
+from wavesweep.program.tables.planes import KNOWN, NARROW, Curve, Interval, View, _is_straight, curves_of, region_of
+
+from .conftest import table_of_intervals
+
+VIEW = View("B_VE", False, 500, 400)
+
+
+def column(*intervals):
+    return tuple(Interval(low, high, True, True, True) for low, high in intervals), ()
+
+
+def area(line):
+    x, y = np.array(line).T
+    return abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
+
+
+def test_an_interval_that_is_not_known_in_a_column_has_not_ended_there():
+    both, one = column((0, 1200), (1280, 1390)), column((1283, 1387))
+    for known in (True, False):
+        part = one if known else (one[0], ((-np.inf, np.inf),))
+        region = region_of(Curve({6.4: both, 6.45: part, 6.5: both}, {(6.4, 6.45): NARROW, (6.45, 6.5): NARROW}), VIEW)
+        across = [step for line in region.certain for step in pairwise(line) if step[0][0] == step[1][0]]
+        steps = [(round(x, 3), low, high) for (x, low), (_, high) in across if low in (0, 1200)]
+        assert steps == ([(6.425, 1200, 0), (6.475, 0, 1200)] if known else [])
+        assert not region.bars
+        assert sum(map(area, region.areas)) == pytest.approx(0.05 * 1310 + 0.05 * 104)
+
+
+def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
+    """Its end is no crossing on one side, and as right to half a pixel as any other."""
+
+    def ending(low, real):
+        return (Interval(low, 200.0, real, True, True),), ()
+
+    corner = ending(2.3, True), ending(2.1, True), ending(2.0, False)
+    assert _is_straight(*corner, VIEW, tolerance=0.1)
+    assert not _is_straight(*corner, VIEW, tolerance=0.04)
+
+
+def test_a_gap_that_is_not_known_beside_others_that_are_is_hatched():
+    curve = Curve({x: column((0, 1)) for x in (0.0, 1.0, 2.0, 3.0)}, {(0.0, 1.0): KNOWN, (1.0, 2.0): KNOWN})
+    region = region_of(curve, VIEW)
+    assert region.unknown == [(2.0, 3.0, -np.inf, np.inf)]
+    assert [x for x, _ in region.bars] == [2.0, 3.0]
+    assert region_of(Curve(curve.columns), VIEW).unknown == []  # bars alone
+
+
+def test_what_is_straight_on_a_scale_of_factors_is_not_on_an_even_one():
+    one, middle, other = column((1, 10)), column((1, 100)), column((1, 1000))
+    assert _is_straight(one, middle, other, View("K_VE", False, 500, 400, by_factors=True), tolerance=1e-3)
+    assert not _is_straight(one, middle, other, VIEW, tolerance=1.0)
+
+
+def test_bars_at_the_first_or_the_last_value_are_known_as_such():
+    columns = {x: column((0, 1)) for x in (0.0, 1.0, 2.0)}
+    for gaps, found in (
+        ({}, True),
+        ({(0.0, 1.0): NARROW}, True),
+        ({(1.0, 2.0): NARROW}, True),
+        ({(0.0, 1.0): NARROW, (1.0, 2.0): NARROW}, False),
+    ):
+        assert Curve(columns, gaps).open_at_ends == found
+    assert not Curve({0.0: column((0, 1))}).open_at_ends
+
+
+def test_a_boundary_is_one_line_where_a_hole_begins():
+    """Its steps across the gap have the unstable side at their left, as its other steps have."""
+    one, two = column((100, 1200)), column((101, 600), (700, 1201))
+    region = region_of(Curve({1.0: one, 2.0: two}, {(1.0, 2.0): NARROW}), VIEW)
+    outer = [(1.0, 1200), (1.5, 1200), (1.5, 1201), (2.0, 1201)]
+    lower = [(2.0, 101), (1.5, 101), (1.5, 100), (1.0, 100)]
+    hole = [(2.0, 700), (1.5, 700), (1.5, 600), (2.0, 600)]
+    assert sorted(region.certain) == sorted([outer, lower, hole])
+    assert region.doubtful == []
+
+
+def test_a_closed_boundary_is_a_line_too():
+    island = Curve({0.0: column(), 1.0: column((5, 6)), 2.0: column()}, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW})
+    (line,) = region_of(island, VIEW).certain
+    assert (line[0], len(line), area(line)) == (line[-1], 7, 1.0)
+
+
+def test_what_is_stable_and_not_certified_is_not_filled():
+    """It is dotted on white, above the fill."""
+    from matplotlib.figure import Figure
+
+    doubted = tuple(Interval(each.low, each.high, True, True, False) for each in column((0, 1))[0]), ()
+    columns = {0.0: column((0, 1)), 1.0: doubted, 2.0: doubted, 3.0: column((0, 1))}
+    axes = Figure().subplots()
+    region = region_of(Curve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW)
+    draw_region(axes, region, Look("#0072B2", "-"), filled=True)
+    dotted = [each for each in axes.collections if each.get_hatch()]
+    assert [each.get_facecolor()[0].tolist() for each in dotted] == [[1, 1, 1, 1]]
+    corners = [tuple(corner) for path in dotted[0].get_paths() for corner in path.vertices.tolist()]
+    assert {(1.0, 1.0), (2.0, 1.0), (1.0, 0.0), (2.0, 0.0)} <= set(corners)
+    filled = next(each for each in axes.collections if not each.get_hatch())
+    assert dotted[0].get_zorder() > filled.get_zorder()
+
+
+def filled(figure):
+    """Whether anything is filled in a figure."""
+    return any(closed(path) for axes in figure.axes for each in axes.collections for path in each.get_paths())
+
+
+def closed(path):
+    return len(path.vertices) > 3 and path.codes is not None and path.codes[-1] == path.CLOSEPOLY
+
+
+@pytest.mark.slow
+def test_nothing_is_filled_between_values_that_are_not_joined():
+    """Without the spec nothing more can be computed, and whole numbers have nothing between them."""
+    walls = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 4000}, "B_VE": [0.0, 1.0, 2.0]}}
+    table = intervals(load(walls))
+    assert filled(plots.zwidth(table.columns, table.facts))
+    assert not filled(plots.zwidth(table.columns, {}))
+    table = intervals(load(walls | {"sweep": {"K_VE": {"start": 0, "stop": 4000}, "environment.delay": list(range(12))}}))
+    figure = plots.zwidth(table.columns, table.facts)
+    assert not filled(figure)
+    low, high = figure.axes[0].get_xlim()
+    assert (low < 0, high > 11) == (True, True)  # so that the bars at both ends are whole
+
+
+def test_what_loops_of_several_designs_leave_in_doubt_is_asked_again_by_design(monkeypatch):
+    """Batches share polynomials, which a design of a tiny number may spoil; a column that stays in doubt is not joined."""
+    asked = []
+
+    def at_points(spec, axis, points, require):  # noqa: ARG001 - as the function that it stands for
+        x, many = points["environment.B_VE"], len(set(points["controller.b"])) > 1
+        asked.append(set(points["controller.b"]))
+        certified = ~(many | ((x > 1.4) & (x < 1.6)))
+        count = len(x)
+        rows = {"slice": np.arange(count), "intervals": np.ones(count, int), "interval": np.zeros(count, int)}
+        rows |= {"low": np.zeros(count), "high": 1000.0 + x, "low_omega": np.zeros(count), "high_omega": np.ones(count)}
+        return rows | {"certified": certified, "doubt": np.where(certified, "", "rounding").astype(object)}
+
+    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.at_points", at_points)
+    spec = load(
+        {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 4000}, "B_VE": [0.0, 2.0], "b": [10, 20]}}
+    )
+    rows = [(x, b) for b in (10.0, 20.0) for x in (0.0, 2.0)]
+    table = table_of_intervals(["B_VE", "b"], "K_VE", [((x, b), [(0.0, 1000.0 + x, 0.0, 1.0, True)]) for x, b in rows])
+    members = [{name: column[table["b"] == b] for name, column in table.items()} for b in (10.0, 20.0)]
+    curves = curves_of(members, VIEW, {"spec": spec.tables()})
+    assert {10.0, 20.0} in asked
+    assert {10.0} in asked
+    for curve in curves:
+        assert all(each.certified for column, _ in curve.columns.values() for each in column)
+        assert not [x for x in curve.columns if 1.4 < x < 1.6]
+        (cut,) = [gap for gap in pairwise(sorted(curve.columns)) if gap[0] < 1.5 < gap[1]]
+        assert cut not in curve.gaps

@@ -1,0 +1,193 @@
+"""A kill leaves the old or the new results, one run at a time works on a table, and foreign files stay."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from functools import partial
+
+import pytest
+from support.tables import same
+
+from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.program.results import at_work, placing, publish, read, read_table
+from wavesweep.program.results.folder import HEADER, PACKAGE
+from wavesweep.program.results.package import file_facts
+from wavesweep.program.tables.table import Table
+
+FILES = ["zwidth.csv", "zwidth.datapackage.json", "zwidth.parquet"]
+RENAMES = 6  # at most: two files or folders moved away, four put in place
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def killed(number, publishing):
+    """Call a function in a child that is killed before the rename of that number."""
+    child = os.fork()
+    if child:
+        return os.waitpid(child, 0)
+    left, calls = [number], {name: getattr(os, name) for name in ("rename", "replace")}
+
+    def counted(name, *paths):
+        if not left[0]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        left[0] -= 1
+        return calls[name](*paths)
+
+    for name in calls:
+        setattr(os, name, partial(counted, name))
+    try:
+        publishing()
+    finally:
+        os._exit(0)
+
+
+def vouched(folder):
+    """The rows of the table if its package has the hashes of all its files, 0 if not."""
+    package = folder / f"zwidth{PACKAGE}"
+    entries = json.loads(package.read_text())["resources"] if package.exists() else [{"path": "none"}]
+    if not all((file := folder / each["path"]).is_file() and file_facts(file)["hash"] == each["hash"] for each in entries):
+        return 0
+    return len(read(folder / "zwidth.parquet")["low"])
+
+
+@pytest.mark.sample(11)
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(RENAMES))
+@pytest.mark.parametrize(("before", "after"), [("", None), ("one", None), ("one", 4), (4, None), (4, 4)], ids=str)
+def test_a_kill_before_any_rename_leaves_old_or_new_results_and_no_mixture(columns, facts, tmp_path, before, after, number):
+    """before: what is there, nothing, single files or parts of so many rows; after: likewise what is written."""
+    out, old = tmp_path / "out", {name: column[:5] for name, column in columns.items()}
+    new = partial(publish, Table.of("zwidth", columns, facts, figure=lambda path: path.write_bytes(b"a figure")), out)
+    if before:
+        table = Table.of("zwidth", old, facts | {"spec_sha256": "cd" * 32})
+        publish(table, out, partition=None if before == "one" else before)
+    killed(number, partial(new, overwrite=True, partition=after))
+    lengths = (5, len(columns["low"]))
+    for path in (out / "zwidth.csv", out / "zwidth.parquet"):  # each file is whole, and a CSV without its package is refused
+        with suppress(UsageError):
+            assert not path.exists() or len(read_table(path)[1]["low"]) in lengths
+    assert vouched(out) in (0, *lengths)
+    new(overwrite=bool(before), partition=after)
+    same(read(out / "zwidth.parquet"), columns)
+    left = ["zwidth.datapackage.json", "zwidth.parquet", "zwidth.png"]
+    assert names(out) == sorted([*left, *([] if after else ["zwidth.csv"])])
+    assert vouched(out) == lengths[1]
+
+
+def test_what_an_interrupted_run_wrote_is_removed_and_folders_of_other_names_stay(columns, facts, tmp_path):
+    for name in (".zwidth.new-0123456789ab", ".zwidth.new-backup", ".bode.new-0123456789ab"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "zwidth.csv").write_text("half")
+    (tmp_path / ".zwidth.new-ba9876543210").symlink_to(tmp_path / ".zwidth.new-backup")
+    publish(Table.of("zwidth", columns, facts), tmp_path)
+    assert names(tmp_path) == sorted([".bode.new-0123456789ab", ".zwidth.new-ba9876543210", ".zwidth.new-backup", *FILES])
+    assert names(tmp_path / ".zwidth.new-backup") == ["zwidth.csv"]
+
+
+def test_a_second_run_is_refused_with_the_name_of_the_first_whose_lock_stays(tmp_path):
+    with at_work(["zwidth"], tmp_path / "new"), at_work(["bode"], tmp_path / "new"):
+        for _ in range(2):  # the first refusal must not have taken the lock away
+            with pytest.raises(
+                WavesweepError, match=rf"another run is at work on zwidth here \(process {os.getpid()} on .*, since 2"
+            ):
+                at_work(["zwidth"], tmp_path / "new").__enter__()
+            assert [name for name in names(tmp_path / "new") if "lock" in name] == [".bode.lock", ".zwidth.lock"]
+    assert names(tmp_path) == []
+
+
+def test_a_run_waits_if_it_may(tmp_path):
+    said, order = [], []
+    (tmp_path / "new").mkdir()
+
+    def second():
+        with at_work(["zwidth"], tmp_path / "new", wait=True, say=said.append):
+            order.append("second")
+            with pytest.raises(WavesweepError, match="at work"):  # the first one removed its own lock alone
+                at_work(["zwidth"], tmp_path / "new").__enter__()
+
+    with at_work(["zwidth"], tmp_path / "new"):
+        waiting = threading.Thread(target=second)
+        waiting.start()
+        while not said:
+            time.sleep(0.01)
+        order.append("first")
+    waiting.join()
+    assert order == ["first", "second"]
+    assert said[0].endswith("; waiting for it")
+    assert names(tmp_path / "new") == []
+
+
+def test_a_lock_dies_with_its_holder(tmp_path):
+    program = (
+        "import os, signal, sys; from wavesweep.program.results import at_work\n"
+        "with at_work(['zwidth'], sys.argv[1]): os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    subprocess.run([sys.executable, "-c", program, tmp_path], check=False)
+    assert names(tmp_path) == [".zwidth.holder", ".zwidth.lock"]
+    with at_work(["zwidth"], tmp_path):
+        pass
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
+def test_what_cannot_be_a_lock_file_is_refused_and_stays(tmp_path, kind):
+    path = tmp_path / ".zwidth.lock"
+    {"link": lambda: path.symlink_to(tmp_path / "target"), "pipe": lambda: os.mkfifo(path), "folder": path.mkdir}[kind]()
+    with pytest.raises(UsageError, match="expected a lock file"), at_work(["zwidth"], tmp_path):
+        pass
+    assert names(tmp_path) == [".zwidth.lock"]
+
+
+def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_is_moved(columns, facts, tmp_path):
+    (tmp_path / "zwidth.csv").mkdir()
+    with pytest.raises(UsageError, match=r"zwidth\.csv: expected a file of results or none, found a folder"):
+        publish(Table.of("zwidth", columns, facts), tmp_path)
+    assert names(tmp_path) == ["zwidth.csv"]
+
+
+def test_the_folder_of_results_may_be_a_link(columns, facts, tmp_path):
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "link"
+    link.symlink_to("real")
+    for _ in range(2):
+        publish(Table.of("zwidth", columns, facts), link)
+        assert names(tmp_path / "real") == FILES
+
+
+def test_the_specs_of_designs_appear_with_their_table_and_take_the_place_of_older_ones(tmp_path):
+    for texts in (("a", "b"), ("c",)):
+        folder = placing.new_folder("design", tmp_path)
+        (folder / "design.datapackage.json").write_text("{}")
+        (folder / "best").mkdir()
+        for number, text in enumerate(texts):
+            (folder / f"best/design-{number:02d}.toml").write_text(f"{HEADER}{text}")
+        with at_work(["design"], tmp_path / "elsewhere"):
+            placing.put_in_place("design", folder, tmp_path)
+        placing.abandon(folder)
+        assert len(names(tmp_path / "best")) == len(texts)
+    assert names(tmp_path) == ["best", "design.datapackage.json"]
+
+
+@pytest.mark.parametrize("kind", ["own spec", "other name", "link"])
+def test_specs_of_somebody_else_are_refused_and_stay(tmp_path, kind):
+    best = tmp_path / "best"
+    if kind == "link":
+        (tmp_path / "elsewhere").mkdir()
+        best.symlink_to(tmp_path / "elsewhere")
+    else:
+        best.mkdir()
+        (best / ("design-01.toml" if kind == "own spec" else "mine.toml")).write_text("[controller]")
+    before = names(best)
+    with (
+        pytest.raises(UsageError, match="best: expected designs of this program or none, found others"),
+        at_work(["design"], tmp_path),
+    ):
+        pass
+    assert names(best) == before

@@ -1,0 +1,55 @@
+"""[ports] inputs and outputs of a drawn loop, and which of them [bode] and [simulate] are about."""
+
+import tomllib
+
+import pytest
+from support.drawn import DRIVE, WALL
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.spec import load
+
+
+def tables(**changes):
+    return tomllib.loads(DRIVE) | changes
+
+
+def test_ports_are_read_with_and_without_units():
+    spec = load(tables())
+    assert spec.drawing.inputs == (("ref", "ref", "rad/s"), ("load", "load", "N*m"))
+    assert [(name, unit) for name, _, unit in spec.drawing.outputs][2:] == [("torque", "N*m"), ("twice", "")]
+    assert spec.tables()["ports"]["outputs"]["twice"] == {"signal": "2*motor.v + error", "unit": ""}
+    assert load(spec.tables()).sha256 == spec.sha256
+
+
+def test_an_input_whose_signal_is_no_signal_is_shown_how_to_name_the_one_that_wires_read():
+    for wrong in ("command", {}):
+        with pytest.raises(UsageError, match=r'inputs\.ref: expected .*, as ref = "ref", found'):
+            load(tables(ports={"inputs": {"ref": wrong}}))
+
+
+def test_an_input_may_be_the_hands_force():
+    spec = load(tomllib.loads(WALL.replace("[ports]", '[ports]\ninputs = { push = "hand" }\noutputs = { place = "m.x" }')))
+    assert (spec.drawing.outside, spec.routes, spec.routes_between(None, None)) == (("hand",), (), ())
+    assert spec.routes_between("push", None) == (("push", "place"),)
+
+
+def test_all_pairs_are_asked_for_unless_bode_names_an_end():
+    spec = load(tables())
+    assert len(spec.routes) == 8
+    assert load(tables(bode={"from": "load", "to": "speed"})).routes == (("load", "speed"),)
+    assert load(tables(), ["bode.to=angle"]).routes == (("ref", "angle"), ("load", "angle"))
+    with pytest.raises(UsageError, match=r"to: expected an output in \[ports\] .*; did you mean `speed`"):
+        spec.routes_between(None, "spede")
+
+
+@pytest.mark.parametrize(
+    ("source", "output", "unit"),
+    [("ref", "speed", "ratio"), ("ref", "angle", "rad/(rad/s)"), ("load", "speed", "(rad/s)/(N*m)"), ("load", "twice", "")],
+)
+def test_the_unit_of_a_response_is_that_of_the_output_over_that_of_the_input(source, output, unit):
+    assert load(tables()).unit_between(source, output) == unit
+
+
+def test_a_loop_without_a_hand_has_frequencies_of_its_own_rate():
+    spec = load(tables(rates={"tick_hz": 20}, block=tables()["block"]))
+    assert (spec.frequency_hz[0], spec.frequency_hz[-1], len(spec.frequency_hz)) == (pytest.approx(2e-4), 9.8, 400)

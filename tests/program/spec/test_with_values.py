@@ -1,0 +1,99 @@
+"""A spec with other values is resolved and checked as one that was loaded so."""
+
+from decimal import Decimal
+
+import numpy as np
+import pytest
+
+from wavesweep.engine.errors import SpecError
+from wavesweep.program.spec import load
+
+EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
+BASE = {"controller": {"kind": "pmw-lm"}, "filters": {"lp2": EDGES}, "sweep": {"b": [1, 2]}}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"controller.b": 40},
+        {"rates.ratio": 7, "environment.delay": 7},
+        {"rates.slow_hz": 25},
+        {"rates.fast_hz": 500.0},
+        {"filters.lp1.order": 6, "filters.lp1.cutoff_hz": 3},
+        {"filters.lp2.passband_hz": 12},
+        {"controller.kind": "dc", "environment.integration": "explicit"},
+    ],
+)
+def test_changing_is_loading_with_the_change(changes):
+    overrides = [f"{path}={value}" for path, value in changes.items()]
+    assert load(BASE).with_values(changes).sha256 == load(BASE, overrides).sha256
+
+
+def test_the_spec_itself_stays_as_it_was():
+    spec = load(BASE)
+    before = spec.sha256
+    assert spec.with_values({"b": 3}).values["controller.b"] == 3.0
+    assert spec.sha256 == before
+
+
+@pytest.mark.parametrize(("ratio", "slow_hz"), [(1, 1000), (3, 1000 / 3), (7, 1000 / 7), (1000, 1)])
+def test_ratio_and_slow_rate_say_the_same(ratio, slow_hz):
+    one = load(BASE).with_values({"rates.slow_hz": slow_hz})
+    other = one.with_values({"rates.slow_hz": 500}).with_values({"rates.ratio": ratio})
+    assert one.values["rates.ratio"] == other.values["rates.ratio"] == ratio
+
+
+@pytest.mark.parametrize("ratio", [1, 3, 7, 20, 49, 93, 123, 999])
+@pytest.mark.parametrize("slow_hz", ["50", "111.1", "0.1", "0.7", "47.3", "1e-7"])
+def test_rates_that_divide_as_decimals_divide_as_doubles(ratio, slow_hz):
+    rates = {"fast_hz": float(Decimal(slow_hz) * ratio), "slow_hz": float(slow_hz)}
+    filters = {name: {"order": 0} for name in ("lp1", "hp", "lp2")}
+    assert load(BASE | {"rates": rates, "filters": filters}).values["rates.ratio"] == ratio
+
+
+@pytest.mark.parametrize("slow_hz", [30.0123456, 999.9, 0.5, 1e-60, 50 * (1 + 1e-14)])
+def test_a_slow_rate_that_does_not_divide_the_fast_one_is_refused(slow_hz):
+    with pytest.raises(SpecError, match=r"rates\.slow_hz: expected rates\.fast_hz = 1000\.0 divided by"):
+        load(BASE).with_values({"rates.slow_hz": slow_hz})
+
+
+@pytest.mark.parametrize("slow_hz", [1001, 1e60])
+def test_a_slow_rate_above_the_fast_one_may_be_swapped_with_it(slow_hz):
+    with pytest.raises(SpecError, match=r"rates\.slow_hz: expected at most rates\.fast_hz = 1000\.0 \(are the two swapped"):
+        load(BASE).with_values({"rates.slow_hz": slow_hz})
+
+
+def test_a_slow_rate_follows_the_fast_one():
+    spec = load(BASE | {"rates": {"slow_hz": 50}})
+    assert spec.with_values({"rates.fast_hz": 2000}).values["rates.ratio"] == 40
+    assert spec.with_values({"rates.fast_hz": 1010}).values["rates.ratio"] == 20.2
+    with pytest.raises(SpecError, match="divided by a whole number"):
+        spec.with_values({"rates.fast_hz": 1010.123456})
+
+
+def test_numpy_numbers_are_numbers():
+    spec = load(BASE).with_values({"rates.ratio": np.int64(10), "b": np.float64(3)})
+    assert (type(spec.values["rates.ratio"]), type(spec.values["controller.b"])) == (int, float)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"rates.ratio": 10.5}, ["rates.ratio: expected a whole number >= 1, found 10.5"]),
+        (
+            {"rates.ratio": 10, "rates.slow_hz": 100, "b": -1},
+            ["controller.b: expected a number > 0, found -1", "rates.slow_hz: expected either ratio or slow_hz, found both"],
+        ),
+        ({"bb": 1, "device.mas": 1}, ["bb: expected a key of the spec", "device.mas: expected a key of the spec"]),
+        ({"filters.lp2.order": 3}, ["filters.lp2: expected either order and cutoff_hz or the four band edges"]),
+        ({"filters.lp2.stopband_hz": 9}, ["filters.lp2.stopband_hz: expected an edge above the passband (10.0)"]),
+        ({"environment.delay": 21}, ["environment.delay: expected a whole number <= 20 (rates.ratio), found 21"]),
+    ],
+)
+def test_mistakes_come_all_at_once(changes, words):
+    with pytest.raises(SpecError) as error:
+        load(BASE).with_values(changes)
+    lines = str(error.value).splitlines()
+    assert len(lines) == len(words)
+    assert all(line.startswith(start) for line, start in zip(lines, words, strict=True))

@@ -1,0 +1,105 @@
+"""Rows come in the order of the spec's axes with the same bits, wherever a chunk or a block of rows ends."""
+
+import numpy as np
+import pytest
+
+from wavesweep.program.analyses.interval_jobs import job_of
+from wavesweep.program.columns import joined
+from wavesweep.program.spec import load
+from wavesweep.program.store.checkpoint import MemoryCheckpoint
+from wavesweep.program.sweep import running
+from wavesweep.program.sweep.job import Chunks, cut_otherwise, cut_up
+from wavesweep.program.sweep.running import compute
+from wavesweep.program.sweep.workers import Workers
+from wavesweep.program.tables.interval_table import intervals
+
+HERE = Workers(1, None, None, "a test")
+SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
+
+
+def table_of(job):
+    store = MemoryCheckpoint()
+    compute(job, store, HERE)
+    return joined(running.blocks(job, store))
+
+
+@pytest.fixture(scope="module")
+def whole(mixed):
+    """The table of the mixed sweep."""
+    return table_of(job_of(mixed))
+
+
+@pytest.mark.sample(1)
+@pytest.mark.slow
+@pytest.mark.parametrize(("deep", "wide"), SIZES)
+def test_borders_of_chunks_leave_no_trace(mixed, whole, same, deep, wide):
+    same(table_of(cut_otherwise(job_of(mixed), deep=deep, wide=wide)), whole)
+
+
+@pytest.mark.sample(1)
+@pytest.mark.thorough
+@pytest.mark.parametrize("along", ["b", "Kp", "B_VE", "device.mass"])
+def test_they_leave_none_along_other_axes(same, along):
+    spec = load({
+        "controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
+        "sweep": {
+            "along": along, along: {"start": 0.05, "stop": 40}, "K_VE": [100.0, 900.0], "device.damping": [0.5, 1.0, 2.0],
+        },
+    })  # fmt: skip
+    job = job_of(spec)
+    table = table_of(job)
+    for deep, wide in ((1, 2), (1, 1), (2, 2)):
+        same(table_of(cut_otherwise(job, deep=deep, wide=wide)), table, rtol=1e-11)
+
+
+def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):
+    job, store = job_of(mixed), MemoryCheckpoint()
+    compute(job, store, HERE)
+    for size in (1, 5, 32):
+        monkeypatch.setattr(running, "BLOCK", size)
+        same(joined(running.blocks(job, store)), whole)
+
+
+def test_what_is_not_read_is_computed_once(mixed):
+    run = intervals(mixed)
+    assert run.facts["slices"] == {"computed": 84, "skipped": 84, "certified": 84}
+    assert run.facts["notices"] == ["K_LM is not read by pmw: evaluated once, its rows repeated"]
+
+
+@pytest.mark.parametrize(("loops", "points"), [(1, 1), (10, 3), (3, 10_000), (5000, 1), (7, 4096), (500_000, 1)])
+def test_chunks_cover_every_column_once(loops, points):
+    chunks = cut_up(loops, points, cost=1e-6)
+    columns = [column for number in range(len(chunks)) for column in _columns(chunks, number)]
+    assert columns == list(range(loops * points))
+    owner = np.concatenate([np.full(chunks[number].slices, number) for number in range(len(chunks))])
+    assert np.array_equal(chunks.of(np.arange(loops * points)), owner)
+    assert chunks[0].slices == min(loops * points, 4096 // points * points or 4096)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7, 64, 1000])
+def test_the_chunks_that_are_computed_first_lie_far_apart(count):
+    chunks = Chunks(count + 3, 1, 1, 1)
+    order = [*chunks.spread(range(3, 3 + count))]
+    assert sorted(order) == [*range(3, 3 + count)]
+    if count >= 64:
+        assert np.diff(np.sort(order[:16])).max() <= count / 8
+
+
+def _columns(chunks: Chunks, number):
+    chunk = chunks[number]
+    found = [loop * chunks.points + point for loop in chunk.loops for point in chunk.points]
+    assert (found[0], len(found)) == (chunk.first, chunk.slices)
+    return found
+
+
+def test_progress_counts_slices_up_to_all_of_them(long):
+    told = []
+    intervals(long, jobs=1, progress=lambda *counts: told.append(counts))
+    assert len(told) > 2
+    assert told[-1] == (16200, 16200, 16200)
+    assert told == sorted(told)
+
+
+def test_a_table_knows_how_many_rows_it_has_before_they_are_read(mixed):
+    table = intervals(mixed)
+    assert table.rows == len(table.columns["low"])

@@ -1,0 +1,219 @@
+"""Signals to a run, to its workers and to all of them: an exit code, at most one line, and nobody left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from support.chunks import finished
+from support.program import started
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="finds the processes of a run in /proc"),
+]
+SPEC = """
+[environment]
+integration = "explicit"
+[controller]
+kind = "pmw"
+[sweep]
+K_VE = { start = 0, stop = 20000 }
+b = { start = 5, stop = 100, num = 500 }
+B_VE = { start = 0, stop = 15, num = 241 }
+"""
+SECONDS = 60  # in which everything has to end, also on a machine that does much else
+STOPPED = {signal.SIGINT: "Interrupted.", signal.SIGTERM: "Terminated.", signal.SIGHUP: "Hung up."}
+
+
+@dataclass
+class Run:
+    """A run in a process group of its own, and the mark by which its processes are known."""
+
+    process: subprocess.Popen
+    mark: str
+
+    def alive(self):
+        """Ids of all processes that the run has started and that still live, its own among them."""
+        found = []
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                if self.mark.encode() in (folder / "environ").read_bytes() and "Z" not in _state(folder):
+                    found.append(int(folder.name))
+            except OSError:
+                continue
+        return found
+
+    def workers(self):
+        """Ids of the worker processes."""
+        found = []
+        for pid in self.alive():
+            try:
+                said = Path(f"/proc/{pid}/cmdline").read_bytes()
+            except OSError:
+                continue
+            if pid != self.process.pid and b"popen_loky_posix" in said:
+                found.append(pid)
+        return found
+
+    def finish(self):
+        """Exit code and what was said; everything has to be gone soon, so that nobody holds the pipe."""
+        said = self.process.communicate(timeout=300)[1]
+        patience = time.monotonic() + SECONDS
+        while left := self.alive():
+            assert time.monotonic() < patience, f"still there: {left}"
+            time.sleep(0.05)
+        return self.process.returncode, said
+
+
+def _state(folder):
+    return (folder / "stat").read_text().rpartition(")")[2].split()[0]
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory):
+    """Start a run with these options in a folder."""
+    home = tmp_path_factory.mktemp("spec")
+    (home / "wall.toml").write_text(SPEC)
+    number = iter(range(10**6))
+
+    def begin(out, *options):
+        mark = f"{home}-{next(number)}-"
+        run = started(home, "zwidth", "wall.toml", "--out", out, *options, WAVESWEEP_TEST_RUN=mark)
+        return Run(run, f"WAVESWEEP_TEST_RUN={mark}")
+
+    return begin
+
+
+def wait_for(condition):
+    patience = time.monotonic() + 300
+    while not condition():
+        assert time.monotonic() < patience, "did not happen in 300 s"
+        time.sleep(0.02)
+
+
+LOKY = ("--jobs", "2", "--backend", "loky")
+
+
+def test_nobody_outlives_a_run_that_is_killed(start, tmp_path):
+    run = start(tmp_path / "out", *LOKY)
+    wait_for(run.workers)
+    run.process.kill()
+    assert run.finish() == (-signal.SIGKILL, "")
+
+
+def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
+    run = start(tmp_path / "out", *LOKY)
+    wait_for(lambda: finished(tmp_path / "out"))
+    os.kill(run.workers()[0], signal.SIGKILL)
+    code, said = run.finish()
+    assert code == 1
+    assert said.startswith("Error: a worker process died (killed, or out of memory)")
+    assert "the same command goes on from there" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.thorough
+def test_a_tracker_of_joblib_that_is_killed_is_replaced_without_a_word():
+    """The new one does not know what is shared already, and would say so in tracebacks."""
+    script = """
+import os, signal
+from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
+from wavesweep.program.sweep.pools import in_parallel
+answers = in_parallel("loky", 2, ((abs, -number) for number in range(20)))
+found = [next(answers)[0]]
+os.kill(tracker._pid, signal.SIGKILL)
+print(sum(found + [each for each, _ in answers]))
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=SECONDS, check=False)
+    assert (ended.returncode, ended.stdout) == (0, "190\n")
+    assert "Traceback" not in ended.stderr
+
+
+def test_workers_that_are_killed_while_tasks_wait_for_them_are_an_error_at_once():
+    program = """
+import os, signal, threading, time
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.program.sweep.pools import in_parallel
+ids = {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
+threading.Timer(1, lambda: [os.kill(each, signal.SIGKILL) for each in ids]).start()
+try:
+    list(in_parallel("loky", 2, [(time.sleep, 60)] * 2 + [(len, bytes(10**6))] * 8))
+except WavesweepError:
+    print("died")
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300)
+    assert (run.stdout, run.stderr) == ("died\n", "")
+
+
+def test_workers_that_are_killed_while_they_send_a_result_are_an_error():
+    program = """
+import os, signal
+from multiprocessing.connection import Connection
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.program.sweep import pools
+from wavesweep.program.sweep.pools import in_parallel
+pools.LOOKS = 1
+ids = {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
+receive = Connection._recv
+def cut_short(self, size, *more):
+    if size > 10**6:
+        for each in ids:
+            os.kill(each, signal.SIGKILL)
+    return receive(self, size, *more)
+Connection._recv = cut_short
+try:
+    list(in_parallel("loky", 2, [(bytes, 10**7)] * 2))
+except WavesweepError:
+    print("died")
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=300)
+    assert (run.stdout, run.stderr) == ("died\n", "")
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=lambda n: n.name)
+def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
+    run = start(tmp_path / "out", *LOKY)
+    wait_for(lambda: finished(tmp_path / "out"))
+    for _ in range(3):
+        os.killpg(run.process.pid, number)
+        time.sleep(0.01)
+    code, said = run.finish()
+    assert code == 128 + number
+    assert "Traceback" not in said
+    assert all(line.startswith(STOPPED[number]) for line in said.split("\n") if line)
+
+
+def test_a_hangup_that_is_ignored_stays_so(tmp_path):
+    program = "import os, signal\nfrom wavesweep.program.cli import stopping\n"
+    program += "signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup\n"
+    program += "with stopping.signals_unwind(False):\n    os.kill(os.getpid(), signal.SIGHUP)\nprint('there')"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert run.stdout == "there\n"
+
+
+def test_a_signal_that_arrives_while_an_object_is_finalised_is_not_lost(tmp_path):
+    program = "import os, signal, time\nfrom wavesweep.program.cli import stopping\n"
+    program += "class Last:\n    def __del__(self): os.kill(os.getpid(), signal.SIGTERM); time.sleep(0.1)\n"
+    program += "try:\n    with stopping.signals_unwind(True):\n        Last()\n        time.sleep(5)\n"
+    program += "except stopping.Stopped as error:\n    print(error.exit_code)"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert run.stdout == "143\n"  # at once or, on a busy machine, at the end
+
+
+@pytest.mark.parametrize("after", ["pass", "raise ImportError('initialization failed')"])
+def test_a_signal_whose_exception_a_library_drops_or_changes_counts(tmp_path, after):
+    program = "import os, signal\nfrom wavesweep.program.cli import stopping\n"
+    program += (
+        "try:\n    with stopping.signals_unwind(False):\n        try:\n            os.kill(os.getpid(), signal.SIGTERM)\n"
+    )
+    program += (
+        f"        except BaseException:\n            {after}\nexcept stopping.Stopped as error:\n    print(error.exit_code)"
+    )
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert (run.stdout, run.stderr) == ("143\n", "")

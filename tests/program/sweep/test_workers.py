@@ -1,0 +1,256 @@
+"""The same bits from any number of workers on any backend; what is missing or dies is named."""
+
+import contextlib
+import logging
+import platform
+import subprocess
+import sys
+import warnings
+from concurrent.futures import Future
+
+import pytest
+from support.chunks import DieOnce, finished_in, meet
+
+from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.program.reproducibility import versions
+from wavesweep.program.sweep import clusters, workers
+from wavesweep.program.sweep.pools import in_parallel
+from wavesweep.program.sweep.workers import Workers, results
+from wavesweep.program.tables.interval_table import intervals
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize(("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading")])
+def test_workers_give_the_bits_that_none_give(long, long_table, same, jobs, backend, tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "processors", lambda: 4)
+    run = intervals(long, jobs=jobs, backend=backend, checkpoint=tmp_path / "parts")
+    same(run.columns, long_table)
+    assert run.facts["timings"]["workers"] == jobs
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Address of a dask cluster of two worker processes on this machine."""
+    from distributed import LocalCluster
+
+    here = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
+    with warnings.catch_warnings():
+        # Of the cluster's own making, and of no consequence for what it computes.
+        warnings.simplefilter("ignore")
+        with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **here) as running:
+            yield running.scheduler_address
+
+
+@pytest.mark.thorough
+def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
+    """A pool of ours that joblib takes for its own has none of its attributes."""
+    joblib = pytest.importorskip("joblib")
+    calls = [joblib.delayed(abs)(-number) for number in range(3)]
+    before = joblib.Parallel(n_jobs=2)(calls)
+    intervals(long, jobs=2, backend="loky")
+    assert joblib.Parallel(n_jobs=2)(calls) == before == [0, 1, 2]
+    assert joblib.Parallel(n_jobs=2, return_as="list")(calls) == before
+
+
+@pytest.mark.slow
+def test_the_next_run_has_the_processes_of_the_last_one_and_an_error_ends_them(tmp_path):
+    def both(name):
+        """The processes of a run whose two tasks wait for each other, so that neither process does both."""
+        (tmp_path / name).mkdir()
+        return {process for process, _ in in_parallel("loky", 2, [(meet, tmp_path / name, 2)] * 2)}
+
+    first = both("first")
+    assert len(first) == 2
+    assert both("second") == first
+    with pytest.raises(ZeroDivisionError):
+        list(in_parallel("loky", 2, [(divmod, 1, 0)]))
+    assert not both("third") & first
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, same, cluster):
+    run = intervals(long, backend="dask", scheduler=cluster)
+    same(run.columns, long_table)
+
+
+@pytest.mark.thorough
+def test_a_dask_worker_that_dies_has_its_chunks_done_again(long, long_table, same, cluster, monkeypatch, tmp_path):
+    monkeypatch.setattr(workers, "timed", DieOnce(tmp_path / "died"))
+    same(intervals(long, backend="dask", scheduler=cluster).columns, long_table)
+    assert (tmp_path / "died").exists()
+
+
+@pytest.mark.slow
+def test_what_fails_in_the_threads_of_dask_is_no_traceback_on_the_terminal(cluster, caplog):
+    """A scheduler that is lost makes callbacks of its client fail, which tornado would show."""
+    from distributed import Client
+
+    def fail():
+        raise OSError("Stream is closed")
+
+    with clusters.dask(Workers(1, "dask", cluster, "")) as pool, Client(cluster, set_as_default=False) as other:
+        other.loop.add_callback(fail)
+        assert pool.submit(len, "ab").result() == 2
+    assert caplog.records == []
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_not_there_is_named_and_nothing_is_left(mixed, long, monkeypatch, tmp_path):
+    monkeypatch.setattr(clusters, "PATIENCE", 1.0)
+    with pytest.raises(UsageError, match=r"^scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
+        intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(UsageError, match="give the scheduler's address") as refused:
+        intervals(long, backend="dask", checkpoint=tmp_path / "parts")
+    assert getattr(refused.value, "__notes__", []) == list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("address", ["foo", "tcp://", "inproc://x", "", "tcp://host:port", "tcp://127.0.0.1:99999999"])
+def test_an_address_that_can_be_none_is_refused_in_a_line(mixed, address, capfd):
+    with pytest.raises(UsageError, match=r"^scheduler .*: (expected an address such as tcp://host:8786|no dask scheduler)"):
+        intervals(mixed, backend="dask", scheduler=address)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_path):
+    with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, loky, threading"):
+        intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
+    with pytest.raises(UsageError, match=r"^backend multiprocessing: its pool never notices that a worker has died"):
+        intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_more_workers_are_used_than_there_are_processors(monkeypatch):
+    monkeypatch.setattr(workers, "PROCESSES", 2)
+    monkeypatch.setattr(workers, "processors", lambda: 3)
+    assert workers.choose(60, None, None, 1000, lambda: 10.0).count == 3
+    assert workers.choose(60, "loky", None, 1000, lambda: 10.0).count == 3
+    assert "this machine has 3 processors" in workers.excess(60, None)
+    assert workers.excess(3, None) == workers.excess(60, "dask") == ""
+    monkeypatch.setattr(workers, "processors", lambda: 1)
+    assert workers.choose(2, None, None, 1000, lambda: 10.0).backend is None
+    assert workers.excess(2, None) == ""  # the default is no wish
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_nothing_of_the_current_folder_is_run(tmp_path):
+    for name in ("joblib", "multiprocessing", "numpy", "random"):
+        (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'a').close()\nraise SystemExit(1)\n")
+    program = (
+        "import sys; sys.path[:] = [p for p in sys.path if p]\n"
+        "from wavesweep.program.sweep.pools import in_parallel\n"
+        "print(sorted(found for found, _ in in_parallel('loky', 2, [(len, 'a' * n) for n in range(4)])))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (run.stdout, run.stderr) == ("[0, 1, 2, 3]\n", "")
+    assert not list(tmp_path.glob("run-*"))
+
+
+def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "distributed"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(UsageError, match=r"the package distributed is missing; .*'wavesweep\[dask\]'"):
+        intervals(mixed, backend="dask")
+
+
+@pytest.mark.parametrize("name", ["tool_version", "numpy_version"])
+def test_workers_of_another_version_are_refused_and_no_row_of_theirs_is_kept(long, monkeypatch, tmp_path, name):
+    monkeypatch.setattr("wavesweep.program.sweep.pools.versions", lambda: versions() | {name: "0.0.1"})
+    with pytest.raises(WavesweepError, match=r"expected workers with wavesweep .* and numpy .*, found one with .* 0\.0\.1"):
+        intervals(long, jobs=2, backend="threading", checkpoint=tmp_path / "kept.sqlite")
+    assert finished_in(tmp_path / "kept.sqlite") == []
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, long_table, same, monkeypatch, tmp_path):
+    monkeypatch.setattr(workers, "timed", DieOnce(tmp_path / "died"))
+    with pytest.raises(WavesweepError, match="a worker process died") as caught:
+        intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
+    assert "the same command goes on from there" in caught.value.__notes__[0]
+    monkeypatch.undo()
+    same(intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, long_table)
+
+
+def test_what_fails_in_a_worker_fails_here(monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(workers, "timed", fail)
+    with pytest.raises(ZeroDivisionError, match="by zero"):
+        list(results(Workers(2, "threading", None, ""), [0, 1], lambda number: number))
+
+
+@pytest.mark.slow
+def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tmp_path):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(clusters, "ALONE", 1.0)
+    monkeypatch.setattr(workers, "LOOK", 0.2)
+    here = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        running = LocalCluster(n_workers=0, **here)
+    with running, pytest.raises(WavesweepError, match="has had no workers for 1 s"):
+        intervals(long, backend="dask", scheduler=running.scheduler_address, checkpoint=tmp_path / "parts")
+
+
+def test_a_run_in_which_nothing_finishes_says_so_once_and_then_rarely(caplog):
+    now = [0.0]
+    silence = workers.Silence(clock=lambda: now[0])
+    for second in range(0, 1000, 2):
+        now[0] = float(second)
+        if second in (10, 100):
+            silence.end()
+        else:
+            silence.go_on("6 tasks are with 2 processes")
+    said = [record.getMessage() for record in caplog.records]
+    assert [text.split(";")[0] for text in said] == [f"nothing has finished for {s} s" for s in (20, 40, 80, 160, 320, 640)]
+    assert said[0].endswith("; 6 tasks are with 2 processes. If no processor is busy with them, Ctrl-C stops the run")
+
+
+@pytest.mark.parametrize(("seconds", "together"), [(0.0, 8), (0.4, 2), (3.0, 1)])
+def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
+    """Its scheduler takes milliseconds for a task, however small."""
+    sizes = []
+
+    def submit(function, each_of, work, batch):
+        sizes.append(len(batch))
+        done = Future()
+        done.set_result(function(each_of, work, batch))
+        return done
+
+    monkeypatch.setattr(workers, "dask", lambda _: contextlib.nullcontext(clusters.Pool(submit, 1, str)))
+    monkeypatch.setattr(workers, "timed", lambda number, _: (number, None, seconds))
+    found = list(results(Workers(1, "dask", None, ""), range(50), lambda number: number))
+    assert sorted(number for number, *_ in found) == list(range(50))
+    assert max(sizes) == together
+
+
+FAULTS = """
+import resource
+import numpy as np
+from wavesweep.program.platform_compat import keep_memory
+
+if {keep}:
+    keep_memory()
+arrays = [np.ones(2**17) for _ in range(20)]  # of 1 MiB
+del arrays
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(4):
+    arrays = [np.ones(2**17) for _ in range(20)]
+    del arrays
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other allocators are left as they are")
+def test_freed_memory_is_not_given_back_and_cleared_between_steps():
+    def faults(keep):
+        program = [sys.executable, "-c", FAULTS.format(keep=keep)]
+        return int(subprocess.run(program, capture_output=True, text=True, check=True).stdout)
+
+    assert faults(keep=True) < 1000
+    assert faults(keep=False) > 10_000  # pages of 4 KiB, 20,480 in all

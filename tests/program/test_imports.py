@@ -1,0 +1,197 @@
+"""The order of the layers, and what an import may cost."""
+
+import ast
+import re
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import wavesweep
+from wavesweep.capabilities import CAPABILITIES
+
+PACKAGE = Path(wavesweep.__file__).parent
+NAMES = [each.name for each in CAPABILITIES]
+
+# Data flows to the right, imports point to the left: first the engine, then the program. What stands above may use all of it.
+ENGINE = (
+    "errors",
+    "arguments",
+    "rows",
+    "doubts",
+    "keys",
+    "drawing",
+    "loops",
+    "monodromy",
+    "stability",
+    "response",
+    "energy",
+    "search",
+)
+PROGRAM = (
+    "bundled",
+    "platform_compat",
+    "atomic_files",
+    "reproducibility",
+    "columns",
+    "reading",
+    "spec",
+    "store",
+    "sweep",
+    "analyses",
+    "tables",
+    "results",
+    "plots",
+    "cli",
+)
+LAYERS = (*(f"engine.{room}" for room in ENGINE), *(f"program.{room}" for room in PROGRAM))
+TOP = len(LAYERS)
+MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
+HEAVY = ("flint", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+
+
+def layer_of(module):
+    """The layer of a dotted name below `wavesweep.program`; the library and the package itself stand above all."""
+    room = (*module.split(".")[2:3], "")[0]
+    return LAYERS.index(room) if room in LAYERS else TOP
+
+
+def capability_of(module):
+    """The capability that a dotted name belongs to, empty for the engine, the program and what stands above."""
+    room = (*module.split(".")[1:2], "")[0]
+    return room if room in NAMES else ""
+
+
+@cache
+def imports_of(source):
+    """Dotted names of what a file imports of ours, wherever in the file it does so; a text may be the name of a module too."""
+    found = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            # `from wavesweep import spec` names a room, `from wavesweep.program.spec import load` is in it already.
+            below = node.module == "wavesweep"
+            found |= {f"{node.module}.{alias.name}" if below else node.module for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(f"relative import in {source.name}")
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and MODULE.fullmatch(node.value):
+            place = PACKAGE.parent / node.value.replace(".", "/")
+            found |= {node.value} if place.is_dir() or place.with_suffix(".py").is_file() else set()
+    return {name for name in found if name.split(".")[0] == "wavesweep" or name.startswith("relative")}
+
+
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+
+
+def dotted(source):
+    """The dotted name of a file of the package."""
+    return ".".join(("wavesweep", *source.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
+
+
+def test_imports_within_engine_and_program_point_left():
+    for source in (*(PACKAGE / "engine").rglob("*.py"), *(PACKAGE / "program").rglob("*.py")):
+        layer = layer_of(dotted(source))
+        names = {
+            name for name in imports_of(source) if name.startswith(("relative", "wavesweep.engine.", "wavesweep.program."))
+        }
+        assert [name for name in names if name.startswith("relative")] == [], source
+        assert [name for name in names if layer_of(name) > layer] == [], source
+
+
+def test_the_engine_imports_nothing_but_itself_and_reads_no_files():
+    """It knows no program, no capability, no TOML and no files: loops in, arrays out."""
+    files = {"tomllib", "csv", "click", "pandas", "pyarrow", "matplotlib", "joblib", "pathlib", "os"}
+    for source in (PACKAGE / "engine").rglob("*.py"):
+        assert [name for name in imports_of(source) if not name.startswith("wavesweep.engine")] == [], source
+        nodes = list(ast.walk(ast.parse(source.read_text(encoding="utf-8"))))
+        loaded = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+        loaded |= {node.module.split(".")[0] for node in nodes if isinstance(node, ast.ImportFrom)}
+        assert loaded & files == set(), source
+
+
+def test_a_capability_imports_engine_and_program_alone_and_these_no_capability():
+    edges = {
+        f"{own} -> {capability_of(name)}"
+        for source in SOURCES
+        if (own := dotted(source).removeprefix("wavesweep.")) not in ("wavesweep", "capabilities")
+        for name in imports_of(source)
+        if capability_of(name) not in ("", own.split(".")[0])
+    }
+    assert sorted(edges) == []
+
+
+def test_a_search_for_intervals_loads_no_response():
+    """What is felt at rest is loaded where it is asked for."""
+    loaded = loaded_by("import wavesweep.engine.search.interval_search")
+    assert not {name for name in loaded if name.startswith(("wavesweep.engine.response.", "wavesweep.engine.energy."))}
+
+
+def test_every_folder_is_engine_program_or_a_capability():
+    folders = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
+    assert folders - {"engine", "program"} == set(NAMES)
+
+
+def test_the_simulator_knows_nothing_of_blocks_and_lifting():
+    beside = {"experiment.py", "table.py", "figure.py", "command.py", "library.py"}  # which show the linear loop beside it
+    sources = {source for source in (PACKAGE / "simulation").rglob("*.py") if source.name not in beside}
+    names = {name for source in sources for name in imports_of(source)}
+    rooms = [LAYERS.index(f"engine.{room}") for room in ("loops", "monodromy", "stability", "response")]
+    known = {name for name in names if layer_of(name) in rooms}
+    assert known <= {
+        "wavesweep.engine.loops.controllers",
+        "wavesweep.engine.loops.controller_drawings",
+        "wavesweep.engine.loops.controller_page",
+    }
+    assert not {name for name in names if capability_of(name) == "passive"}
+
+
+def loaded_by(program):
+    """The modules that a new interpreter has loaded at the end of a program."""
+    listing = f"{program}\nimport sys\nprint('\\nmodules', *sys.modules)"
+    done = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+HELP = "from wavesweep.program.cli import main; main(['--help'])"
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "import wavesweep",
+        "import wavesweep; wavesweep.load({'controller': {'kind': 'pmw'}})",
+        HELP,
+        "from wavesweep.program.cli import main; main(['zwidth', '--help'])",
+        "from wavesweep.program.cli import main; main(['explain', 'crowded'])",
+    ],
+)
+def test_nothing_heavy_is_loaded_before_it_is_used(program):
+    loaded = loaded_by(program)
+    assert "wavesweep" in loaded
+    assert loaded & {*HEAVY, "importlib.metadata"} == set()
+    assert program != HELP or not loaded & {"dataclasses", "pathlib"}
+    rooms = {name.split(".")[2] for name in loaded if name.startswith("wavesweep.program.")}
+    assert rooms == set() if program == "import wavesweep" else not rooms & {"sweep", "stability"}
+
+
+@pytest.mark.whole
+@pytest.mark.slow
+def test_a_small_run_loads_neither_pandas_nor_scipy_and_check_neither_scipy_nor_matplotlib(tmp_path):
+    spec = tmp_path / "wall.toml"
+    spec.write_text('[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 2000 }\nB_VE = [0.5, 1.0]\n')
+    arguments = ["zwidth", str(spec), "--no-plot", "--quiet", "--out", str(tmp_path / "out")]
+    loaded = loaded_by(f"from wavesweep.program.cli import main\nassert main({arguments!r}) == 0")
+    assert {"numpy", "pyarrow.parquet"} <= loaded
+    heavy = {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"}
+    assert loaded & (heavy | {"flint", "filelock", "numpy.ma", "wavesweep.passive.hands"}) == set()
+    assert not {name for name in loaded if name.startswith(("wavesweep.for_all.joint", "wavesweep.prove.columns"))}
+    # Arrow would import pandas where the exception of a signal is dropped.
+    written = [str(tmp_path / "out" / f"zwidth.{suffix}") for suffix in ("csv", "parquet")]
+    program = f"from wavesweep import results\nfor each in {written!r}:\n    results.read_table(each)"
+    assert "pandas" not in loaded_by(program)
+    assert not {"matplotlib", "wavesweep.program.plots", "scipy.linalg", "flint", "numpy.ma"} & loaded_by(
+        f"from wavesweep.program.cli import main\nassert main(['check', {str(spec)!r}, '--quiet']) == 0"
+    )

@@ -1,0 +1,154 @@
+"""The room that each number of a spec's own design has: the stable interval about its value, and the largest delay."""
+
+from collections.abc import Callable
+from operator import and_, ne, or_
+
+import numpy as np
+
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.search.interval_records import open_places
+from wavesweep.engine.stability.certificate import words
+from wavesweep.engine.stability.radii import radii_of
+from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over, searches_of
+from wavesweep.program.analyses.own_design import searched
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.spec.resolving import longest_delay
+from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid
+from wavesweep.program.sweep.running import in_memory
+
+HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
+WORK = 50_000  # on the range of one number in pieces, see `Search.about`, after which it ends where it is: some 3 s
+SECONDS, LONG = 3.0, 1.0  # that another range may take by `expected_cost`, from a cut and by panels
+NEAR, HARDLY = 0.02, 1e-3  # share of a number that a pose depends on, or of its range about 0, that is searched; and of that
+LATE = "it takes longer than check does"
+NEXT = 1e-3  # of the way to where the range of a key ends, that is left out if it cannot be decided
+DELAYS = 200  # ticks of delay that are tried
+LARGEST = np.finfo(float).max
+
+
+def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list[dict]:
+    """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
+
+    low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
+    value, and ten times the value, as far as the spec takes these. intervals: all stable intervals in that range. certified:
+    whether they are. open: the places in or beside the interval where nothing is known, see `open_places`. stopped: whether the
+    range would go on, but takes more than WORK or SECONDS; it is then the part next to the value, or LATE is the doubt.
+    of_key: for each end of the range, whether the key takes no value beyond it. report: is called with the numbers that are
+    done, and all.
+    """
+    read = keys_of(spec) - (spec.drawing.of_losses if spec.drawing else set())
+    names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
+    found = []
+    for done, (name, path) in enumerate(names.items(), start=1):
+        found.append(_limit(spec, name, path))
+        if report:
+            report(done, len(names))
+    return found
+
+
+def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
+    """span: to search, by default `searched`; again: whether it leaves out what is next to the range of the key."""
+    value, span = spec.values[path], span or searched(spec, name, path)
+    found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
+    found |= {"stopped": False, "open": None, "of_key": list(of_key)}
+    try:
+        job = _job(spec, name, path, span)
+        rows, (start, stop) = _rows(job, value, span)
+    except WavesweepError as error:
+        if value == 0 and span[0] < 0 and not _poses(spec, path):  # a number that may not be negative
+            return _limit(spec, name, path, (0.0, span[1]), (True, of_key[1]))
+
+        def makes_loops(end: float) -> object:
+            return _job(spec, name, path, tuple(sorted((float(value), end))))
+
+        for attempt, times in ((lambda end: spec.with_values({path: end}), HALVINGS), (makes_loops, FEW)):
+            less = tuple(_reached(attempt, value, end, times) for end in span)
+            if less != span and less[0] < less[1]:
+                return _limit(spec, name, path, less, tuple(map(or_, of_key, map(ne, less, span))))
+        return found | {"stable": None, "doubt": str(error), "certified": False}
+    of_key = tuple(key and end == reached for key, end, reached in zip(of_key, span, (start, stop), strict=True))
+    found |= {"from": start, "to": stop, "stopped": (start, stop) != span, "of_key": list(of_key)}
+    if rows is None:
+        return found | {"stable": None, "doubt": LATE, "certified": False}
+    beside = (rows["open_low"][0] == start, rows["open_high"][-1] == stop)  # a filter's cutoff is next to half its rate
+    if not again and any(moved := list(map(and_, of_key, beside))):
+        inner = (end + NEXT * (value - end) * moves for end, moves in zip((start, stop), moved, strict=True))
+        return _limit(spec, name, path, tuple(inner), of_key, again=True)
+    at_ends = [(rows[end] == value) & ~np.isnan(rows[f"{end}_omega"]) for end in ("low", "high")]
+    inside = (rows["low"] <= value) & (value <= rows["high"]) & ~np.logical_or(*at_ends)
+    pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
+    found["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
+    found |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
+    if not inside.any():
+        unknown = ((rows["open_low"] <= value) & (value <= rows["open_high"])).any()
+        return found | ({"stable": None} if unknown else {})
+    row = int(np.flatnonzero(inside)[0])
+    found["open"] = open_places(rows, row)
+    for end, of_range in (("low", start), ("high", stop)):  # one without a crossing may end where nothing is known
+        if not np.isnan(rows[f"{end}_omega"][row]) or rows[end][row] != of_range:
+            found[end] = float(rows[end][row])
+    return found
+
+
+def _job(spec, name, path, span):
+    """The job of the intervals along a number alone."""
+    return job_over(make_grid(spec, (), path), Axis(name, path, (), *span, False, "linear"))
+
+
+def _rows(job, value, span):
+    """The intervals, and the part of the range that was searched; None and the value itself if they take too long."""
+    (search,) = searches_of(job, job.chunks[0]).searches
+    if search.in_pieces:
+        records, span = search.about(value, WORK)
+        return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
+    cost, way = cost_of(job.grid.spec, job.asked.axis)
+    if cost > (SECONDS if way is Way.CUT else LONG):
+        return None, (value, value)
+    axis, spec = job.asked.axis, job.grid.spec
+    if _poses(spec, axis.path):  # panels crowd towards a singular pose
+        span = _next_to(search, value, span)
+        job = _job(spec, axis.name, axis.path, span)
+    return in_memory(job), span
+
+
+def _poses(spec, path):
+    """Whether the pose of a linkage depends on a number."""
+    return spec.drawing and path in spec.drawing.posing
+
+
+def _next_to(search, value, span):
+    """The part of a range that is NEAR the value of a number that a pose depends on, in which no pose is singular."""
+    ((_, loops),) = search.groups
+    away = NEAR * (abs(value) or min(abs(end) for end in span))
+    tiny = HARDLY * away
+    low, high = domain(*loops, search.along, (value - tiny, value + tiny))
+    return max(span[0], low, value - away), min(span[1], high, value + away)
+
+
+def _reached(attempt, value, end, times):
+    """The value nearest to an end of a range whose attempt raises no error, by halving from the number's own on."""
+    inside, tried, beyond = float(value), float(end), float(end)
+    for _ in range(1 + times):
+        try:
+            attempt(tried)
+            inside = tried
+        except WavesweepError:
+            beyond = tried
+        if inside == beyond:
+            break
+        tried = (inside + beyond) / 2
+    return inside
+
+
+def delays(spec):
+    """The largest delay of the slow environment up to which every delay is stable, in ticks; none if the loop has none."""
+    path = "environment.delay"
+    if path not in keys_of(spec):
+        return None
+    now, most, frame = spec.values[path], None, longest_delay(spec.values["rates.ratio"])
+    for delay in range(now, min(frame, now + DELAYS) + 1):
+        if not radii_of(loops_of(spec, {**spec.values, path: delay}).read)[0] < 1:
+            break
+        most = delay
+    return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}

@@ -1,0 +1,31 @@
+"""Arguments of library calls: numbers and switches."""
+
+from numbers import Real
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
+
+
+def real_numbers(values) -> np.ndarray | None:
+    """Return a number, or nested lists or an array of numbers, as an array; None if an item is not a real number.
+
+    Texts, booleans and masked numbers are refused, since their meaning is uncertain. Numbers without an array type, such as
+    fractions, become doubles.
+    """
+    try:
+        found = np.asarray(values)
+        each = () if hasattr(values, "dtype") and found.dtype != object else np.asarray(values, dtype=object).ravel()
+        if found.dtype == object and all(isinstance(item, Real) for item in each):
+            found = found.astype(float)
+    except (ValueError, OverflowError):  # lists of unlike lengths; a whole number beyond all doubles
+        return None
+    unsure = np.ma.is_masked(values) or any(isinstance(item, (bool, np.bool_)) for item in each)
+    return found if found.dtype.kind in "iuf" and not unsure else None
+
+
+def boolean(name: str, value) -> bool:
+    """Return a switch of a call; UsageError for anything but True and False: the text "no" would be true."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise UsageError(f"{name}: expected True or False, found {value!r:.60}")
+    return bool(value)

@@ -1,0 +1,109 @@
+"""Which terms of a wire act continuously: those by which plants act on each other."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import reduce
+
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing.expressions import Fault, Terms, Tree, evaluate, linear, names_in, text_of
+
+Wires = tuple[tuple[str, Terms], ...]
+SAME = 1e-12  # relative, of gains that add up to 0
+
+
+def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -> tuple[Terms, Terms]:
+    """Return the terms of the wire of a plant that are held over a tick, and those that act continuously.
+
+    own: name of the plant. plants: name and type of each one.
+
+    A wire is a sum. A summand that reads another plant acts continuously, as a spring `ks*(link.x - motor.x)` does, and so does
+    the other half of one that is multiplied out, `ks*link.x - (ks + kp)*motor.x`. What else reads the plant alone is what a
+    controller computes from samples, `-kp*motor.x`. Signals of other blocks and the hand's force are held.
+    Errors: Fault as for `linear`, and if terms in both positions, or both velocities, are left that form no spring or damper.
+    """
+    whole, held, continuous, halves, alone = linear(tree, signals), [], [], [], []
+    for summand in _summands(tree):
+        blocks = {name.rpartition(".")[0] for name, _ in names_in(summand) if name in signals}
+        others, terms = plants.keys() & blocks - {own}, linear(summand, signals)
+        if others and own in blocks:
+            continuous += terms
+        else:
+            kind = halves if others else alone if blocks == {own} else held
+            kind += [(signal, each) for signal, gain in terms for each in _summands(gain, products=True)]
+    if not (continuous or halves):
+        return whole, ()
+    for half in list(halves):
+        twin = next((each for each in alone if _opposite(half[1], each[1])), None)
+        if twin:
+            alone.remove(twin)
+            halves.remove(half)
+            continuous += [half, twin]
+    for port in (f".{port}" for port in ("x", "v") if TYPES[plants[own]].body):
+        of_bodies = {f"{name}{port}" for name, kind in plants.items() if TYPES[kind].body}
+        one, other = ([each for each in some if each[0] in of_bodies] for some in (alone, halves))
+        if one and other and not _balance([*one, *other]):
+            (signal, gain), (far, _) = one[0], other[0]
+            raise Fault(
+                min(at for each, at in names_in(tree) if each == signal),
+                f"a number times ({far} - {signal}), as of a spring or a damper, or a block hold for what a program computes",
+                f"{text_of(gain)} times {signal}, which may be either",
+            )
+        continuous += one if other else []
+        alone = [each for each in alone if not (other and each in one)]
+    sampled = [each for each in (*continuous, *halves) if each[0].rpartition(".")[0] not in plants]
+    return _added([*held, *alone, *sampled]), _added(each for each in (*continuous, *halves) if each not in sampled)
+
+
+def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
+    """Return wires and couplings in which terms that act on a plant that nothing reads are wires: nothing shows how they act.
+
+    A block that nothing reads itself does not count as a reader. What such a plant does to itself stays a coupling. seen:
+    signals at the hand's port.
+    """
+    read, before = {port.rpartition(".")[0] for port, _ in wires}, None
+    while read != before:
+        before, read = read, {signal.rpartition(".")[0] for signal, _ in seen}
+        for port, terms in (*wires, *couplings):
+            own = port.rpartition(".")[0]
+            read |= {signal.rpartition(".")[0] for signal, _ in terms} - {own} if own in before else set()
+    held, kept = {}, []
+    for port, terms in couplings:
+        own = port.rpartition(".")[0]
+        inside = tuple(term for term in terms if own in read or term[0].rpartition(".")[0] == own)
+        held[port] = [term for term in terms if term not in inside]
+        kept += [(port, inside)] if inside else []
+    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(kept)
+
+
+def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
+    """Yield the trees that a tree is the sum of; products: multiplied out."""
+    operation, at = tree[0], tree[-1]
+    if operation in ("+", "-", "negative"):
+        *first, last = tree[1:-1]
+        yield from (each for part in first for each in _summands(part, products))
+        yield from (each if operation == "+" else ("negative", each, at) for each in _summands(last, products))
+    elif products and operation in ("*", "/"):
+        seconds = list(_summands(tree[2], products)) if operation == "*" else [tree[2]]
+        yield from ((operation, one, two, at) for one in _summands(tree[1], products) for two in seconds)
+    else:
+        yield tree
+
+
+def _opposite(one: Tree, other: Tree) -> bool:
+    """Whether two gains differ in their signs alone."""
+    return text_of(("negative", one, 0)) == text_of(other) or text_of(one) == text_of(("negative", other, 0))
+
+
+def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
+    """Whether gains are plain numbers that add up to 0: the force does not change if all moves together."""
+    gains = [gain for _, gain in terms]
+    if any(True for gain in gains for _ in names_in(gain)):
+        return False
+    values = [evaluate(gain, {}) for gain in gains]
+    return abs(sum(values)) <= SAME * sum(map(abs, values))
+
+
+def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:
+    gains_of: dict[str, list[Tree]] = {}
+    for signal, gain in terms:
+        gains_of.setdefault(signal, []).append(gain)
+    return tuple((signal, reduce(lambda a, b: ("+", a, b, b[-1]), gains)) for signal, gains in gains_of.items())

@@ -1,0 +1,200 @@
+"""Reading [ports] of a drawn loop: the hand, the wall, inputs and outputs, each mistake at its place."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
+
+from wavesweep.engine.drawing.block_types import COLUMNS, RUN_COLUMNS
+from wavesweep.engine.drawing.drawing import ENVIRONMENT, path_of_port
+from wavesweep.engine.drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
+from wavesweep.engine.drawing.drawn_block import DrawnBlock
+from wavesweep.engine.drawing.expressions import ONE, RESERVED, Terms
+from wavesweep.engine.keys.checking import nearest, show
+from wavesweep.engine.keys.key import TURNED, Key
+from wavesweep.engine.keys.places import Leaf
+
+# The parts of a port; of inputs and outputs each has a name.
+PORTS = MappingProxyType(
+    {
+        "hand": ("force", "displacement", "reaction", "turns"),
+        "environment": ("force", "displacement"),
+        "wall": ("stiffness", "damping"),
+        "inputs": ("signal", "unit"),
+        "outputs": ("signal", "unit"),
+    }
+)
+OPTIONAL = ("reaction", "turns", "unit")
+TURNS = Key("ports.hand.turns", "boolean", False, "", "whether force and displacement of the hand are a torque and an angle")
+NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
+WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocity in the wall's wire, K*x + B*v)"
+
+Path = tuple[str, ...]
+Parts = dict[str, Leaf]
+Ports = dict[str, dict]  # the parts of hand and wall, and of each input and output by its name
+
+
+class PortReader(KeyReader):
+    """A reading of [ports]."""
+
+    def parts_of_ports(self, table: Mapping[Path, Leaf]) -> Ports:
+        """Sort the leaves of [ports]; inputs and outputs without a signal are left out."""
+        ports: Ports = {side: {} for side in PORTS}
+        for (side, *rest), leaf in table.items():
+            path, named = f"ports.{side}", side in NAMED
+            if side not in PORTS:
+                place = leaf.place.under(leaf.place.path[:2])
+                self.refuse(place, path, "hand, environment, wall, inputs or outputs", "an unknown port", nearest(side, PORTS))
+            elif not rest:
+                if leaf.value != {} or not named:
+                    what = f"a table, NAME = {NAMED[side]}" if named else f"{{ {', '.join(PORTS[side])} }}"
+                    self.refuse(leaf, path, what, show(leaf.value))
+            elif named:
+                part = ".".join(rest[1:]) or "signal"
+                if self.mistakes.is_known(part, PORTS[side], leaf, f"{path}.{rest[0]}.{part}"):
+                    ports[side].setdefault(rest[0], {})[part] = leaf
+            elif self.mistakes.is_known(rest[0], PORTS[side], leaf, f"{path}.{rest[0]}"):
+                ports[side][rest[0]] = leaf if len(rest) == 1 else Leaf({}, leaf.place.parent())
+        for side in ("hand", "environment", "wall"):
+            missing = [part for part in PORTS[side] if part not in ports[side] and part not in OPTIONAL]
+            if missing and ports[side]:
+                expected = f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
+                table = next(iter(ports[side].values())).place.parent()
+                self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
+        found = {side: self.named(side, parts) if side in NAMED else parts for side, parts in ports.items()}
+        return self.with_further(self.with_environment(found))
+
+    def with_further(self, ports: Ports) -> Ports:
+        """Add the axes of the hand but the first, of lists of forces and displacements, to the inputs and outputs."""
+        hand = ports["hand"]
+        pairs = [(part, hand[part]) for part in PORTS["hand"][:2] if part in hand]
+        listed = [(part, leaf) for part, leaf in pairs if isinstance(leaf.value, list)]
+        if not listed:
+            return ports
+        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(each, str) for each in leaf.value)]
+        if len(texts) < 2 or len(texts[0]) != len(texts[1]) or ports["environment"] or "reaction" in hand:
+            expected = "as many names of forces as displacements, in two lists, without reaction and environment"
+            self.refuse(listed[0][1], f"ports.hand.{listed[0][0]}", expected, show(listed[0][1].value), of_key=False)
+        for part, leaf in listed:
+            values = leaf.value if isinstance(leaf.value, list) and leaf.value else [""]
+            self.lists[f"ports.hand.{part}"] = leaf
+            hand[part] = Leaf(values[0], leaf.place)
+            for number, value in enumerate(values[1:], 2):
+                side = "inputs" if part == "force" else "outputs"
+                ports[side][f"hand.{part}.{number}"] = {"signal": Leaf(value, leaf.place)}
+        return ports
+
+    def with_environment(self, ports: Ports) -> Ports:
+        """Add the environment's force to the inputs and its displacement to the outputs."""
+        for side, name in zip(NAMED, ENVIRONMENT, strict=True):
+            if leaf := ports["environment"].get(name.partition(".")[2]):
+                ports[side][name], self.leaves[f"ports.{name}"] = {"signal": leaf}, leaf
+        return ports
+
+    def named(self, side: str, ports: dict[str, Parts]) -> dict[str, Parts]:
+        """Check the names of inputs or outputs; return those that have a signal."""
+        for name, parts in ports.items():
+            path, first = f"ports.{side}.{name}", next(iter(parts.values()))
+            self.leaves |= {path if part == "signal" else f"{path}.unit": leaf for part, leaf in parts.items()}
+            if name in (*COLUMNS, *RUN_COLUMNS):
+                self.refuse(first, path, *column_fault("ports", name))
+            elif not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
+                self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
+            if "signal" not in parts:
+                self.refuse(first.place.parent(), path, f"the key signal, {NAMED[side]}", "none")
+        return {name: parts for name, parts in ports.items() if "signal" in parts}
+
+    def read_ports(self, ports: Ports) -> tuple:
+        """Read the hand, the wall, and the name, signal or terms, and unit of each input and output."""
+        hand, wall = self.read_hand(ports["hand"]), self.read_wall(ports["wall"])
+        inputs, outputs = [], []
+        for name, parts in ports["inputs"].items():
+            path, leaf = path_of_port("inputs", name), parts["signal"]
+            fault = self.fault_from_outside(leaf.value)
+            if fault and name in self.read:
+                fault = (f'{fault[0]}, as {name} = "{name}"', fault[1])
+            if fault or leaf.value in [signal for _, signal, _ in inputs]:
+                self.refuse(
+                    leaf, path, *(fault or ("a signal that no other port has", f"{show(leaf.value)} again")), of_key=False
+                )
+            else:
+                inputs.append((name, leaf.value, self.word(f"{path}.unit", parts.get("unit"))))
+        for name, parts in ports["outputs"].items():
+            path = path_of_port("outputs", name)
+            if name in ports["inputs"]:
+                self.refuse(parts["signal"], path, "another name than that of an input", show(name))
+            terms = self.read_terms(path, parts["signal"])
+            if terms is not None:
+                outputs.append((name, terms, self.word(f"{path}.unit", parts.get("unit"))))
+        self.leaves |= self.lists
+        return hand, wall, tuple(inputs), tuple(outputs)
+
+    def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
+        """Return expected and found text of a value that is not a signal from outside that a wire reads. what: it should be."""
+        if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
+            return f"{NAME}, for {what}", show(signal)
+        if signal in self.numbers:
+            return "a name that is no number", show(signal)
+        return None if signal in self.read else ("a signal that a wire reads", f"{show(signal)}, which no wire reads")
+
+    def read_asked(
+        self, blocks: Iterable[DrawnBlock], wires: Mapping[str, Leaf], numbers: Iterable[tuple], given: Mapping[str, dict]
+    ) -> Iterator[tuple[str, Terms, str]]:
+        """Yield an output for each signal that a table names and [ports] does not declare; see `Drawing.signals`.
+
+        Its unit is that of a port with the same signal. Names of no signal are left to `Request.refuse_unknown_ends`.
+        """
+        ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
+        units = {name: unit for name, unit, _ in numbers}
+        declared = (parts for side in NAMED for parts in given[side].values() if "unit" in parts)
+        units |= {str(parts["signal"].value): str(parts["unit"].value) for parts in declared}
+        for name, leaf in self.asked.items():
+            terms, block = None, ports.get(name)
+            if name in given["outputs"]:
+                continue
+            if block and name in wires:
+                self.period = self.periods[block.name]
+                terms = self.read_terms(f"wire.{name}", wires[name])
+                self.period = None
+            elif block and name in self.signals:
+                terms = ((name, ONE),)
+            elif name in self.meanings and name in self.signals:
+                self.read.add(name)
+                terms = self.terms_of(f"signals.{name}", leaf, self.meanings[name])
+            if terms is not None:
+                yield name, terms, units.get(name) or (_unit_of(name, block, units) if block else "")
+
+    def read_hand(self, parts: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
+        force = parts.get("force")
+        if force:
+            self.leaves["ports.hand.force"] = force
+            if fault := self.fault_from_outside(force.value, "the hand's force"):
+                self.refuse(force, "ports.hand.force", *fault, of_key=False)
+        position, reaction = (
+            self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:3]
+        )
+        return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
+
+    def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
+        numbers = []
+        for part, leaf in ((part, parts[part]) for part in PORTS["wall"] if part in parts):
+            path, name = f"ports.wall.{part}", leaf.value
+            self.leaves[path] = leaf
+            if name not in self.numbers or name in self.meanings:
+                hint = nearest(name, self.numbers) if isinstance(name, str) else ""
+                self.refuse(leaf, path, "the name of a number in [numbers]", show(name), hint, of_key=False)
+            elif name in numbers:
+                self.refuse(leaf, path, "another number than the stiffness", show(name), of_key=False)
+            numbers.append(str(name))
+        return tuple(numbers) or None
+
+
+def _unit_of(signal: str, block: DrawnBlock, units: Mapping[str, str]) -> str:
+    """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which the unit of its number shows."""
+    mass = dict(block.keys).get("mass", ONE)
+    known = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
+    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if known in ("kg", "kg*m^2") else ""
+    return TURNED[unit] if unit and known == "kg*m^2" else unit
+
+
+def column_fault(table: str, name: str) -> tuple[str, str]:
+    """Return expected and found text of the name of a column."""
+    return f"a name that no column of a table has; `wavesweep keys {table}` lists those", f"{show(name)}, which one has"

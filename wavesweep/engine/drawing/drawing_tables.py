@@ -1,0 +1,294 @@
+"""Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
+
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+from wavesweep.engine.drawing.block_types import COLUMNS, TICK_HZ, TYPES
+from wavesweep.engine.drawing.conditions import displaced, faults
+from wavesweep.engine.drawing.continuous import parted, watching_held
+from wavesweep.engine.drawing.drawing import RATE, Drawing, decides, path_of
+from wavesweep.engine.drawing.drawing_keys import NAME, is_dotted, is_name
+from wavesweep.engine.drawing.drawing_ports import TURNS, PortReader, column_fault
+from wavesweep.engine.drawing.drawn_block import DrawnBlock, Plant
+from wavesweep.engine.drawing.expressions import (
+    ONE,
+    RESERVED,
+    Fault,
+    Terms,
+    Tree,
+    extent,
+    linear,
+    names_in,
+    remembered,
+    with_trees,
+)
+from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine.keys.checking import Mistakes, nearest, show
+from wavesweep.engine.keys.key import Key, Names
+from wavesweep.engine.keys.places import Leaf, Place
+
+TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
+NUMBER_PARTS = ("value", "unit", "description")
+LISTED = 8  # ports that a message lists
+
+Path = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What stands beside a drawing and asks something of it.
+
+    axes: paths of keys of blocks that are numbers too, since something varies them. signals: those that are outputs too, by
+    name, with the leaf that asks for each. classes: names of types that blocks could have had in addition, for messages.
+    """
+
+    axes: frozenset[str] = frozenset()
+    signals: Mapping[str, Leaf] = field(default_factory=dict)
+    classes: tuple[str, ...] = ()
+
+
+def read_drawing(
+    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes, beside: Surroundings = Surroundings()
+) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf], Names]:
+    """Return the drawing, the values of its numbers, its leaves by path, and its names; None if it has mistakes, which it adds.
+
+    leaves: other tables than those of a drawing are skipped. source: their place.
+    """
+    reader = _TableReader(source, beside.axes | {RATE}, beside.classes)
+    grouped = reader.grouped(leaves)
+    reader.asked = beside.signals
+    drawing, values = reader.drawing(grouped)
+    for path, expected, found in (*faults(drawing, values), *displaced(drawing, values)):
+        leaf = reader.leaf(path)
+        text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
+        reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
+    mistakes += reader.mistakes
+    following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
+    names = replace(names_of(leaves, beside.axes) if reader.mistakes else drawing.names, following=following)
+    return (None if reader.mistakes else drawing), values, reader.leaves, names
+
+
+def is_derived(path: Path, leaf: Leaf) -> bool:
+    """Whether a leaf is one of [numbers] that is an expression, from which the number follows."""
+    return path[0] == "numbers" and isinstance(leaf.value, str) and len(path) > 1 and path[2:] in ((), ("value",))
+
+
+def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
+    """Return the names of a drawing that has mistakes, so that its axes can be checked too."""
+    numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
+    keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
+    keys |= {path: Key(path, "number", None, "", "") for path in axes}
+    return Names(keys, {name: path_of(name) for name in numbers})
+
+
+class _TableReader(PortReader):
+    """A reading of all tables of a drawn loop."""
+
+    def grouped(self, leaves: Mapping[Path, Leaf]) -> dict[str, dict]:
+        """Sort the leaves into tables."""
+        tables: dict[str, dict] = {name: {} for name in TABLES}
+        for (table, *rest), leaf in leaves.items():
+            if table not in TABLES:
+                continue
+            if not rest:
+                if leaf.value != {}:
+                    self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
+            elif table in ("rates", "signals", "wire"):
+                tables[table][".".join(rest)] = leaf
+            elif table == "ports":
+                tables[table][tuple(rest)] = leaf
+            else:
+                part = rest[1] if len(rest) > 1 else ""
+                here = leaf if len(rest) < 3 else Leaf({}, leaf.place.under((table, *rest[:2])))
+                tables[table].setdefault(rest[0], {})[part] = here
+        return tables
+
+    def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
+        """Read every table; parts that have mistakes are left out."""
+        self.numbers = tuple(tables["numbers"])
+        ports = self.parts_of_ports(tables["ports"])
+        force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
+        signals = [each.value for each in (*force, *(parts["signal"] for parts in ports["inputs"].values()))]
+        self.outside = {each for each in signals if isinstance(each, str)}
+        numbers, values = self.read_numbers(tables["numbers"])
+        self.tick_hz = self.read_rate(tables["rates"]) or ("name", RATE, 0)
+        blocks = self.read_blocks(tables)
+        self.read_signals(tables["signals"])
+        plants = {block.name: block.type for block in blocks if block.plant}
+        read = {port: self.read_wire(port, leaf, plants) for port, leaf in tables["wire"].items()}
+        read |= {port: ((), ()) for port in self.optional if port not in read}
+        wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
+        hand, wall, inputs, outputs = self.read_ports(ports)
+        outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
+        named = [(name, self.meanings[name], leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
+        named = tuple((name, self.terms_of(f"signals.{name}", leaf, tree) or ()) for name, tree, leaf in named)
+        shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
+        registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
+        blocks += registers
+        wires += tuple((f"{each.name}.u", ((self.registers[f"{each.name}.y"], ONE),)) for each in registers)
+        seen = [term for terms in shown for term in terms or ()]
+        wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
+        self.refuse_loose_ends(tables)
+        self.refuse_two_meanings(tables, plants)
+        values |= self.own
+        turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
+        drawing = Drawing(
+            self.tick_hz, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings, inputs, outputs, named
+        )
+        deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
+        whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
+        values |= {path_of(name): int(values[path_of(name)]) for name in whole}
+        return replace(drawing, whole=whole), values
+
+    def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
+        numbers, values, derived = [], {}, {}
+        for name, parts in table.items():
+            path, first = path_of(name), next(iter(parts.values()))
+            place = first.place if "" in parts else first.place.parent()
+            if name in COLUMNS:
+                self.refuse(place, path, *column_fault("numbers", name))
+            elif not is_name(name) or name in RESERVED:
+                self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
+            for part, leaf in parts.items():
+                if part:
+                    self.mistakes.is_known(part, NUMBER_PARTS, leaf, f"{path}.{part}")
+            leaf = parts.get("") or parts.get("value")
+            words = [self.word(f"{path}.{part}", parts.get(part)) for part in ("unit", "description")]
+            if leaf is None or leaf.value == {}:
+                self.refuse(place, path, "a number, or { value, unit, description }", "no value")
+                continue
+            self.leaves[path] = leaf
+            if isinstance(leaf.value, str):
+                derived[name] = path, leaf
+                self.leaves |= {f"{path}.{part}": parts[part] for part in ("unit", "description") if part in parts}
+                continue
+            value = self.mistakes.check(Key(path, "number", None, "", ""), leaf)
+            if value is not None:
+                values[path] = value
+                numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
+        self.define(derived)
+        return tuple(numbers), values
+
+    def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
+        """Read the blocks, and what wires can read and have to feed."""
+        read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
+        blocks = tuple(block for block in read.values() if block is not None)
+        if not read:
+            self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
+        known = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}
+        self.inputs, outputs = ([f"{name}.{port}" for name in known for port in self.ports[name][side]] for side in (0, 1))
+        springs = {name: read[name] and dict(read[name].keys)["d"] for name, kind in known.items() if kind == "spring"}
+        bare = [name for name, damping in springs.items() if damping is None or damping[:2] == ("number", 0.0)]
+        self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
+        for name in springs:  # to the ground
+            second = [f"{name}.{port}" for port in ("x2", "v2")]
+            self.optional += [] if {*second} & {*tables["wire"]} else second
+        self.signals = {*outputs} | self.outside
+        for block, kind in known.items():
+            for port, text in TYPES[kind].moments:  # which stand for expressions in outputs that are held
+                name = f"{block}.{port}"
+                self.meanings[name] = parse(text.format(name=block))
+                self.extents[name] = extent(self.meanings[name], {})
+                self.signals.add(name)
+        return blocks
+
+    def read_signals(self, table: Mapping[str, Leaf]) -> None:
+        """Read the names of signals, each with the expression that it stands for."""
+        texts = {}
+        for name, leaf in table.items():
+            path = f"signals.{name}"
+            self.leaves[path] = leaf
+            if not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
+                self.refuse(leaf, path, f"{NAME}, and no number, function or signal from outside either", show(name))
+            elif not isinstance(leaf.value, str):
+                self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
+            else:
+                texts[name] = path, leaf
+        self.signals |= table.keys() - {*self.numbers}
+        self.define(texts, signals=True)
+
+    def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
+        for name, leaf in table.items():
+            if name != "tick_hz":
+                expected = "tick_hz, the rate that all others divide"
+                self.refuse(leaf, f"rates.{name}", expected, "an unknown key", "rates.tick_hz")
+        return self.read_key(RATE, TICK_HZ, table.get("tick_hz"))
+
+    def read_wire(self, port: str, leaf: Leaf, plants: Mapping[str, str]) -> tuple[Terms, Terms] | None:
+        """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
+        path, own = f"wire.{port}", port.rpartition(".")[0]
+        if port not in self.inputs and not self.is_hidden(own):
+            terms = "an output of a block" if port in self.signals else "an unknown port"
+            expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
+            self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
+        self.period = self.periods.get(own, ONE)
+        terms = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
+        self.period = None
+        return terms
+
+    def refuse_two_meanings(self, tables: Mapping[str, dict], plants: Mapping[str, str]) -> None:
+        """Refuse names of [signals] that act continuously in the wire of one plant, and are held in that of another."""
+        if self.mistakes or not tables["signals"]:
+            return
+        texts = {name: parse(leaf.value) for name, leaf in tables["signals"].items()}
+        others = {name: tree for name, tree in self.meanings.items() if name not in texts}
+
+        def whole(tree: Tree, without: str = "") -> Tree:
+            names = {name for name, _ in names_in(tree)} & texts.keys()
+            meanings = {name: ("number", 0.0, 0) if name == without else whole(texts[name], without) for name in names}
+            return remembered(with_trees(with_trees(tree, meanings), others), self.signals)[0]
+
+        of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
+        read = {name: {signal for signal, _ in linear(whole(tree), self.signals)} & of_plants for name, tree in texts.items()}
+        wires = {port: parse(leaf.value) for port, leaf in tables["wire"].items() if isinstance(leaf.value, str)}
+        ways: dict[str, tuple[list[str], list[str]]] = {name: ([], []) for name in texts}  # ports: held there, or continuous
+        for port, tree in wires.items():
+            own, there = port.rpartition(".")[0], whole(tree)
+            for name in texts if own in plants else ():
+                if (rest := whole(tree, name)) == there:
+                    continue
+                with suppress(Fault):  # without the name, the rest may be no spring
+                    known, less = (parted(each, self.signals, own, plants) for each in (there, rest))
+                    differ = [any(dict(known[i]).get(each) != dict(less[i]).get(each) for each in read[name]) for i in (0, 1)]
+                    if any(differ):
+                        ways[name][differ[1]].append(port)
+        two = {held[0]: (name, continuous[0]) for name, (held, continuous) in ways.items() if held and continuous}
+        for port, (name, other) in two.items():
+            expected = f"{name} as in {other}, where it acts continuously, or the output of a hold in both"
+            self.refuse(tables["wire"][port], f"wire.{port}", expected, f"{name} held over a tick", of_key=False)
+
+    def made_registers(
+        self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]
+    ) -> tuple[DrawnBlock, ...]:
+        """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs with all that read it.
+
+        shown: terms that are read in every tick, in addition to the ports of blocks.
+        """
+        runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
+        registers = []
+        for register, signal in self.registers.items():
+            source = next((block for block in blocks if block.name == signal.rpartition(".")[0]), None)
+            readers = {runs.get(port.rpartition(".")[0]) for port, terms in wires if register in dict(terms)}
+            readers |= {None for terms in shown if register in dict(terms or ())}
+            every, phase = (source.every, source.phase) if source and readers == {runs[source.name]} else (ONE, Plant.phase)
+            registers.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
+        return tuple(registers)
+
+    def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
+        """Refuse inputs without a wire, and numbers and names of signals that no expression reads."""
+        for port in self.inputs:
+            if port not in tables["wire"] and port not in self.optional:
+                expected = f'a wire to this input, "{port}" = "..." in [wire]'
+                self.refuse(
+                    self.leaf(f"block.{port.rpartition('.')[0]}"), f"block.{port}", expected, "none (0 leaves it at rest)"
+                )
+        if self.mistakes:  # one may be why a number is not read
+            return
+        paths = {name: path_of(name) for name in self.numbers}
+        paths |= {name: f"signals.{name}" for name in tables["signals"] if is_name(name)}
+        for name, path in paths.items():
+            if name not in self.read:
+                kind = "number" if name in self.numbers else "signal"
+                self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")

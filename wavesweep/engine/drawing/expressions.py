@@ -1,0 +1,333 @@
+"""Arithmetic in numbers and signals as trees: values, texts, gains of signals, and other trees in place of names.
+
+A tree is nested tuples (operation, operands, offset in the text), so that it can be compared, hashed and sent to workers.
+"""
+
+import math
+import operator
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+Tree = tuple
+Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
+
+MOST_PARTS, MOST_DEEP = 2000, 200  # of a tree, whose names may stand for other trees: parts, and parts within each other
+FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log")  # angles in rad, the natural logarithm
+PREVIOUS = "prev"  # of signals: what they were before the tick
+RESERVED = ("pi", *FUNCTIONS)
+EXPANDED = 32  # the largest exponent that is written out as products
+ONE: Tree = ("number", 1.0, 0)
+# Rank of an operation, the ranks that its parts need, and its sign in a text.
+RANKS = {
+    "+": (1, (1, 2), " + "),
+    "-": (1, (1, 2), " - "),
+    "negative": (1, (2,), ""),
+    "*": (2, (2, 3), "*"),
+    "/": (2, (2, 3), "/"),
+    "**": (3, (4, 3), "**"),
+}
+
+
+class Fault(ValueError):
+    """One mistake in a text: its offset there, the expected text and the text found."""
+
+    def __init__(self, offset: int, expected: str, found: str, suggestion: str = "") -> None:
+        super().__init__(f"expected {expected}, found {found}")
+        self.offset, self.expected, self.found, self.suggestion = offset, expected, found, suggestion
+
+
+def text_of(tree: Tree, least: int = 0) -> str:
+    """Return a text whose tree has the same value. least: rank of operations from which no parentheses are needed."""
+    operation, parts = tree[0], tree[1:-1]
+    if operation == "name":
+        return parts[0]
+    if operation == "number":
+        short = f"{parts[0]:g}"
+        return "pi" if parts[0] == math.pi else short if float(short) == parts[0] else repr(parts[0])
+    if operation in FUNCTIONS:
+        return f"{operation}({text_of(parts[0])})"
+    if operation in ("*", "/") and (unsigned := _unsigned(tree)) is not None:
+        return text_of(("negative", unsigned, tree[-1]), least)
+    if operation == "negative" and (unsigned := _unsigned(parts[0])) is not None:
+        return text_of(unsigned, least)
+    rank, sides, sign = RANKS[operation]
+    text = sign.join(text_of(part, side) for part, side in zip(parts, sides, strict=True))
+    text = f"-{text}" if operation == "negative" else text
+    return text if rank >= least else f"({text})"
+
+
+def sum_of(terms: Terms) -> str:
+    """Return a sum of signals times gains as a text."""
+    texts = (text_of(("*", gain, ("name", signal, 0), 0)).removeprefix("1*") for signal, gain in terms)
+    return " + ".join(texts).replace("+ -", "- ")
+
+
+def _unsigned(tree: Tree) -> Tree | None:
+    """Return a product or quotient without the sign of its first factor, which is left out if it is -1; None without one."""
+    operation, first = tree[0], tree[1]
+    if operation == "negative":
+        return first
+    if operation not in ("*", "/") or (inner := _unsigned(first)) is None:
+        return None
+    return tree[2] if operation == "*" and inner[:2] == ("number", 1.0) else (operation, inner, *tree[2:])
+
+
+def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
+    """Yield each name in the tree with its offset."""
+    if tree[0] == "name":
+        yield tree[1], tree[2]
+    for part in tree[1:-1]:
+        if isinstance(part, tuple):
+            yield from names_in(part)
+
+
+def linear(tree: Tree, signals: set[str]) -> Terms:
+    """Return the tree as signals times gains; a gain is a tree without signals.
+
+    Errors: Fault if the text is not linear in the signals, or has a term without a signal other than 0.
+    """
+    terms = _linear(tree, signals)
+    rest = terms.pop("", None)
+    if rest is not None and not _is_nothing(rest):
+        offset = rest[-1]
+        raise Fault(offset, "a sum of signals times numbers", "a term without a signal")
+    return tuple(terms.items())
+
+
+def _is_nothing(tree: Tree) -> bool:
+    """Whether a tree is 0 as it is written, products with 0 included."""
+    operation, *parts, _ = tree
+    if operation in ("+", "-"):
+        return all(map(_is_nothing, parts))
+    if operation == "*":
+        return any(map(_is_nothing, parts))
+    return _is_nothing(parts[0]) if operation in ("negative", "/") else tree[:2] == ("number", 0.0)
+
+
+def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
+    """The gain of each signal; that of "" is the term without a signal."""
+    operation, at = tree[0], tree[-1]
+    if operation == "number" or (operation == "name" and tree[1] not in signals):
+        return {"": tree}
+    if operation == "name":
+        return {tree[1]: ONE}
+    parts = [_linear(part, signals) for part in tree[1:-1]]
+    if operation == "negative":
+        return {name: ("negative", gain, at) for name, gain in parts[0].items()}
+    if operation in ("+", "-"):
+        total, other = dict(parts[0]), parts[1]
+        for name, gain in other.items():
+            alone = gain if operation == "+" else ("negative", gain, at)
+            total[name] = (operation, total[name], gain, at) if name in total else alone
+        return total
+    left, right = ([name for name in part if name] for part in (parts[0], parts[-1]))
+    fault = {
+        **dict.fromkeys(FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"),
+        "**": (left or right) and "a power of a signal, or with a signal",
+        "/": right and f"a division by the signal {right[0]}",
+        "*": left and right and f"the product of the signals {left[0]} and {right[0]}",
+    }[operation]
+    if fault:
+        raise Fault(at, "arithmetic that is linear in the signals", fault)
+    if not left and not right:
+        return {"": tree}
+    factor, of_signals = (parts[0][""], parts[1]) if right else (parts[1][""], parts[0])
+    ones = operation == "*"
+    return {
+        name: factor if ones and gain == ONE else gain if ones and factor == ONE else (operation, gain, factor, at)
+        for name, gain in of_signals.items()
+    }
+
+
+def evaluate(
+    tree: Tree, numbers: Mapping[str, Any], library: Any = math, watch: Callable[[Tree, Any, Any, Any], None] | None = None
+) -> Any:
+    """Return the value of a tree without signals.
+
+    numbers: name -> number, or array of numbers, real or complex. library: has the functions of such values, as `math` has
+    them. watch: is called with every operation on two terms and every function, their values and its own.
+    Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
+    """
+    return _evaluate(tree, numbers, library, watch, {})
+
+
+def _evaluate(tree, numbers, library, watch, found):
+    """The value; found: those of parts by `id`, since what a name stands for is one part wherever it is read."""
+    operation = tree[0]
+    if operation == "number":
+        return tree[1]
+    if operation == "name":
+        return numbers[tree[1]]
+    own = id(tree)
+    if own in found:
+        return found[own]
+    first, *others = (_evaluate(part, numbers, library, watch, found) for part in tree[1:-1])
+    second = others[0] if others else None
+    if operation == "negative":
+        value = -first
+    elif operation in FUNCTIONS:
+        value = getattr(library, operation)(first)
+    else:
+        value = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
+    if watch and operation != "negative":
+        watch(tree, first, second, value)
+    found[own] = value
+    return value
+
+
+_OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
+
+
+def _power(base: Any, exponent: Any, tree: Tree) -> Any:
+    """A small whole exponent is written out, so that it is exact for negative and complex numbers."""
+    if not (is_constant(tree) and exponent == int(exponent) and abs(exponent) <= EXPANDED):
+        return base**exponent
+    total, count = 1.0, abs(int(exponent))
+    for bit in f"{count:b}":
+        total = total * total * base if bit == "1" else total * total
+    return total if exponent >= 0 else 1 / total
+
+
+CANCELLED = 1 / 16  # a sum below this share of its first term has lost digits
+RAISED = 16  # an operation that multiplies the rounding of its first term by more than this loses digits
+SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
+
+
+def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
+    """Return whether an operation is wrong by more than a few roundings, for each of its values."""
+    operation, computed = tree[0], [not is_given(part) for part in tree[1:-1]]
+    if operation in FUNCTIONS:  # the size of f'(x) x against that of f(x)
+        change = {"sqrt": 0.0, "tan": abs(first) * (1 + abs(found * found)), "exp": abs(first * found), "log": 1.0}
+        return (change.get(operation, abs(first)) > RAISED * abs(found)) & computed[0]
+    if operation in ("+", "-"):  # a sum of two numbers is rounded once
+        return (abs(found) < CANCELLED * abs(first)) & any(computed)
+    if operation == "**":
+        return (abs(second) > RAISED) & computed[0]
+    return (abs(found) < SUBNORMAL) & (abs(first) >= SUBNORMAL) & (abs(second) >= SUBNORMAL)
+
+
+def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
+    """Return the value of a tree without signals, correct to a few roundings of itself, for numbers that are exact.
+
+    Where digits are lost, as in sums that cancel, the value is computed again in ball arithmetic. Errors: those of `evaluate`.
+    """
+    lost: list[bool] = []
+    rough = evaluate(tree, numbers, watch=lambda *operation: lost.append(lost_digits(*operation)))
+    if not any(lost):
+        return rough
+    from wavesweep.engine.drawing.exact import exactly
+
+    return exactly(tree, {name: numbers[name] for name, _ in names_in(tree)})
+
+
+def is_given(tree: Tree) -> bool:
+    """Whether a tree is a number or a name, or the negative of one, which no rounding changes."""
+    return tree[0] in ("number", "name") or (tree[0] == "negative" and is_given(tree[1]))
+
+
+def is_constant(tree: Tree) -> bool:
+    """Whether a tree is a number as it is written, or the negative of one."""
+    return tree[0] == "number" or (tree[0] == "negative" and tree[1][0] == "number")
+
+
+def with_number(tree: Tree, name: str, number: float) -> Tree:
+    """Return the tree with a number in place of a name."""
+    return with_trees(tree, {name: ("number", number, 0)})
+
+
+def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
+    """Return the tree with other trees in place of names, each at the offset of its name."""
+    if tree[0] == "name" and tree[1] in meanings:
+        return (*meanings[tree[1]][:-1], tree[2])
+    return _same_or(tree, tuple(with_trees(part, meanings) if isinstance(part, tuple) else part for part in tree))
+
+
+def _same_or(tree: Tree, made: Tree) -> Tree:
+    """The tree itself if none of its parts is another one: see `_evaluate`."""
+    return tree if all(one is other for one, other in zip(tree, made, strict=True)) else made
+
+
+def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
+    """Return the tree with the outputs of registers in place of the signals within `prev(...)`, and the signal of each output.
+
+    Errors: Fault if there is neither a signal nor 0 within the parentheses.
+    """
+    parts = [remembered(part, signals) if isinstance(part, tuple) else (part, {}) for part in tree[1:-1]]
+    registers = {register: signal for _, read in parts for register, signal in read.items()}
+    tree = _same_or(tree, (tree[0], *(part for part, _ in parts), tree[-1]))
+    if tree[0] != PREVIOUS:
+        return tree, registers
+    read = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in registers}
+    if not (read or _is_nothing(tree[1])):  # as an input of a class that is at rest
+        raise Fault(tree[-1], f"a signal of a wire within {PREVIOUS}( )", "none")
+    return with_trees(tree[1], {name: ("name", register, 0) for register, name in read.items()}), registers | read
+
+
+def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
+    """Return how many parts a tree has and how deep it is, if names stand for trees of such extents."""
+    if tree[0] == "name":
+        return of_names.get(tree[1], (1, 1))
+    parts = [extent(part, of_names) for part in tree[1:-1] if isinstance(part, tuple)]
+    return 1 + sum(size for size, _ in parts), 1 + max((depth for _, depth in parts), default=0)
+
+
+def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
+    """Raise Fault for a tree that is too large or too deep with what its names stand for."""
+    size, depth = extent(tree, of_names)
+    if size > MOST_PARTS or depth > MOST_DEEP:
+        raise Fault(0, f"at most {MOST_PARTS} parts, {MOST_DEEP} within each other, with those of its names", "more")
+
+
+def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
+    """Yield the trees at whose zeros this one is not analytic, and the root or power that may still have a value there.
+
+    These are divisors, arguments of logarithms and cosines of those of tangents, which leave none, arguments of roots, and
+    bases of powers that are not whole numbers.
+    """
+    for part in tree[1:-1]:
+        if isinstance(part, tuple):
+            yield from singular(part)
+    if tree[0] == "/":
+        yield tree[2], None
+    elif tree[0] in ("log", "tan"):
+        yield (tree[1] if tree[0] == "log" else ("cos", *tree[1:])), None
+    elif tree[0] == "sqrt" or (tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer())):
+        yield tree[1], tree
+
+
+def degree(tree: Tree, number: str) -> float:
+    """Return the degree of the tree as a polynomial in a number; infinite if it is not a polynomial."""
+    if tree[0] in ("number", "name"):
+        return int(tree[0] == "name" and tree[1] == number)
+    degrees = [degree(part, number) for part in tree[1:-1]]
+    if tree[0] in ("+", "-", "negative"):
+        return max(degrees)
+    if tree[0] == "*":
+        return sum(degrees)
+    if tree[0] == "/" and degrees[1] == 0:
+        return degrees[0]
+    whole = tree[0] == "**" and tree[2][0] == "number" and tree[2][1].is_integer()
+    return degrees[0] * tree[2][1] if whole else math.inf if any(degrees) else 0
+
+
+def cancelled(tree: Tree) -> Tree:
+    """Return the tree without the factors that a quotient has above and below, such as `b` of `(a*b)/b`."""
+    if tree[0] in ("number", "name"):
+        return tree
+    tree = _same_or(tree, (tree[0], *map(cancelled, tree[1:-1]), tree[-1]))
+    over = _over(tree[1], text_of(tree[2])) if tree[0] == "/" else None
+    return tree if over is None else over
+
+
+def _over(tree: Tree, factor: str) -> Tree | None:
+    """The tree divided by a factor, given as a text; None if it is not one of the tree."""
+    if text_of(tree) == factor:
+        return ONE
+    if tree[0] in ("negative", "+", "-"):
+        parts = [_over(part, factor) for part in tree[1:-1]]
+        return None if None in parts else (tree[0], *parts, tree[-1])
+    for at in {"*": (1, 2), "/": (1,)}.get(tree[0], ()):
+        if (over := _over(tree[at], factor)) is not None:
+            return (*tree[:at], over, *tree[at + 1 :])
+    return None

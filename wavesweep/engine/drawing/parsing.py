@@ -1,0 +1,86 @@
+"""Expressions are read by a parser of their own, and never evaluated as code.
+
+sum    = product { ("+" | "-") product }        product = signed { ("*" | "/") signed }
+signed = "-" signed | "+" signed | power        power   = atom [ "**" signed ]
+atom   = number | name | name "." port | "pi" | function "(" sum ")" | "(" sum ")" | "prev" "(" sum ")"
+"""
+
+import math
+import re
+from collections import deque
+from collections.abc import Iterator
+
+from wavesweep.engine.drawing.expressions import FUNCTIONS, PREVIOUS, RANKS, Fault, Tree
+from wavesweep.engine.keys.checking import nearest, show
+
+LONGEST = 400  # tokens
+DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<sign>\*\*|[-+*/()]))",
+    re.ASCII,
+)
+
+
+# What is meant by signs of other languages and of typeset text.
+MEANT = {"^": "**", "\u2212": "-", "\u2013": "-", "\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u00f7": "/", "\u2215": "/"}
+
+
+def parse(text: str) -> Tree:
+    """Return the tree of a text. Errors: Fault at the first token that does not fit."""
+    tokens = deque(_tokens(text))
+    if len(tokens) > LONGEST:
+        raise Fault(0, f"at most {LONGEST} numbers, names and signs", f"{len(tokens) - 1}")
+    tree = _part(tokens, 1, 0)
+    kind, rest, at = tokens.popleft()
+    if kind != "end":
+        raise Fault(at, "an operator or the end", show(rest))
+    return tree
+
+
+def _part(tokens: deque, least: int, depth: int) -> Tree:
+    """Read a part of a text, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
+    kind, text, at = tokens.popleft()
+    if depth > DEEPEST:
+        raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
+    if kind == "number":
+        if not math.isfinite(float(text)):
+            raise Fault(at, "a finite number", text)
+        tree = ("number", float(text), at)
+    elif text in ("+", "-"):
+        tree = _part(tokens, RANKS["**"][0], depth + 1)
+        tree = ("negative", tree, at) if text == "-" else tree
+    elif text == "(" or text in FUNCTIONS or (kind == "name" and tokens[0][1] == "("):
+        if kind == "name" and text not in (PREVIOUS, *FUNCTIONS):
+            raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
+        if kind == "name":
+            _expect(tokens, "(", f"( after {text}")
+        inner = _part(tokens, 1, depth + 1)
+        _expect(tokens, ")", ") to close a parenthesis")
+        tree = (text, inner, at) if kind == "name" else inner
+    elif kind == "name":
+        tree = ("number", math.pi, at) if text == "pi" else ("name", text, at)
+    else:
+        raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
+    while tokens[0][0] == "sign" and RANKS.get(tokens[0][1], (0,))[0] >= least:
+        _, sign, at = tokens.popleft()
+        tree = (sign, tree, _part(tokens, RANKS[sign][1][1], depth + (sign == "**")), at)
+    return tree
+
+
+def _expect(tokens: deque, sign: str, expected: str) -> None:
+    _, text, at = tokens.popleft()
+    if text != sign:
+        raise Fault(at, expected, show(text) if text else "the end")
+
+
+def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
+    at = 0
+    while text[at:].strip():
+        match = _TOKEN.match(text, at)
+        if match is None:
+            at += len(text[at:]) - len(text[at:].lstrip())
+            hint = MEANT.get(text[at], "")
+            raise Fault(at, "a number, a name, or one of + - * / ** ( )", show(text[at]), hint)
+        yield match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)
+        at = match.end()
+    yield "end", "", len(text)

@@ -1,0 +1,138 @@
+"""Loops that a hand holds: which block is the device, the loop with a hand on it, and its ticks as the hand sees them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
+from wavesweep.engine.drawing.expressions import ONE
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.loops.dead_time import built, shares
+from wavesweep.engine.loops.from_drawing import assembled, twins
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import axes_of
+from wavesweep.engine.loops.values import values_of
+from wavesweep.engine.monodromy.drift import TickDrift, drift_of_drawn
+from wavesweep.engine.response.port import Port, port_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldLoop:
+    """Loops of one structure that a hand holds.
+
+    drawing: of all. values: flat numbers, or arrays over a batch; a number that is zero in one loop is zero in all.
+    """
+
+    drawing: Drawing
+    values: Mapping[str, Any]
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the arrays among the values."""
+        return np.broadcast_shapes(*(np.shape(value) for value in self.values.values()))
+
+    @property
+    def device(self) -> str | None:
+        """Name of the mass that the hand holds; None if the hand is not the mass, damping and stiffness of one."""
+        return device_of(self.drawing)
+
+    def changed(self, changes: Mapping[str, Any]) -> "HeldLoop":
+        """Return the loops with other numbers."""
+        return replace(self, values={**self.values, **changes})
+
+    def at(self, index: int) -> "HeldLoop":
+        """Return one loop of the batch, by its flat index."""
+        batch = self.batch
+        one = {k: np.broadcast_to(v, batch).flat[index].item() if np.ndim(v) else v for k, v in self.values.items()}
+        return replace(self, values=one)
+
+    def with_hand(self) -> "HeldLoop":
+        """Return the loops whose device has the mass, damping and stiffness of a hand as well, as the numbers `HAND`."""
+        added = dict.fromkeys(HAND, 0.0)
+        drawing = self.drawing if self.drawing.reads.issuperset(HAND) else with_hand(self.drawing, self.device, HAND)
+        return HeldLoop(drawing, {**added, **self.values})
+
+    def drawn(self) -> MultirateLoop:
+        """Return the blocks of the loops."""
+        return assembled(self.drawing, self.values)
+
+    @property
+    def reads_velocity(self) -> bool:
+        """Whether something reads the velocity of the device as a point sample, or its position between two ticks."""
+        own, sensed = f"{self.device}.v", f"{self.device}.x{AT}"
+        terms = [each for sums in self.drawn().sums.values() for each in sums.items()]
+        return any(np.any(gain) and (name.startswith((own, sensed))) for name, gain in terms)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """The parts of a tick in each of which the force on the device is held: its port in each, and its share of the tick."""
+        plant = next((each for each in self.drawing.plants if each.members[0].name == self.device), None)
+        if plant is None or not plant.arriving:
+            return {f"{self.device}.f": 1.0}
+        ((port, name),) = plant.arriving
+        known = built(self.drawing, scalars(self.values))
+        later = shares(self.drawing, known, values_of(self.drawing.tick_hz, known))[name]
+        return {port: 1.0 - later, f"{port}{AT}{name}": later}
+
+    def drift(self, watched=()) -> TickDrift:
+        """Return the drift of the loops; watched: see `drift_of_drawn`."""
+        with np.errstate(all="ignore"):
+            return _drift(*twins(self.drawing, self.values), tuple(watched))
+
+    def port(self, drawn: MultirateLoop | None = None) -> Port:
+        """Return the loops from the hand's forces to the displacements in the tick.
+
+        drawn: the blocks of the loops, if they are known.
+        """
+        with np.errstate(all="ignore"):
+            ports = axes_of(self.drawing)
+            return port_of(drawn or self.drawn(), ports, self.drift(ports.signals))
+
+
+_drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
+
+
+@lru_cache(maxsize=256)
+def device_of(drawing: Drawing) -> str | None:
+    """Return the mass that the hand's force acts on, and nothing else, and whose position is the displacement of the hand.
+
+    Nothing else acts on it continuously.
+    """
+    if drawing.hand is None or drawing.further:
+        return None
+    force, displacement, _ = drawing.hand
+    pushed = [(port, dict(terms)[force]) for port, terms in drawing.wires if force in dict(terms)]
+    masses = {f"{block.name}.f": block.name for block in drawing.apart if block.type == "mass"}
+    if len(pushed) != 1 or pushed[0][0] not in masses or not _is_one(pushed[0][1]):
+        return None
+    name = masses[pushed[0][0]]
+    (signal, gain), *others = displacement
+    return name if not others and signal == f"{name}.x" and _is_one(gain) else None
+
+
+def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:
+    """Return mass (kg), damping (N*s/m) and stiffness (N/m) of the device without a hand."""
+    keys = dict(next(block.keys for block in loop.drawing.blocks if block.name == loop.device))
+    known = {**scalars(loop.values), **dict.fromkeys(HAND, 0.0)}
+    return tuple(values_of(keys[path.partition(".")[2]], known) for path in HAND)
+
+
+def _is_one(tree):
+    return tree[0] == ONE[0] and tree[1] == ONE[1]
+
+
+@lru_cache(maxsize=64)
+def with_hand(drawing: Drawing, device: str, paths: tuple[str, ...]) -> Drawing:
+    """Return the drawing whose device has a further mass, damping and stiffness, the numbers with these paths."""
+    added = dict(zip(("mass", "damping", "stiffness"), paths, strict=True))
+
+    def held(block):
+        if block.name != device:
+            return block
+        keys = ((name, ("+", tree, ("name", added[name], 0), 0) if name in added else tree) for name, tree in block.keys)
+        return replace(block, keys=tuple(keys))
+
+    return replace(drawing, blocks=tuple(map(held, drawing.blocks)))

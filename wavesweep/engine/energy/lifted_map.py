@@ -1,0 +1,226 @@
+"""Maps of a frame of ticks from one signal to another: their Hermitian parts at each frequency, and the pencils of levels."""
+
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+
+from wavesweep.engine.energy.hinf import SOFT, Element, Peak, angles, peak_by_levels, then, tick
+from wavesweep.engine.monodromy.periodic import Change, in_a_row, known_frames
+from wavesweep.engine.monodromy.rounding import balance, measured_frame
+from wavesweep.engine.monodromy.unit_circle import on_circle, solve
+
+MOST = 500_000  # complex numbers of the points that are computed together
+SWEEPS = 12  # over the states, for their units
+SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TickMaps:
+    """Every kind of tick of some loops, from inputs u to outputs y.
+
+    maps: per kind E `(loops, n, n)` less identity, B `(loops, n, m)`, C `(loops, p, n)` and D `(loops, p, m)`; m and p may
+    differ from kind to kind. kind: of each tick of the frame, `(M,)`.
+    """
+
+    maps: tuple[tuple[np.ndarray, ...], ...]
+    kind: np.ndarray
+
+    @staticmethod
+    def of(maps, kind, batch) -> "TickMaps":
+        """Return the ticks with their batch, broadcast to `batch`, in one axis."""
+        return TickMaps(tuple(tuple(_flat(part, batch) for part in each) for each in maps), kind)
+
+    @property
+    def loops(self) -> int:
+        """Number of loops."""
+        return len(self.maps[0][0])
+
+    def at(self, loops) -> "TickMaps":
+        """Return some of the loops."""
+        return TickMaps(tuple(tuple(part[loops] for part in each) for each in self.maps), self.kind)
+
+    def in_even_units(self) -> "TickMaps":
+        """Return the ticks with states in units that give their entries similar sizes.
+
+        States of a transfer function differ in size like powers of its poles, and so would errors of the eigenvalues of a
+        level's pencil.
+        """
+        n = self.maps[0][0].shape[-1]
+        whole = np.zeros((self.loops, n + 1, n + 1))
+        for E, B, C, _ in self.maps:
+            whole[:, :n, :n] += np.abs(E)
+            whole[:, :n, n] += np.abs(B).sum(-1)
+            whole[:, n, :n] += np.abs(C).sum(-2)
+        units = balance(np.where(np.isfinite(whole), whole, 0.0), SWEEPS)[1]
+        u = (units[:, :n] / units[:, n:])[:, None, :]
+        v = np.swapaxes(u, -1, -2)
+        return TickMaps(tuple((E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind)
+
+    def pencil(self, owner, level) -> Element:
+        """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see `hinf`."""
+
+        def costs(C, D):
+            return 0.0, np.swapaxes(C, -1, -2), D + np.swapaxes(D, -1, -2) - 2 * level[:, None, None] * np.eye(D.shape[-1])
+
+        return self._frame(owner, costs)
+
+    def loss_pencil(self, owner, square) -> Element:
+        """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see `hinf`."""
+
+        def costs(C, D):
+            of_C, of_D = (np.swapaxes(part, -1, -2) for part in (C, D))
+            return -of_C @ C, -of_C @ D, square[:, None, None] * np.eye(D.shape[-1]) - of_D @ D
+
+        return self._frame(owner, costs)
+
+    def _frame(self, owner, costs):
+        with np.errstate(all="ignore"):
+            each = [tuple(part[owner] for part in one) for one in self.maps]
+            elements = [tick(np.eye(E.shape[-1]) + E, B, *costs(C, D)) for E, B, C, D in each]
+            return in_a_row(self.kind.tolist(), elements, then)
+
+    def frame(self, *, measured: bool = True) -> np.ndarray:
+        """Return the frame less identity, `(loops, n, n)`; if measured, NaN where rounding leaves nothing of it."""
+        changes = [each[0] for each in self.maps]
+        if measured:
+            E, growth = measured_frame(self.kind, changes)
+            return known_frames(E, growth)
+        with np.errstate(all="ignore"):
+            return in_a_row(self.kind.tolist(), [Change.of(each) for each in changes], Change.then).E
+
+    def lifted(self, *, measured: bool = True) -> "LiftedMap":
+        """Return the map from the inputs of a frame to its outputs; measured: see `frame`."""
+        n, loops, kinds = self.maps[0][0].shape[-1], self.loops, self.kind.tolist()
+        height, width = (sum(self.maps[kind][3].shape[axis] for kind in kinds) for axis in (-2, -1))
+        number = np.result_type(*(part for each in self.maps for part in each))
+        O, T, drive = (np.zeros((loops, *shape), number) for shape in ((height, n), (height, width), (n, width)))
+        state, row, column = np.broadcast_to(np.eye(n), (loops, n, n)), 0, 0
+        with np.errstate(all="ignore"):
+            for E, B, C, D in (self.maps[kind] for kind in kinds):
+                rows, new = slice(row, row + C.shape[-2]), slice(column, column + B.shape[-1])
+                O[:, rows], T[:, rows, :column], T[:, rows, new] = C @ state, C @ drive[..., :column], D
+                state = state + E @ state
+                drive[..., :column] += E @ drive[..., :column]
+                drive[..., new] = B
+                row, column = rows.stop, new.stop
+        return LiftedMap(self.frame(measured=measured), T, O, drive)
+
+
+def _flat(part, batch):
+    tail = part.shape[-2:]
+    return np.broadcast_to(part, (*batch, *tail)).reshape(prod(batch), *tail)
+
+
+def read(maps) -> np.ndarray:
+    """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see `TickMaps`."""
+    return closure([E for E, *_ in maps], np.logical_or.reduce([_there(C).any(0) for _, _, C, _ in maps]))
+
+
+def reached(maps) -> np.ndarray:
+    """Whether each state depends on the inputs of some tick, `(n,)`."""
+    transposed = [np.swapaxes(E, -1, -2) for E, *_ in maps]
+    return closure(transposed, np.logical_or.reduce([_there(B).any(-1) for _, B, *_ in maps]))
+
+
+def closure(changes, found) -> np.ndarray:
+    """The states that are found, and those that these read by the changes of some tick, `(n,)`."""
+    reads = np.logical_or.reduce([_there(E) for E in changes])
+    while (more := found | reads[found].any(0)).sum() > found.sum():
+        found = more
+    return found
+
+
+def _there(part):
+    """Entries that are not zero in some loop."""
+    return np.any(part != 0, axis=tuple(range(part.ndim - 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiftedMap:
+    """`T + O (w - E)^-1 G` at `w = z - 1` of the frame, for each of some loops.
+
+    E `(loops, n, n)` less identity, T `(loops, p, m)`, O `(loops, p, n)`, G `(loops, n, m)`.
+    """
+
+    E: np.ndarray
+    T: np.ndarray
+    O: np.ndarray
+    G: np.ndarray
+
+    def at(self, loops) -> "LiftedMap":
+        """Return some of the loops."""
+        return LiftedMap(*(part[loops] for part in (self.E, self.T, self.O, self.G)))
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean eigenvalue of the Hermitian part over all frequencies, `(loops,)`: that of the direct terms."""
+        return np.diagonal(self.T, axis1=-2, axis2=-1).mean(-1)
+
+    def smallest(self, owner, theta, noise: float = 0.0) -> np.ndarray:
+        """Return the smallest eigenvalue of the Hermitian part, of the loops `owner` at the angles `theta` (rad per frame).
+
+        noise: share of the largest one that is added. NaN where the map is not finite. Accuracy: rounding of the largest entry.
+        """
+
+        def eigenvalue(H):
+            found = np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)
+            return found[:, 0] + noise * np.abs(found).max(-1) if noise else found[:, 0]
+
+        return self._measured(owner, theta, eigenvalue)
+
+    def largest_square(self, owner, theta) -> np.ndarray:
+        """Return the square of the largest singular value, in the same way."""
+
+        def square(H):
+            H = H if H.shape[-2] <= H.shape[-1] else np.swapaxes(H.conj(), -1, -2)
+            if H.shape[-2] <= 1:
+                return (np.abs(H) ** 2).sum((-1, -2))
+            return np.linalg.eigvalsh(H @ np.swapaxes(H.conj(), -1, -2))[:, -1]
+
+        return self._measured(owner, theta, square)
+
+    def response(self, owner, theta) -> np.ndarray:
+        """Return the map of the loops `owner` at the angles `theta`, `(points, p, m)`."""
+        with np.errstate(all="ignore"):
+            A = on_circle(theta)[:, None, None] * np.eye(self.E.shape[-1]) - self.E[owner]
+            return self.T[owner] + self.O[owner] @ solve(A, self.G[owner] + 0j)
+
+    def _measured(self, owner, theta, measure):
+        owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
+        found, step = np.full(owner.size, np.nan), max(1, MOST // max(1, self.T[0].size))
+        for part in (slice(first, first + step) for first in range(0, owner.size, step)):
+            H = self.response(owner[part], theta[part])
+            good = np.isfinite(H).all((-1, -2))
+            found[part][good] = measure(H[good])
+        return found
+
+
+TOLERANCE = 1e-10  # relative, of a norm
+
+
+def squared_norm(way: TickMaps) -> Peak:
+    """The peak of the square of the H-infinity norm of a lifted map; half of TOLERANCE is left for rounding."""
+    lifted = way.lifted(measured=False)
+    return peak_by_levels(
+        lambda owner, theta, _: lifted.largest_square(owner, theta),
+        lambda owner, square: angles(way.loss_pencil(owner, square)),
+        way.loops,
+        lambda _, square: TOLERANCE * square,
+    )
+
+
+def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: np.ndarray) -> Peak:
+    """Return the damping that loops need, from their ticks and their maps of a frame from displacements to forces.
+
+    period: of a tick, s; least: angle from which on frequencies are examined, rad per frame; `(loops,)` each.
+    """
+    return peak_by_levels(
+        lambda owner, theta, _: np.nan_to_num(
+            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
+        ),
+        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
+        ticks.loops,
+        lambda _, level: SLACK * (1 + np.abs(level)),
+        SOFT,
+    )

@@ -1,0 +1,1 @@
+"""Keys, values with their places, and the checks of one against the other."""

@@ -1,0 +1,256 @@
+"""The blocks that a spec can draw, as doubles: each from its numbers and its own period, in delta form.
+
+What they do is written in `definitions`; here it becomes arrays, exact over a tick for what is continuous, with the sizes of
+terms that cancel. Numbers are scalars or arrays over a batch, real or complex. Matrices of `ss` are lists of rows of these.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing.drawn_block import DELTA
+from wavesweep.engine.drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
+from wavesweep.engine.loops import definitions
+from wavesweep.engine.loops.block import Block, matrix, numbers
+from wavesweep.engine.loops.definitions import Equations, controllable, tf_at_rest, with_delays
+from wavesweep.engine.loops.device import LOST, impulse_and_step, motion
+from wavesweep.engine.loops.filters import butterworth as sections
+
+TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
+SIZE = 0.5
+WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
+LABELS = {  # of the states of a block, for messages
+    "difference": "input of the last run",
+    "integrator": "integral",
+    "avatar": "position",
+    "local_model": "model position",
+}
+
+
+def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
+    """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
+    keys = {"damping": numbers(damping), "stiffness": numbers(stiffness)}
+    m, (d, k) = numbers(mass), (each / numbers(mass) for each in keys.values())
+    s, g, of_s, of_g = impulse_and_step(d, k, period)
+    parts = *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]]
+    block = _block(name, ("f",), ("x", "v"), Equations(("v", "x"), *parts), definitions.at_rest("mass", keys, np.sqrt))
+    sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
+    return replace(block, terms=sizes, labels=(f"{name} velocity", f"{name} position"))
+
+
+def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
+    """A `mass` that turns: `f` (N*m) -> `x` (rad), `v` (rad/s)."""
+    return mass(name, period, inertia, damping, stiffness)
+
+
+def mass_matrix(name, period, **keys) -> Block:
+    """`M a + D v + K x = f` with the forces held over the period: exact."""
+    states, (A, B, C, D) = continuous("mass_matrix", keys)
+    E, G, *sizes = held(A, B, period, sizes_of("mass_matrix", keys, A, B))
+    inputs, outputs = TYPES["mass_matrix"].ports_of(keys)
+    n, rest = len(inputs), definitions.at_rest("mass_matrix", keys, np.sqrt)
+    block = Block(
+        name, inputs, outputs, states, E, G, C, D, terms=(*sizes, np.abs(C), np.abs(D)), pivot=pivot_of("mass_matrix", keys)
+    )
+    labels = tuple(f"{name} {kind} {axis}" for kind in ("velocity", "position") for axis in keys["axes"])
+    return replace(block, at_rest=_arrays(rest, 2 * n, n, 2 * n), labels=labels)
+
+
+def pivot_of(kind, keys):
+    """What the entries of a continuous block are divided by, which makes poles of them where it is zero."""
+    return numbers(determinant(at_axes(keys, "mass"))) if kind == "mass_matrix" else 1.0
+
+
+def sizes_of(kind, keys, A, B):
+    """The sizes of the terms of the sums that the entries of A and B of a continuous block are."""
+    if kind != "mass_matrix":
+        return np.abs(A), np.abs(B)
+    M, D, K = (matrix(at_axes(keys, each)) for each in MATRICES)
+    sizes = {name: [[np.abs(numbers(each)) for each in row] for row in keys[name]] for name in (*MATRICES, "through")}
+    of_M, of_D, of_K = (at_axes({**keys, **sizes}, each) for each in MATRICES)
+    n, inverse = M.shape[-1], B[..., : M.shape[-1], :]
+    terms = matrix([[determinant(of_M, 1)]])
+    of_inverse = (matrix(adjugate(of_M, 1)) + np.abs(inverse) * terms) / np.abs(np.linalg.det(M))[..., None, None]
+    pulled = [of_inverse @ np.abs(each) + np.abs(inverse) @ matrix(of) for each, of in ((D, of_D), (K, of_K))]
+    of_A, of_B = np.abs(A), np.abs(B)
+    batch = np.broadcast_shapes(of_A.shape[:-2], *(each.shape[:-2] for each in (*pulled, of_inverse)))
+    of_A, of_B = (np.array(np.broadcast_to(each, (*batch, *each.shape[-2:]))) for each in (of_A, of_B))
+    of_A[..., :n, :n], of_A[..., :n, n:], of_B[..., :n, :] = *pulled, of_inverse
+    return of_A, of_B
+
+
+def spring(name, period, k, d=0.0) -> Block:
+    """`f1 = k (x2 - x1) + d (v2 - v1)` on one end, `f2 = -f1` on the other."""
+    del period
+    keys = {"k": numbers(k), "d": numbers(d)}
+    return _block(name, *TYPES["spring"].ports, definitions.continuous("spring", keys))
+
+
+def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
+    """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact.
+
+    rests: of a discrete one, the parts of the entries of A that rounding has taken.
+    """
+    n, m, p = len(A), len(inputs), len(outputs)
+    A, B, C, D = (_matrix(rows, shape) for rows, shape in ((A, (n, n)), (B, (n, m)), (C, (p, n)), (D, (p, m))))
+    rest = 0.0 if rests is None else _matrix(rests, (n, n))
+    E, G, *sizes = (A - np.eye(n) + rest, B) if discrete else held(A, B, period)
+    block = Block(name, tuple(inputs), tuple(outputs), tuple(f"x{i}" for i in range(n)), E, G, C, D)
+    block = block if discrete else replace(block, at_rest=(A, B, C, D))
+    return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D))) if sizes else block
+
+
+def tf(name, period, num, den, discrete=False, rests=None) -> Block:
+    """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
+
+    A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and nearer to -1, to which its
+    coefficients are taken without rounding: in powers of z, the ticks of a long frame would grow and cancel. Poles that are
+    written as 0 are delays. rests: the parts of the coefficients that rounding has taken.
+    Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
+    """
+    if discrete and discrete != DELTA:
+        return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
+    num, den = ([numbers(each) for each in some] for some in (num, den))
+    n, own, (_, *parts) = len(den) - 1, definitions.over(num, den), controllable(num, den)
+    if discrete:
+        block = _block(name, ("u",), ("y",), controllable(num, den), tf_at_rest(num, den))
+        of_C = [[abs(b) + abs(a / den[0] * own[0]) for a, b in zip(den[1:], own[1:], strict=True)]]
+        return replace(block, terms=(np.abs(block.E), np.abs(block.B), _matrix(of_C, (1, n)), np.abs(block.D)))
+    block = ss(name, period, *parts, ("u",), ("y",))
+    return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
+
+
+def _discrete_tf(name, num, den, of_num, of_den):
+    """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
+    k = next((at for at, each in enumerate(reversed(den)) if type(each) not in (int, float) or each), 0)
+    more = [0.0] * (len(den) - len(num))
+    n, num, of_num = len(den) - 1 - k, [*more, *num], [*more, *of_num]
+    about = -1 if _near_minus_one(den[: n + 1]) else 1
+    parts = [([numbers(each) for each in some[: n + 1]], rest[: n + 1]) for some, rest in ((num, of_num), (den, of_den))]
+    shifted, ones = ([recentred(at, *each) for each in parts] for at in (about, 1))
+    own = controllable(*shifted)
+    own = own._replace(E=[[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(own.E)])
+    later = [numbers(each) / den[0] for each in num[n + 1 :]]
+    # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the input.
+    rest = tf_at_rest(*ones, later) if about == 1 and n else None
+    if about == -1:
+        rest = *with_delays(own, later)[1:3], [[*[0.0] * n, *later]], [[ones[0][-1] / ones[1][-1]]]
+    return _block(name, ("u",), ("y",), with_delays(own, later), rest)
+
+
+def _near_minus_one(den):
+    """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is 1.
+
+    Only plain numbers decide, since the states of a loop must not change along a sweep.
+    """
+    if not all(type(each) in (int, float) for each in den):
+        return False
+    ones, minus = (np.abs(recentred(at, den)) for at in (1, -1))
+    far, near = (np.max((each[1:] / each[0]) ** (1 / np.arange(1, len(each))), initial=0.0) for each in (ones, minus))
+    return near < far and ones[-1] > 0
+
+
+def recentred(at, coefficients, rests=None):
+    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
+
+    rests: the parts of the coefficients that rounding has taken; none if they are absent. Those of the sums are kept too (D. E.
+    Knuth, TAOCP 2, 4.2.2, theorem B).
+    """
+    rests = rests or [0] * len(coefficients)
+    if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
+        signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]
+        parts = ([sign * each for sign, each in zip(signs, some, strict=True)] for some in (coefficients, rests))
+        return [sign * each for sign, each in zip(signs, recentred(1, *parts), strict=True)]
+    sums, lost = list(coefficients), list(rests)
+    for end in range(len(sums), 1, -1):
+        for i in range(1, end):
+            total = sums[i] + sums[i - 1]
+            part = total - sums[i]
+            lost[i] = lost[i] + lost[i - 1] + ((sums[i] - (total - part)) + (sums[i - 1] - part))
+            sums[i] = total
+    return [total + rest for total, rest in zip(sums, lost, strict=True)]
+
+
+def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
+    """Butterworth filter by the bilinear transform with prewarping, in normal form; `u` -> `y`."""
+    return sections(name, order, cutoff_hz, period, highpass=passes == "high")
+
+
+def defined(kind, name, period, **keys) -> Block:
+    """A block of a type that `definitions.running` defines, with its keys; see its description in `TYPES`."""
+    period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
+    keys = {key: numbers(value) if TYPES[kind].keys[key].type == "number" else value for key, value in keys.items()}
+    own, rest = definitions.running(kind, period, keys, np.sqrt), definitions.at_rest(kind, keys, np.sqrt)
+    labels = (f"{name} {LABELS[kind]}",) if kind in LABELS else ()
+    return replace(_block(name, *TYPES[kind].ports_of(keys), own, rest), labels=labels)
+
+
+def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
+    """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
+    keys = {name: numbers(value) if TYPES[kind].keys[name].type == "number" else value for name, value in keys.items()}
+    if kind == "tf":
+        keys |= {name: [numbers(each) for each in keys[name]] for name in ("num", "den")}
+    states, *parts = definitions.continuous(kind, keys)
+    inputs, outputs = TYPES[kind].ports_of(keys)
+    return states, _arrays(parts, len(states), len(inputs), len(outputs))
+
+
+def held(A, B, period, sizes=None):
+    """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in delta form.
+
+    A `(..., n, n)`, B `(..., n, m)`. sizes: of the terms of the sums that the entries of A and B are. If they are given, or if
+    there is something to double, two more arrays are the changes of the results by a rounding of each term of all sums, in
+    roundings; otherwise they are known to a few roundings of themselves. Accuracy: some roundings of
+    each entry for matrices that are not far from normal, unless they turn by much in a period; NaN if they are LOST.
+    """
+    T = numbers(period)[..., None, None]
+    A, B = np.broadcast_arrays(A * T, np.zeros(1))[0], B * T
+    size = (np.abs(A) if sizes is None else sizes[0] * np.abs(T)).sum(-1).max(-1, initial=0.0)
+    with np.errstate(divide="ignore"):
+        halvings = np.maximum(0, np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SIZE))).astype(int)
+    step = 0.5 ** halvings[..., None, None]
+    E, G = _series(A * step, B * step)
+    if sizes is None and not halvings.any():
+        return E, G
+    of_E, of_G = (np.abs(E), np.abs(G)) if sizes is None else _series(*(size * np.abs(T) * step for size in sizes))
+    eye, known = np.eye(E.shape[-1]), np.ones(halvings.shape, bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for turn in range(int(halvings.max(initial=0))):
+            more, size, one = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
+            terms = 2 * np.abs(G) + size @ np.abs(G)
+            of_G = np.where(more, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms, of_G)
+            of_E = np.where(more, of_E @ one + one @ of_E + 2 * size + size @ size, of_E)
+            E, G = np.where(more, 2 * E + E @ E, E), np.where(more, 2 * G + E @ G, G)
+            lost = np.finfo(float).eps * of_E > LOST * np.maximum(1, np.abs(E + eye))
+            known &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
+    E, G = (np.where(known[..., None, None], part, np.nan) for part in (E, G))
+    return E, G, of_E, of_G
+
+
+def _series(A, B):
+    """`exp(A) - 1` and `int_0^1 exp(A s) ds B` for small A."""
+    E, G, power, force = 0.0, 0.0, A, B
+    for term in range(1, TERMS):
+        E, G = E + power, G + force
+        force = power @ B / (term + 1)
+        power = power @ A / (term + 1)
+    return E, G
+
+
+def _matrix(rows, shape):
+    return matrix(rows) if all(shape) else np.zeros(shape)
+
+
+def _arrays(parts, n, m, p):
+    """E, B, C and D as arrays; D alone if that is all that is given."""
+    shapes = ((n, n), (n, m), (p, n), (p, m))[-len(parts) :]
+    return tuple(
+        part if isinstance(part, np.ndarray) else _matrix(part, shape) for part, shape in zip(parts, shapes, strict=True)
+    )
+
+
+def _block(name, inputs, outputs, own, rest=None):
+    sizes = len(own.states), len(inputs), len(outputs)
+    at_rest = rest and _arrays(rest, *sizes)
+    return Block(name, tuple(inputs), tuple(outputs), own.states, *_arrays(own[1:], *sizes), at_rest=at_rest)

@@ -1,0 +1,142 @@
+"""The language of a controller's page: blocks and wires as texts, with the paths of a spec's keys as numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+from math import ceil, floor
+from typing import Any
+
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing.drawn_block import DrawnBlock
+from wavesweep.engine.drawing.expressions import linear
+from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine.keys.key import MOST_SLOW_STEPS
+from wavesweep.engine.loops.controllers import WALL
+
+RATIO = "rates.ratio"
+F_S = "environment.K_VE*{x} + environment.B_VE*{v}"  # the wall's force on a displacement x and a velocity v
+
+
+def steps_of(ratio: float) -> tuple[int, int]:
+    """Return the fast ticks in a frame, and the slow steps in it."""
+    found = Fraction(ratio).limit_denominator(MOST_SLOW_STEPS)
+    return found.numerator, found.denominator
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A loop as its page draws it.
+
+    blocks: name -> keys, of which `type` is one; numbers are texts of expressions in paths of keys. wires: input port -> text
+    of an expression, linear in signals. reaction: text of the force against the hand. assumes: what a result says of its wall.
+    """
+
+    blocks: Mapping[str, Mapping[str, object]]
+    wires: Mapping[str, str]
+    reaction: str
+    assumes: str = "a wall of which its controller's page says nothing"
+
+    def behind_amplifier(self, ticks: int, dead_time: str = "") -> Page:
+        """Return the loop whose motors exert the control force so many ticks later, and the device feels theirs.
+
+        dead_time: path of a time (s) by which it is later than that; empty without one.
+        """
+        if not ticks and not dead_time:
+            return self
+        late = {"steps": None, "seconds": f"{dead_time} + {ticks}/rates.fast_hz"} if dead_time else {"steps": ticks}
+        blocks = {**self.blocks, "amplifier": {"type": "delay", **late}}
+        wires = {**self.wires, "amplifier.u": self.reaction, "device.f": "f_h - amplifier.y"}
+        if dead_time:  # which would read a position or velocity of the device between two ticks
+            blocks["command"] = {"type": "hold"}
+            wires |= {"command.u": self.reaction, "amplifier.u": "command.y"}
+        return replace(self, blocks=blocks, wires=wires, reaction="amplifier.y")
+
+
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """When the slow environment runs and when its results are in place, in fast ticks of the common frame.
+
+    With fast/slow = q/p in lowest terms all is in step again after q fast ticks, in which the slow environment runs p times.
+    Its step k is at time `k q/p` ticks. It reads what was sampled in the last fast tick, and its result is there in the next
+    one, or `delay` ticks after that.
+    """
+
+    every: object
+    reads: tuple[int, ...]
+    kept: tuple[int, ...]
+    shown: tuple[int, ...]
+    next_tick: bool = False  # it runs in every tick, and its result is in place in the next one
+
+    @staticmethod
+    def of(values: Mapping[str, Any]) -> Slow:
+        """Return the times for the ratio of the rates and the delay of a spec."""
+        (q, p), delay = steps_of(values[RATIO]), int(values["environment.delay"])
+        if q == p and delay:
+            return Slow(RATIO, (0,), (), (), next_tick=True)
+        times = [Fraction(k * q, p) for k in range(p)]
+        reads, waits = [floor(time) for time in times], [ceil(time) + delay for time in times]
+        ends = [*reads[1:], reads[0] + q]  # of a result: the tick in which the next one is computed
+        late = any(wait >= end for wait, end in zip(waits, ends, strict=True))
+        kept = [min(wait, end - 1) % q for wait, end in zip(waits, ends, strict=True)] if late else []
+        shown = [wait % q for wait in waits] if late or waits != reads else []
+        return Slow(RATIO if p == 1 else q, *(tuple(sorted(each)) for each in (reads, kept, shown)))
+
+    def block(self, **keys: object) -> dict[str, object]:
+        """Return a block that runs with the slow environment."""
+        return {"every": self.every, "phases": self.reads, **keys}
+
+    def in_place(self, name: str, signal: str) -> tuple[dict[str, dict], dict[str, str], str]:
+        """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
+        if self.next_tick:
+            return {f"{name}_late": {"type": "delay"}}, {f"{name}_late.u": signal}, f"{name}_late.y"
+        blocks, wires = {}, {}
+        ways = (("kept", "hold", self.kept), ("shown", "hold", self.shown))
+        if (
+            self.kept and self.kept == self.shown
+        ):  # of one tick and one tick late: a result is shown as the next one is computed
+            ways = (("shown", "delay", self.shown),)
+        for part, kind, phases in ways:
+            if phases:
+                blocks[f"{name}_{part}"] = {"type": kind, "every": self.every, "phases": phases}
+                wires[f"{name}_{part}.u"] = signal
+                signal = f"{name}_{part}.y"
+        return blocks, wires, signal
+
+
+def device(values: Mapping[str, Any]) -> tuple[dict[str, dict], dict[str, str], str]:
+    """Return the device with the operator's hand on it, and the signal of its measured velocity."""
+    whole = {part: f"device.{part} + operator.{part}" for part in ("mass", "damping")}
+    blocks = {"device": {"type": "mass", **whole, "stiffness": "operator.stiffness"}}
+    if values["device.velocity"] == "exact":
+        return blocks, {}, "device.v"
+    return blocks | {"velocity": {"type": "difference"}}, {"velocity.u": "device.x"}, "velocity.y"
+
+
+def drawing_of_page(page: Page) -> Drawing:
+    """Return the drawing of a page, whose numbers are the keys of a spec."""
+
+    blocks = tuple(_block(name, dict(keys)) for name, keys in page.blocks.items())
+    signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]} | {"f_h"}
+    wires = tuple((port, linear(_tree(text), signals)) for port, text in page.wires.items())
+    hand = "f_h", linear(_tree("device.x"), signals), linear(_tree(page.reaction), signals)
+    return Drawing(_tree("rates.fast_hz"), (), frozenset(), blocks, wires, hand, WALL)
+
+
+def _block(name, keys):
+    kind, every, phases = keys.pop("type"), keys.pop("every", 1), keys.pop("phases", (0,))
+    found = []
+    for path, key in TYPES[kind].keys.items():
+        value = keys.get(path, key.default)
+        if value is not None:
+            found.append((path, _tree(value) if key.type in ("number", "integer") else value))
+    alone = phases if len(phases) > 1 else ()
+    return DrawnBlock(name, kind, tuple(found), _tree(every), _tree(phases[0]), alone)
+
+
+@lru_cache(maxsize=256)
+def _tree(value):
+    return parse(value) if isinstance(value, str) else ("number", float(value), 0)

@@ -1,0 +1,262 @@
+"""Dead times of any fraction of a tick: of how many ticks they are, and what acts on plants or is read of them in between.
+
+With tick T a dead time tau is `(m - s) T`, m whole and 0 <= s < 1. Of a signal u that is held, u[k-m] acts on a plant in tick
+k until `s T` before its end, and from then on u[k-m+1]. Over the tick that adds
+
+    int_0^{s T} exp(A t) dt B (u[k-m+1] - u[k-m])
+
+to the plant's states, on which it acts by a port of its own. The output of a plant that is read at the tick k is that of `s T`
+after the tick k - m began. If another dead time arrives there before, `s' T` before the end, it has acted for `(s + s' - 1) T`.
+So m, and which comes first, decide how a loop is built, and s is a number of it like others.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from math import lcm
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import AT, Drawing, name_of, scalars
+from wavesweep.engine.drawing.drawn_block import Plant
+from wavesweep.engine.drawing.expressions import names_in, value_of
+from wavesweep.engine.loops.block import Block, concatenated
+from wavesweep.engine.loops.blocks import held
+from wavesweep.engine.loops.values import values_of
+
+SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
+FINEST = 64  # parts of a tick, of which a finer tick is made
+ROUNDED = 1e-12  # relative distance from a whole number of ticks up to which a dead time is meant to be one
+
+
+def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
+    """Return the whole numbers by which dead times decide how loops are built, by their paths; values: flat, real."""
+    known = scalars(values)
+    with np.errstate(all="ignore"):
+        rate = np.asarray(values_of(drawing.tick_hz, known)).real
+        ratio = {name: np.asarray(values_of(tree, known)).real * rate for name, tree in drawing.dead_times.items()}
+        ticks = {name: np.ceil(each * (1 - ROUNDED)) for name, each in ratio.items()}
+    return {
+        path: ticks[names[0]] if len(names) == 1 else sum(ticks[name] - ratio[name] for name in names) > 1
+        for path, names in drawing.building.items()
+    }
+
+
+def timing(drawing: Drawing) -> set[str]:
+    """Return the names of the numbers that dead times follow from, in ticks."""
+    trees = drawing.dead_times.values()
+    return {name for tree in trees for name, _ in names_in(tree)}.union(drawing.rating if trees else ())
+
+
+def built(drawing: Drawing, known: Mapping[str, object]) -> dict[str, object]:
+    """Return the numbers with those of `structure`, which are the same in all loops of the batch. known: by name."""
+    if known.keys() >= drawing.building.keys():
+        return dict(known)
+    return {path: int(np.ravel(each)[0]) for path, each in structure(drawing, known).items()} | {**known}
+
+
+def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
+    """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it cannot be given so.
+
+    values: of one loop. along: path of a number whose value may change.
+
+    A plant that runs more often with the same inputs is the same plant. So no plant may be sampled for another one, which would
+    happen more often as well, and no dead time for another. Dead times are meant to be simple parts of a tick, from which they
+    differ by rounding.
+    """
+    if not drawing.dead_times:
+        return drawing
+    known, plants = scalars(values), {block.name for block in drawing.blocks if block.plant}
+    ratio = {name: value_of(tree, known) * drawing.rate(values) for name, tree in drawing.dead_times.items()}
+    exact = {name: Fraction(each).limit_denominator(FINEST) for name, each in ratio.items()}
+    finer = lcm(*(each.denominator for each in exact.values()))
+    inexact = finer > FINEST or any(abs(exact[name] - each) > ROUNDED * max(each, 1) for name, each in ratio.items())
+    slower = any(value_of(block.every, known) != 1 for block in drawing.blocks if block.name in exact)
+    pairs = [(port.rpartition(".")[0], signal.rpartition(".")[0]) for port, terms in drawing.wires for signal, _ in terms]
+    pairs = [(reader, source) for reader, source in pairs if {reader, source} <= plants | exact.keys()]
+    sensing = {reader for reader, source in pairs if source in plants}
+    sampled = any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
+    if name_of(along) in timing(drawing) or inexact or slower or sampled:
+        return None
+
+    def number(value):
+        return "number", float(value), 0
+
+    def at_finer_tick(block):
+        if block.name in exact:
+            return replace(block, keys=(("steps", number(exact[block.name] * finer)),))
+        if block.plant:
+            return block
+        every, phase = (("*", number(finer), tree, 0) for tree in (block.every, block.phase))
+        return replace(block, every=every, phase=phase, phases=tuple(each * finer for each in block.phases))
+
+    tick_hz = ("*", number(finer), drawing.tick_hz, 0)
+    return replace(drawing, tick_hz=tick_hz, blocks=tuple(map(at_finer_tick, drawing.blocks)))
+
+
+def shares(drawing: Drawing, known: Mapping[str, object], rate) -> dict[str, object]:
+    """Return s of each dead time; known: with `structure`; rate: of the tick (Hz)."""
+    return {name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
+
+
+def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> list[float]:
+    """Return the ends of a number's span and the values within it at which dead times decide anew how the loop is built.
+
+    values: flat numbers of one loop.
+    """
+    points = np.linspace(*span, POINTS)
+    ticks, found = _ticks(drawing, values, path, points), set()
+    near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
+    ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
+    for which, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
+        low, high = sorted(ticks[which, at : at + 2])
+        found |= {(which, whole, at) for whole in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1)}
+    which, whole, at = np.array(sorted(found), int).reshape(-1, 3).T
+
+    def beyond(p):
+        return _ticks(drawing, values, path, p)[which, np.arange(p.size)] - whole
+
+    met = sorted(_whole_at(beyond, points[at], points[at + 1])) if found else ()
+    apart, ends = ROUNDED * (span[1] - span[0]), [span[0]]  # values that are nearer are meant to be the same
+    for each in met:
+        if ends[-1] + apart < each < span[1] - apart:
+            ends.append(each)
+    return [*ends, span[1]]
+
+
+def pieces_of(
+    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+) -> Iterator[tuple[tuple[float, float], dict[str, int]]]:
+    """Yield the parts of a number's span in which the loop is built alike, with the whole numbers by which it is.
+
+    values: flat numbers of one loop.
+    """
+    if name_of(path) not in timing(drawing):
+        yield span, {}
+        return
+    for piece in pairwise(breaks(drawing, values, path, span)):
+        found = structure(drawing, {**values, path: sum(piece) / 2})
+        yield piece, {each: int(number) for each, number in found.items()}
+
+
+def _whole_at(beyond, low, high):
+    """The values in cells from `low` to `high`, arrays, at which functions are 0, which they pass there or meet at an end.
+
+    beyond: the functions, one for each cell, of an array of values.
+    """
+    ends, at_low, at_high = (low, high), beyond(low), beyond(high)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        before = (beyond(middle) < 0) == (at_low < 0)
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    passed = at_low * at_high < 0
+    return np.where(passed, _nearer(low, high, beyond(low), beyond(high)), _nearer(*ends, at_low, at_high)).tolist()
+
+
+def _nearer(low, high, at_low, at_high):
+    return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
+
+
+HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
+POINTS = 4001  # of a span; a number of ticks is taken as monotone between neighbours
+
+
+def _ticks(drawing, values, path, p):
+    """Dead times in ticks, and sums of two of which the order matters, at values of a number: `(sums, points)`."""
+    known = scalars({**values, path: p})
+    rate = values_of(drawing.tick_hz, known)
+    ratio = {name: values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
+    return np.stack([sum(ratio[name] for name in names) + 0 * p for names in drawing.building.values()])
+
+
+def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: bool) -> Block:
+    """Return the block of a dead time of so many ticks, m.
+
+    sensed, others: whether it reads plants, and other signals; arriving: whether it acts on a plant.
+    """
+    inputs = ("u",) * (others or not sensed) + (SENSED,) * sensed
+    states = tuple(f"{port}{k}" for port in inputs for k in range(1, ticks + 1))
+    n, m = len(states), len(inputs)
+    E, B = np.kron(np.eye(m), np.eye(ticks, k=-1) - np.eye(ticks)), np.zeros((n, m))
+    C, D = np.zeros((2, n)), np.zeros((2, m))
+    for i in range(m):
+        B[i * ticks : i * ticks + 1, i] = 1
+    if ticks:
+        C[0, ticks - 1 :: ticks] = 1
+        if inputs[0] == "u":
+            C[1, ticks - 1] = -1
+            C[1, max(0, ticks - 2)] += ticks > 1
+            D[1, 0] = ticks == 1
+    else:
+        D[0] = 1
+    shown = slice(1 + arriving)
+    return Block(name, inputs, ("y", NEXT)[shown], states, E, B, C[shown], D[shown])
+
+
+def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: str) -> dict:
+    """Return junctions with those at the ports by which dead times act on plants and read them.
+
+    sums: with names of ports of plants. product, factor: the input that a number has become, and what it multiplies.
+    """
+    sums = dict(sums)
+    for plant in plants:
+        for port, name in plant.arriving:
+            sums[inside[port] + AT + name] = {f"{name}.{NEXT}": sums[inside[port]][f"{name}.y"]}
+        for signal, name in plant.sensed:
+            sources = dict(sums[f"{name}.u"])
+            read, own = sums.setdefault(f"{name}.{SENSED}", {}), inside[signal]
+            if own in sources:
+                read[own + AT + name] = sources.pop(own)
+            if product in sources and own in sums[factor]:
+                read[product] = sources.pop(product)
+            if product in read and own in sums[factor]:
+                sums[factor] = {own + AT + name if each == own else each: gain for each, gain in sums[factor].items()}
+            sums[f"{name}.u"] = sources
+    return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
+
+
+def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[str, object], shares) -> Block:
+    """Return the block of a plant with ports for the dead times that act on it or read it.
+
+    rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time. known: with `structure`.
+    Accuracy: that of `held`.
+    """
+    (A, B), (inputs, outputs), T = rates, plant.drawn_ports, period
+
+    def over(share, column=slice(None)):
+        return held(A, B[..., column], share * T, (sizes[0], sizes[1][..., column]))
+
+    of_E, of_B, of_C, of_D = block.terms
+    more = [(at := [inputs.index(port)], *(part for part in over(shares[name], at)[1::2])) for port, name in plant.arriving]
+    nothing = np.zeros((len(outputs), len(plant.arriving)))
+    G, of_G = (concatenated([part, *(each[k] for each in more)], -1) for k, part in ((1, block.B), (2, of_B)))
+    C, D = [block.C], [concatenated([block.D, nothing], -1)]
+    of_C, of_D = [of_C], [concatenated([of_D, nothing], -1)]
+    for signal, name in plant.sensed:
+        i = [outputs.index(signal)]
+        row, size, through = block.C[..., i, :], of_C[0][..., i, :], block.D[..., i, :]
+        E, held_B, of_own, of_held = over(shares[name])
+        C.append(row + row @ E)
+        of_C.append(size @ np.abs(E + np.eye(E.shape[-1])) + np.abs(row) @ of_own)
+        columns = [(through + row @ held_B, block.terms[3][..., i, :] + size @ np.abs(held_B) + np.abs(row) @ of_held)]
+        for port, other in plant.arriving:
+            j = [inputs.index(port)]
+            _, step, _, of_step = over(shares[other] + shares[name] - 1, j)
+            if known[f"block.{other}.before.{name}"]:
+                columns.append(
+                    (through[..., j] + row @ step, block.terms[3][..., i, j] + size @ np.abs(step) + np.abs(row) @ of_step)
+                )
+            else:
+                columns.append((np.zeros((1, 1)),) * 2)
+        D.append(concatenated([each for each, _ in columns], -1))
+        of_D.append(concatenated([each for _, each in columns], -1))
+    return replace(
+        block,
+        inputs=(*block.inputs, *(f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving)),
+        outputs=(*block.outputs, *(f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed)),
+        B=G,
+        C=concatenated(C, -2),
+        D=concatenated(D, -2),
+        terms=(of_E, of_G, concatenated(of_C, -2), concatenated(of_D, -2)),
+    )

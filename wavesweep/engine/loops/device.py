@@ -1,0 +1,66 @@
+"""A mass with a damper and a spring under a force that is held over a tick."""
+
+import numpy as np
+
+from wavesweep.engine.loops.block import matrix, numbers
+
+
+def motion(s, g, damping, stiffness, mass):
+    """E and B of the states (v, x) under a force; the signs of damping and stiffness are those of their own forces."""
+    return matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]]), matrix([[s / mass], [g / mass]])
+
+
+def impulse_and_step(damping, stiffness, period):
+    """Position at `period` of `x'' + damping x' + stiffness x = u` after a unit impulse and under a unit step, with sizes.
+
+    damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2, and their changes by a
+    rounding of each term of all sums, in roundings; these are missing (None) if there is nothing to double, and then both are
+    known to a few roundings of themselves. After many turns of an oscillation s and g are much smaller than that,
+    and NaN if they are LOST.
+    Equations: s = int_0^T e^{..}, g = int_0^T s; a Taylor series over T/2^p, then p doublings
+    `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms if the
+    device is overdamped.
+    """
+    damping, stiffness, period = np.broadcast_arrays(*(numbers(a) for a in (damping, stiffness, period)))
+    reach = np.maximum(np.abs(damping * period), 2 * np.sqrt(np.abs(stiffness)) * np.abs(period))
+    # Each element has its own number of doublings: its bits must not depend on what else is in the batch.
+    doublings = np.where(reach > 0.5, np.ceil(np.log2(np.clip(reach, 0.5, np.finfo(float).max))) + 1, 0).astype(int)
+    tau = period * 0.5**doublings
+    with np.errstate(invalid="ignore"):  # a mass next to 0 makes an infinite damping, whose frame is not known
+        s, g = _taylor(damping * tau, stiffness * tau * tau)
+    s, g = s * tau, g * tau * tau
+    if not doublings.any():
+        return s, g, None, None
+    of_s, of_g, known = np.abs(s), np.abs(g), np.ones(s.shape, bool)
+    with np.errstate(over="ignore", invalid="ignore"):  # damping below zero, where an end at zero is looked for, may explode
+        for step in range(int(doublings.max(initial=0))):
+            more = step < doublings
+            two_s, two_g = np.abs(2 - 2 * damping * s - 2 * stiffness * g), np.abs(2 - 2 * stiffness * g)
+            terms_s = np.abs(s) * (2 + np.abs(damping * s) + 2 * np.abs(stiffness * g))
+            terms_g = np.abs(g) * (2 + np.abs(stiffness * g)) + np.abs(s * s)
+            of_s, of_g = (
+                np.where(more, two_s * of_s + 2 * np.abs(stiffness * s) * of_g + terms_s, of_s),
+                np.where(more, two_g * of_g + 2 * np.abs(s) * of_s + terms_g, of_g),
+            )
+            s, g = (
+                np.where(more, s * (2 - damping * s - 2 * stiffness * g), s),
+                np.where(more, g * (2 - stiffness * g) + s * s, g),
+            )
+            known &= np.abs(stiffness) * of_g * np.finfo(float).eps <= LOST * np.maximum(1, np.abs(stiffness * g))
+    return np.where(known, s, np.nan), np.where(known, g, np.nan), of_s, of_g
+
+
+LOST = 1e-6  # relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest by rounding
+TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
+
+
+def _taylor(damping, stiffness):
+    """The same for a unit period."""
+    slope, curve = np.ones_like(damping), -damping
+    s, g = slope + curve / 2, slope / 2 + curve / 6
+    factorial = 2.0
+    for order in range(3, TERMS):
+        slope, curve = curve, -damping * curve - stiffness * slope
+        factorial *= order
+        s, g = s + curve / factorial, g + curve / (factorial * (order + 1))
+    return s, g

@@ -1,0 +1,238 @@
+"""Where a loop that a spec draws is an analytic function of one of its numbers, and which numbers make no loop."""
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing.conditions import conditions, faults
+from wavesweep.engine.drawing.drawing import RATE, Drawing, name_of, scalars
+from wavesweep.engine.drawing.expressions import Tree, degree, names_in, singular
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import computable
+from wavesweep.engine.loops.values import numbers_of, values_of
+
+
+def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
+    """The values of a number, about a span, between which all loops are analytic functions of it on the real axis.
+
+    values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are examined; see `domains`.
+    """
+    below, above = -np.inf, np.inf
+    for key, guard, known, root in _known_guards(drawing, values, path):
+        rows, _ = _different(known, MOST)
+        low, high = _limits(key, guard, root, rows, name_of(path), span)
+        below, above = max(below, low.max()), min(above, high.min())
+    return float(below), float(above)
+
+
+def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int):
+    """The values of a number, about a span, between which each loop is an analytic function of it: two arrays, `(size,)`.
+
+    values: flat numbers, or arrays over the loops. Divisors, arguments of roots, masses and the like must not vanish there, but
+    an argument of a root may at a low end of 0, which is then the lowest value (see `bends_at_zero`). Beyond the span their
+    changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is allowed, and
+    of a cutoff all of the way to 0. What holds for a loop does not depend on the others. Errors: UsageError if one vanishes
+    within the span.
+    """
+    below, above = np.full(size, -np.inf), np.full(size, np.inf)
+    for key, guard, known, root in _known_guards(drawing, values, path):
+        (rows, row), name = _different(known), name_of(path)
+        blocks = (_rows_of(rows, slice(at, at + MOST)) for at in range(0, 1 + row.max(initial=0), MOST))
+        parts = [_limits(key, guard, root, block, name, span) for block in blocks]
+        low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
+        below, above = np.maximum(below, low[row]), np.minimum(above, high[row])
+    return below, above
+
+
+def _known_guards(drawing, values, path):
+    """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
+    known = scalars({**values, path: 0.0})
+    none = {f"block.{each.name}.cutoff_hz" for each in drawing.blocks if _is_no_filter(each, known)}
+    for key, guard, read, root in _guards_of(drawing, name_of(path)):
+        if key in none:
+            continue
+        yield key, guard, {name: value for name, value in known.items() if name in read}, root
+
+
+def _is_no_filter(block, known):
+    return block.type == "butterworth" and int(values_of(dict(block.keys)["order"], known)) == 0
+
+
+def _limits(key, guard, root, known, name, span):
+    """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known: other numbers, `(loops, 1)`."""
+    low, high = span
+    to_zero = key.endswith(".cutoff_hz") and guard[0] == "name"  # a filter is smooth there as well
+    away = np.geomspace(1e-6, 1e3, 400) * (high - low)
+    within = np.linspace(low, high, 401)
+    with np.errstate(all="ignore"):
+        value = np.asarray(values_of(guard, {**known, name: within})).reshape(-1, within.size)
+        from_root = nothing = False
+        if root:
+            at_low = np.asarray(values_of(root, {**known, name: within[:1]})).reshape(-1)
+            value = np.array(np.broadcast_to(value, (max(len(value), at_low.size), within.size)))
+            nothing, known_at_low = (value == 0).all(-1), np.isfinite(at_low)  # a root of 0 everywhere is 0
+            value[nothing] = 1.0
+            from_root = (value[:, 0] == 0) & known_at_low & (low == 0)
+            value[from_root, 0] = value[from_root, 1]
+    if not _keep_sign(value).all() or _touches_zero(guard, known, name, within):
+        raise UsageError(
+            f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
+            f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
+        )
+    found = []
+    for direction, end in ((-1, low), (1, high)):
+        points = np.concatenate([[end], end + direction * away])
+        with np.errstate(all="ignore"):
+            good = _keep_sign(np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size))
+        first = np.argmin(good, axis=-1)
+        limit = points[first - 1] if to_zero else (end + points[first]) / 2
+        found.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
+    return tuple(np.broadcast_arrays(np.where(from_root, low, found[0]), found[1]))
+
+
+@lru_cache(maxsize=256)
+def bends_at_zero(drawing: Drawing, path: str) -> bool:
+    """Whether an eigenvalue 1 that a loop has at 0 of a number may not leave it in proportion to the number.
+
+    The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has a double zero there.
+    """
+    name = name_of(path)
+    return any(root for *_, root in _guards_of(drawing, name)) or any(
+        1 < degree(tree, name) < math.inf for _, tree in drawing.trees()
+    )
+
+
+def guards_at(drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
+    """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
+    found, name = [], name_of(path)
+    known = scalars(values)
+    for _, guard, _, root in _guards_of(drawing, name):
+        value = np.broadcast_to(values_of(guard, known), shape)
+        found.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
+    return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
+
+
+def _keep_sign(value):
+    """Whether each value has the sign of the first one of its row, and is not 0, `(loops, points)`."""
+    with np.errstate(all="ignore"):
+        sign = np.sign(value)
+    return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
+
+
+ZOOMS = 12  # towards a least size, each by a factor of ten
+NARROWEST = 40  # roundings of the number: the narrowest cell in which a least size is looked for
+VANISHED = 0.1  # a least size below this share of the size ten steps away counts as 0
+
+
+def _touches_zero(guard, known, name, points):
+    """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
+    with np.errstate(all="ignore"):
+        size = np.abs(values_of(guard, {**known, name: points})).reshape(-1, points.size)
+        loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
+        low, high, flat = points[at], points[at + 2], np.ones(at.size)
+        own = {each: value[loop] if np.ndim(value) else value for each, value in known.items()}
+        for _ in range(ZOOMS):
+            wide = high - low > NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+            among = np.linspace(low, high, 21, axis=-1)
+            size = np.abs(values_of(guard, {**own, name: among}))
+            flat = np.where(wide, size.min(-1) / size[:, [0, -1]].min(-1), flat)
+            best = np.clip(size.argmin(-1), 1, 19)
+            low, high = (np.take_along_axis(among, best[:, None] + step, -1)[:, 0] for step in (-1, 1))
+        return bool((flat <= VANISHED).any())
+
+
+MOST = 1000  # loops that are examined at a time
+
+
+def _different(known, most=None):
+    """The different rows of the arrays among these values, as columns, and the row of each loop.
+
+    most: so many rows at most, spread over all.
+    """
+    arrays = {name: np.asarray(value) for name, value in known.items() if np.ndim(value)}
+    if not arrays:
+        return known, np.zeros(1, int)
+    rows, row = np.unique(np.stack(list(arrays.values()), axis=1), axis=0, return_inverse=True)
+    if most is not None:
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
+    return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(-1)
+
+
+def _rows_of(known, some):
+    return {name: value[some] if np.ndim(value) else value for name, value in known.items()}
+
+
+@lru_cache(maxsize=256)
+def _guards_of(drawing, number):
+    """The guards that read a number, as path of a key, tree, names of all numbers that it or its root reads, and that root."""
+    guards = {(guard, root): key for key, guard, root in _guards(drawing)}
+    named = [
+        (key, guard, frozenset(name for name, _ in names_in(root or guard)), root) for (guard, root), key in guards.items()
+    ]
+    return tuple(each for each in named if any(name == number for name, _ in names_in(each[1])))
+
+
+def _guards(drawing):
+    """Yield the path of a key, a tree that must not vanish, and the root or power that it is the argument of."""
+    for path, tree in drawing.trees():
+        yield from ((path, *guard) for guard in singular(tree))
+    yield from ((path, tree, None) for path, tree in divisors(drawing))
+
+
+def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
+    """Yield the path of a key and a tree that the equations of a block divide by, or take a root of."""
+    yield RATE, drawing.tick_hz
+    for block in drawing.blocks:
+        keys = dict(block.keys)
+        for name, key in TYPES[block.type].keys.items():
+            if name in keys and key.above_low:  # what must be positive may be divided by
+                yield f"block.{block.name}.{name}", keys[name]
+        for name in TYPES[block.type].below_half:
+            twice = ("*", ("number", 2.0, 0), ("*", keys[name], block.every, 0), 0)
+            yield f"block.{block.name}.{name}", ("-", drawing.tick_hz, twice, 0)
+        if block.type in ("tf", "pid"):
+            path = f"block.{block.name}.{'den' if block.type == 'tf' else 'tau'}"
+            yield path, dict(block.core(drawing.tick_hz).keys)["den"][0]
+        if block.type == "local_model":
+            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz)
+
+
+def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
+    """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
+    wrong = unsuitable(drawing, values)
+    if wrong.any():
+        arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}
+        at = int(np.flatnonzero(wrong)[0])
+        loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
+        named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
+        path, expected, found = next(faults(drawing, loop), ("a key", "another value", "none"))
+        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
+
+
+def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
+    """Return which loops of a batch have a number that a key does not accept, `(loops,)`. values: as for `assembled`."""
+    arrays = {path for path, value in values.items() if np.ndim(value)}
+    varied, single = frozenset(map(name_of, arrays)), tuple(item for item in values.items() if item[0] not in arrays)
+    wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
+    known = numbers_of(values)
+    with np.errstate(all="ignore"):
+        for condition in conditions(drawing) if arrays else ():
+            if condition.names & varied:
+                wrong |= _broken(condition, known)
+    return wrong
+
+
+@lru_cache(maxsize=64)
+def _unsuitable_alone(drawing, items, others):
+    """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
+    known = numbers_of(dict(items))
+    with np.errstate(all="ignore"):
+        return any(bool(np.any(_broken(each, known))) for each in conditions(drawing) if each.names and not each.names & others)
+
+
+def _broken(condition, known):
+    values = [values_of(tree, known) for _, tree in condition.reads]
+    return np.logical_not(computable(values[0]) & condition.holds(*values))

@@ -1,0 +1,97 @@
+"""Digital Butterworth filters from normal-form sections, which are accurate at any order and cutoff."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.engine.loops.block import Block, matrix, numbers
+
+FEW = 64.0  # roundings that a cutoff's distance from half the rate may lose before the block's condition counts them
+
+
+def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:
+    """Butterworth filter by the bilinear transform with prewarping, as a cascade of normal-form sections.
+
+    name: of the block. order: 0 for a plain connection. cutoff_hz (below half the rate), period (s): numbers or arrays.
+    highpass: a high-pass if true, otherwise a low-pass. Port `u` in, `y` out.
+    Each pole pair is the bilinear image of `[[alpha, beta], [-beta, alpha]]`, inputs and outputs balanced, because a
+    transfer function, and even direct-form sections, lose every digit at order 10 and a cutoff of 0.1 % of the rate.
+    Source: A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 7.1; B. Gold, C. Rader 1967 (normal form).
+    Accuracy: response good to 1e-13 relative for orders to 12 and cutoffs from 0.1 % of the rate to its half, next to which the
+    cutoff's distance from it has lost digits: the block's condition, and the sizes of its terms, say how many.
+    """
+    plain = isinstance(cutoff_hz, int | float) and isinstance(period, int | float)
+    return (_known if plain else _filter)(name, order, cutoff_hz, period, highpass)
+
+
+def _filter(name, order, cutoff_hz, period, highpass) -> Block:
+    """The filter, see `butterworth`."""
+    if order == 0:
+        return _assemble(name, [])
+    share = numbers(cutoff_hz) * period
+    warped, lost = np.tan(np.pi * share), 1 / np.maximum(1 - 2 * share.real, np.finfo(float).tiny)
+    sections = [_pair(warped, np.pi * (2 * k + order - 1) / (2 * order), highpass) for k in range(1, order // 2 + 1)]
+    filter_ = _assemble(name, sections + ([_single(warped, highpass)] if order % 2 else []))
+    passed = np.full((1, 1), 0.0 if highpass else 1.0)  # of a constant
+    filter_ = replace(filter_, at_rest=(passed,))
+    if not np.any(lost > FEW):
+        return filter_
+    lost = np.where(lost > FEW, lost, 1.0)
+    sizes = (lost[..., None, None] * np.abs(getattr(filter_, part)) for part in "EBCD")
+    return replace(filter_, condition=lost, terms=tuple(sizes))
+
+
+_known = lru_cache(maxsize=64)(_filter)  # the loops of a sweep mostly share their filters
+
+
+def _single(warped, highpass):
+    """First-order section of pole -warped: (E, B, C, D) after the bilinear transform."""
+    gain = 1 / (1 + warped)
+    root = np.sqrt(2 * warped) * gain
+    sign, through = (-1, gain) if highpass else (1, warped * gain)
+    return matrix([[-2 * warped * gain]]), matrix([[root]]), matrix([[sign * root]]), matrix([[through]])
+
+
+def _pair(warped, angle, highpass):
+    """Second-order section of poles warped*exp(+-j angle), bilinear image of the balanced normal form."""
+    alpha, beta = warped * np.cos(angle), warped * abs(np.sin(angle))
+    if highpass:
+        c1, c2, through = (alpha**2 - beta**2) / beta, 2 * alpha, 1.0
+        scale = np.sqrt(np.hypot(np.abs(c1), np.abs(c2)))
+    else:
+        c1, c2, through = (alpha**2 + beta**2) / beta, 0.0 * alpha, 0.0
+        scale = np.sqrt(c1)
+    return _bilinear(alpha, beta, scale, c1 / scale, c2 / scale, through)
+
+
+def _bilinear(alpha, beta, b, c1, c2, through):
+    """Bilinear image of A = [[alpha, beta], [-beta, alpha]], B = [0, b], C = [c1, c2], D = through, in delta form."""
+    size = (1 - alpha) ** 2 + beta**2
+    p, q = (1 - alpha) / size, beta / size  # (I - A)^-1 = [[p, q], [-q, p]]
+    real, imag = 2 * (alpha * p - beta * q), 2 * (alpha * q + beta * p)  # E = 2 A (I - A)^-1, same shape
+    root = np.sqrt(2)
+    E = matrix([[real, imag], [-imag, real]])
+    B = matrix([[root * q * b], [root * p * b]])
+    C = matrix([[root * (c1 * p - c2 * q), root * (c1 * q + c2 * p)]])
+    return E, B, C, matrix([[through + (c1 * q + c2 * p) * b]])
+
+
+def _assemble(name, sections) -> Block:
+    """Series connection of sections, the first nearest to the input."""
+    n = sum(E.shape[-1] for E, *_ in sections)
+    batch = np.broadcast_shapes(*(E.shape[:-2] for E, *_ in sections)) if sections else ()
+    kind = np.result_type(float, *(part for section in sections for part in section))
+    E, B = np.zeros((*batch, n, n), kind), np.zeros((*batch, n, 1), kind)
+    C, D, at = np.zeros((*batch, 1, n), kind), np.ones((*batch, 1, 1), kind), 0
+    for e, b, c, d in sections:
+        here, size = slice(at, at + e.shape[-1]), e.shape[-1]
+        E[..., here, :] = b @ C  # what the sections so far feed on
+        E[..., here, here] = e
+        B[..., here, :] = b @ D
+        C, D = d @ C, d @ D
+        C[..., here] = c
+        at += size
+    states = tuple(f"{name}{k}" for k in range(n))
+    labels = tuple(f"filter {name}{f' ({k + 1} of {n})' if n > 1 else ''}" for k in range(n))
+    return Block(name, ("u",), ("y",), states, E, B, C, D, labels=labels)

@@ -1,0 +1,78 @@
+"""Values of a drawn loop's expressions, for arrays of numbers, real or complex."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing.drawing import scalars
+from wavesweep.engine.drawing.drawn_block import DrawnBlock
+from wavesweep.engine.drawing.expressions import Tree, evaluate, is_given, lost_digits, names_in
+from wavesweep.engine.loops.block import numbers
+
+ROUNDED = "(rounded)"  # no number of a spec can have this name
+
+
+def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
+    """Return the value of a tree without signals, correct to a few roundings of itself; the numbers are exact.
+
+    numbers: name -> number, or array of numbers. Where digits are lost, as in sums that cancel, the value is computed again in
+    ball arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
+    """
+    if tree[0] in ("number", "name"):
+        return evaluate(tree, numbers)
+    without = []
+
+    def watch(*operation):
+        with np.errstate(all="ignore"):
+            lost = np.asarray(lost_digits(*operation))
+        if lost.any():
+            without.append(lost)
+
+    with np.errstate(all="ignore"):
+        rough = evaluate(tree, numbers, np, watch)
+    if not without:
+        return rough
+    lost = np.logical_or.reduce(np.broadcast_arrays(*without)) & np.isfinite(rough)
+    return _again(tree, numbers, np.array(rough, order="C"), lost)
+
+
+def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
+    """Return the part of the value of a tree that rounding has taken; 0 for a number itself, and for complex values."""
+    if is_given(tree) or np.iscomplexobj(value):
+        return 0.0
+    return values_of(("-", tree, ("name", ROUNDED, 0), 0), {**numbers, ROUNDED: value})
+
+
+def _again(tree, numbers, found, lost):
+    """Return the values, those that have lost digits from ball arithmetic."""
+    from wavesweep.engine.drawing.exact import exactly
+
+    at = np.flatnonzero(np.broadcast_to(lost, found.shape))
+    names = dict(names_in(tree))
+    columns = [np.broadcast_to(numbers[name], found.shape).reshape(-1)[at].tolist() for name in names]
+    rows = zip(*columns, strict=True) if names else [()] * at.size
+    exact = np.array([exactly(tree, dict(zip(names, row, strict=True))) for row in rows])
+    whole = found.dtype.kind == "c" or exact.dtype.kind != "c"
+    found.reshape(-1)[at] = exact if whole else np.where(exact.imag == 0, exact.real, np.nan)
+    return found if found.shape else found.item()
+
+
+def keys_with(block: DrawnBlock, value: Callable[[Tree], Any]) -> dict[str, Any]:
+    """Return the keys of a block with the values of their numbers; value: of a tree."""
+    types = TYPES[block.type].keys
+
+    def of(kind, entry):
+        if kind in ("number", "integer"):
+            return value(entry) if kind == "number" else int(value(entry))
+        if kind == "list":
+            return [value(tree) for tree in entry]
+        return [[value(tree) for tree in row] for row in entry] if kind == "rows" else entry
+
+    return {name: of(types[name].type, entry) for name, entry in block.keys}
+
+
+def numbers_of(values: Mapping[str, object]) -> dict[str, object]:
+    """Return flat values by the names that trees have for them, as numbers to compute with."""
+    return {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}

@@ -1,0 +1,62 @@
+"""Virtual coupling: a spring and a damper at the fast rate between the device and its avatar, behind which is the slow wall.
+
+J. E. Colgate, M. C. Stanley, J. M. Brown, Issues in the haptic display of tool use, IROS 1995; R. J. Adams, B. Hannaford,
+Stable haptic interaction with virtual environments, IEEE Trans. Robotics and Automation 15, 1999.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from wavesweep.engine.loops.controller_page import F_S, Page, Slow, device
+
+_K, _B = "controller.K_VC", "controller.B_VC"
+
+
+def dc_vc(values: Mapping[str, Any]) -> Page:
+    """hand -> device -> sampled coupling -> massless avatar and wall -> held avatar -> coupling in every tick -> device."""
+    blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s")
+    force = f"{_K}*(device.x - {shown['x_s']}) + {_B}*({velocity} - {shown['v_s']})"
+    blocks |= {"coupling": {"type": "gain"}}
+    return Page(blocks, wires | {"coupling.u": force, "device.f": "f_h - coupling.y"}, "coupling.y", _assumes(values))
+
+
+def dc_vc_lm(values: Mapping[str, Any]) -> Page:
+    """The same slow avatar, and a fast one, which a spring and a damper about the slow one's pose and force act on."""
+    blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s", "F_s")
+    fast, of_fast, x_l = _massless("local", values["local_model.integration"], velocity, "model.y", {})
+    F_l = f"{shown['F_s']} + local_model.K_LM*({x_l} - {shown['x_s']}) + local_model.B_LM*(local_speed.y - {shown['v_s']})"
+    blocks |= {**fast, "model": {"type": "gain"}}
+    wires |= {**of_fast, "model.u": F_l, "device.f": "f_h - model.y"}
+    return Page(blocks, wires, "model.y", _assumes(values))
+
+
+def _assumes(values):
+    return f"{values['environment.integration']} integration of the wall"
+
+
+def _slow_avatar(values, *signals):
+    """The device, and the slow avatar at the wall: blocks, wires, the measured velocity, and what shows each signal."""
+    slow, (blocks, wires, velocity) = Slow.of(values), device(values)
+    own, of_own, x = _massless("avatar", values["environment.integration"], velocity, "wall.y", slow.block())
+    blocks |= {**own, "wall": slow.block(type="hold")}
+    wires |= {**of_own, "wall.u": F_S.format(x=x, v="avatar_speed.y")}
+    sources, shown = {"x_s": "avatar.y", "v_s": "avatar_speed.y", "F_s": "wall.y"}, {}
+    for name in signals:
+        held, through, shown[name] = slow.in_place(name, sources[name])
+        blocks, wires = blocks | held, wires | through
+    return blocks, wires, velocity, shown
+
+
+def _massless(name, integration, velocity, force, runs):
+    """An avatar without mass, whose damper takes what its spring and a force leave: `B_VC v = K_VC (x - x~) + B_VC v^ - F`.
+
+    Gives blocks, wires, and the position x~ that springs read: that before the step if the integration is explicit.
+    """
+    method = "trapezoidal" if integration == "trapezoidal" else "implicit"
+    blocks = {f"{name}_speed": {**runs, "type": "hold"}, name: {**runs, "type": "integrator", "method": method}}
+    wires, x = {f"{name}.u": f"{name}_speed.y"}, f"{name}.y"
+    if integration == "explicit":
+        blocks[f"{name}_before"], x = {**runs, "type": "delay"}, f"{name}_before.y"
+        wires[f"{name}_before.u"] = f"{name}.y"
+    wires[f"{name}_speed.u"] = f"{velocity} + ({_K}*(device.x - {x}) - {force})/{_B}"
+    return blocks, wires, x

@@ -1,0 +1,150 @@
+"""A loop cut at one or two numbers of a wire that are scalar gains of its frame: the linear fractional transformation (LFT)
+that the numbers close, as a wall's stiffness and damping do."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.loops.block import frozen
+from wavesweep.engine.monodromy.rounding import ROUNDING
+
+V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
+PARTS = ("E", "B", "C", "D")
+ERRORS = ("dE", "dB", "dC", "dD")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """Everything but the numbers, once a frame, in delta form (`w = z - 1`).
+
+    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are V: the signal that the second
+    number multiplies, G_v (of a wall the velocity); ADVANCE and OFFSET: the one that the first number multiplies is
+    G_x = ADVANCE/w + OFFSET. dE, dB, dC, dD: bounds on the errors of their entries. integrates: whether there is an ADVANCE. It
+    is the exact eigenvalue 1 of the cut loop, as of the position of the whole scene if no spring holds the hand. It is kept out
+    of E, so it is never rounded. period: of the frame, s (a number or an array over the batch). states, unread: names of the
+    states that are kept and left out. poles_at_one: how many eigenvalues of E are exactly 0 by its pattern, as that of a mass
+    that nothing brakes. others: the diagonal blocks of the monodromy matrix less identity that the numbers do not act on, in
+    the block-triangular form of its pattern.
+    """
+
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    dE: np.ndarray
+    dB: np.ndarray
+    dC: np.ndarray
+    dD: np.ndarray
+    integrates: bool
+    period: np.ndarray
+    states: tuple[str, ...]
+    unread: tuple[str, ...] = ()
+    poles_at_one: int = 0
+    others: tuple[np.ndarray, ...] = ()
+    memo: dict = field(default_factory=dict, init=False, repr=False)  # what belongs to these loops alone, see `remembered`
+
+    def __post_init__(self):
+        for name in (*PARTS, *ERRORS, "period"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def order(self) -> int:
+        """Number of states of the loop with the numbers in place."""
+        return self.E.shape[-1] + self.integrates
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the leading axes."""
+        return self.remembered(
+            "batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in PARTS), np.shape(self.period))
+        )
+
+    def remembered(self, name: object, make: Callable[[], Any]) -> Any:
+        """What `make` gives at the first call with this name: of a compiled loop it is asked for in every call."""
+        if name not in self.memo:
+            self.memo[name] = make()
+        return self.memo[name]
+
+    def at(self, index) -> "Cut":
+        """Return the loops `index` (anything that indexes the leading axes) of the batch."""
+        batch, indices = self.batch, isinstance(index, np.ndarray) and index.dtype.kind == "i"
+
+        def pick(array, tail):
+            array = np.asarray(array)
+            full = batch + array.shape[array.ndim - tail :]
+            if indices and array.shape == full and array.flags.c_contiguous:
+                return array.take(index, axis=0)  # in a seventh of the time of brackets
+            return (array if array.shape == full else np.broadcast_to(array, full))[index]
+
+        parts = {name: pick(getattr(self, name), 2) for name in (*PARTS, *ERRORS)}
+        return replace(self, **parts, period=pick(self.period, 0), others=tuple(pick(each, 2) for each in self.others))
+
+
+def with_batch(cut: Cut, size: int) -> Cut:
+    """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
+    if cut.batch:
+        return cut.at(slice(None))
+    return cut.at(np.newaxis) if size == 1 else cut.at(np.newaxis).at(np.zeros(size, int))
+
+
+def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the loop with one number closed and the other open: (E, B, C, D) from the open part's product to its factor.
+
+    along: the open number, "K_VE" or "B_VE"; fixed: value of the other one, an array that broadcasts with the batch.
+    """
+    at_rest = along == "B_VE"
+    A, B, x, v = whole(cut)
+    (closed, through), open_ = ((x, cut.D[..., OFFSET, 0]), v) if at_rest else ((v, cut.D[..., V, 0]), x)
+    direct = (cut.D[..., V, 0] if at_rest else cut.D[..., OFFSET, 0])[..., None, None]
+    left = (1 - fixed * through)[..., None, None]
+    gain = fixed[..., None, None] / left
+    return A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left
+
+
+def whole(cut):
+    """Return E and B with the integrator as the last state, and the rows of the two signals."""
+    x, v = cut.C[..., OFFSET : OFFSET + 1, :], cut.C[..., V : V + 1, :]
+    if not cut.integrates:
+        return cut.E, cut.B, x, v
+    one = np.ones((*cut.batch, 1, 1))
+    A = np.concatenate([cut.E, cut.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+    A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
+    B = np.concatenate([cut.B, cut.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+    return A, B, np.concatenate([x + 0 * one, one], axis=-1), np.concatenate([v + 0 * one, 0 * one], axis=-1)
+
+
+def errors_of_whole(cut: Cut):
+    """Return bounds on the errors of the entries of `whole`."""
+    dE, dB, dx, dv = whole(replace(cut, **dict(zip(PARTS, (cut.dE, cut.dB, cut.dC, cut.dD), strict=True))))
+    return dE, dB, np.concatenate([dx[..., :-1], 0 * dx[..., -1:]], axis=-1) if cut.integrates else dx, dv
+
+
+def close(cut: Cut, K, F) -> np.ndarray:
+    """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
+
+    K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator; its
+    eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
+        K, F = (np.asarray(each)[..., None, None] for each in (K, F))
+        E, B, x, v = whole(cut)
+        read = (K * x + F * v) / (1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :])
+        A = E + B * read
+        if cut.integrates:
+            A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
+    return A
+
+
+def errors_of_closed(cut: Cut, K, F) -> np.ndarray:
+    """Return bounds on the errors of the entries of `close`, `(..., order, order)`, to first order."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        K, F = (np.asarray(each, float)[..., None, None] for each in (K, F))
+        through = np.abs(1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :])
+        K, F = np.abs(K), np.abs(F)
+        size = replace(cut, **{name: np.abs(getattr(cut, name)) for name in PARTS})
+        (_, B, x, v), (dE, dB, dx, dv) = whole(size), errors_of_whole(cut)
+        off = K * cut.dD[..., OFFSET : OFFSET + 1, :] + F * cut.dD[..., V : V + 1, :]
+        read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through
+        return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))

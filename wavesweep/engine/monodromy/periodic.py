@@ -1,0 +1,271 @@
+"""The frame of a loop of several rates: its ticks one after the other, in delta form."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from wavesweep.engine.loops.block import Block
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.batches import in_parts, product
+from wavesweep.engine.monodromy.interconnect import connect
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ticks:
+    """Every kind of tick of a drawn loop.
+
+    maps: a block per kind, all with the same states, from the inputs to the outputs. kind: of each tick of the frame, `(M,)`.
+    """
+
+    maps: tuple[Block, ...]
+    kind: np.ndarray
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return self.maps[0].states
+
+    def from_tick(self, first: int) -> "Ticks":
+        """Return the frame that begins with that tick."""
+        return replace(self, kind=np.roll(self.kind, -first))
+
+
+def ticks_of(
+    drawn: MultirateLoop, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False, places=None
+) -> Ticks:
+    """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
+
+    outputs: signals that every tick gives. alone: without the inputs. through: an input that remains, in the ticks that it
+    reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are read in the
+    drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
+    Errors: IllPosedLoopError for an algebraic loop without a solution.
+    """
+    sets, kind = drawn.schedule()
+    if places is not None:
+        used, kind = np.unique(kind[places], return_inverse=True)
+        sets = [sets[each] for each in used]
+    held = drawn.held(outputs) if held is None else held
+    sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
+    silent = sums | {name: {} for name in drawn.inputs}
+    maps = []
+    for running in sets:
+        inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
+        if through and _reaches(drawn, running, through):
+            inputs, wires = (through,), {name: terms for name, terms in silent.items() if name != through}
+        elif through:
+            shown = ()
+        maps.append(_connected(drawn, set(running), held, wires, inputs, shown, terms))
+    return Ticks(tuple(maps), kind)
+
+
+def _reaches(drawn, running, signal):
+    """Return whether a block that runs reads the signal."""
+    ports = (f"{drawn.placed[index].block.name}.{port}" for index in running for port in drawn.placed[index].block.inputs)
+    return any(signal in drawn.sources(port) for port in ports)
+
+
+def _connected(drawn, running, held, sums, inputs, outputs, terms):
+    blocks = [_in_tick(each.block, index in running, held[each.block.name]) for index, each in enumerate(drawn.placed)]
+    return connect("tick", blocks, sums, inputs, tuple(outputs), terms)
+
+
+def _in_tick(block, runs, held):
+    """Return the block with states for the outputs that it holds.
+
+    If it does not run, none of its states changes, and its outputs are the held ones.
+    """
+    if runs and not held:
+        return block
+    rows = [block.outputs.index(port) for port in held]
+    E, B, C, D = _holding((block.E, block.B, block.C, block.D), rows, runs, -1.0)
+    terms = _holding(block.terms, rows, runs, 1.0) if block.terms and runs else None
+    states = (*block.states, *(f"{port} held" for port in held))
+    return replace(block, states=states, E=E, B=B, C=C, D=D, labels=(), terms=terms)
+
+
+def _holding(parts, rows, runs, forgotten):
+    """Return E, B, C and D with states for the outputs `rows`; forgotten: of each if the block runs."""
+    (n, m), p, h = parts[1].shape[-2:], parts[2].shape[-2], len(rows)
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts)) if runs else ()
+    kind = np.result_type(*parts) if runs else float
+    E, B = np.zeros((*batch, n + h, n + h), kind), np.zeros((*batch, n + h, m), kind)
+    C, D = np.zeros((*batch, p, n + h), kind), np.zeros((*batch, p, m), kind)
+    if runs:
+        E[..., :n, :n], B[..., :n, :], C[..., :n], D[...] = parts
+        E[..., n:, :n], B[..., n:, :], E[..., n:, n:] = parts[2][..., rows, :], parts[3][..., rows, :], forgotten * np.eye(h)
+    else:
+        C[..., rows, n:] = np.eye(h)
+    return E, B, C, D
+
+
+def frame_of(ticks: Ticks) -> np.ndarray:
+    """Return `(I + E)` of all ticks in a row, less the identity, `(..., n, n)`.
+
+    Delta form keeps the digits of slow poles. Overflow gives infinities or NaN without a warning.
+    """
+    n, kinds = len(ticks.states), ticks.kind.tolist()
+    if not kinds:
+        return np.zeros((n, n))
+    changes = [Change.of(each.E) for each in ticks.maps]
+    batch, kind = np.broadcast_shapes(*(each.E.shape[:-2] for each in changes)), np.result_type(*(each.E for each in changes))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], Change.then).E, batch, n, kind)
+
+
+GROWING = 32.0  # growth beyond which it is computed for each loop (see `rounding`)
+LOST = 1e6  # growth beyond which a frame has no digits that are known
+
+
+def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the growth of stretches of ticks over the frame that they make, `(...)`, 1 or more, in no units of the states.
+
+    kind: of each tick; changes: per kind, the matrix less identity, `(..., n, n)`.
+
+    The product `Q P` of two stretches has an error of a rounding of `|Q| |P|`, which is larger than `Q P` where terms cancel.
+    The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
+    Accuracy: a measure of the digits that are lost, not a bound.
+    """
+
+    def joined(first, second):
+        (E, *found), (later, *others) = first, second
+        both = then(E, later)
+        terms = size_of(np.abs(_whole(later)) @ np.abs(_whole(E)))
+        largest, lost = (np.maximum(one, other) for one, other in zip(found, others, strict=True))
+        return both, np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_whole(both))))
+
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        E, largest, lost = in_a_row(kind.tolist(), [(E, 1.0, 1.0) for E in changes], joined)
+        return np.fmax(lost, largest / np.fmax(1.0, size_of(_whole(E))))
+
+
+def known_frames(E: np.ndarray, growth) -> np.ndarray:
+    """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
+    return np.where((growth <= LOST)[..., None, None], E, np.nan) if np.any(growth > LOST) else E
+
+
+def _whole(E):
+    return E + np.eye(E.shape[-1])
+
+
+def size_of(matrix) -> np.ndarray:
+    """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no units of the states change."""
+    return np.sqrt(np.abs(matrix * np.swapaxes(matrix, -1, -2)).max((-1, -2), initial=0.0))
+
+
+def in_a_row(kinds, maps, joined):
+    """Return the maps of a sequence of kinds joined in a row; repeated stretches are joined once.
+
+    joined(first, second): one map after the other. All that does not repeat is joined two by two, so that bounds on errors go
+    through few joins: one after the other they would grow with the entries of hundreds of short stretches.
+    """
+    row = stretches(kinds, maps, joined)
+    while len(row) > 1:
+        row = [joined(*row[at : at + 2]) if at + 1 < len(row) else row[at] for at in range(0, len(row), 2)]
+    return row[0]
+
+
+def stretches(kinds, maps, joined):
+    """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the rest between them, in a row."""
+    pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
+    known = dict(enumerate(maps))
+    for name, (first, second) in pairs:
+        known[name] = joined(known[first], known[second])
+    return [known[name] for name in rest]
+
+
+@lru_cache(maxsize=64)
+def _plan(kinds: bytes):
+    """Return names for pairs of neighbours that occur more than once, and the sequence written with them.
+
+    The most frequent pair is replaced again and again (N. J. Larsson, A. Moffat, Proc. IEEE 88, 2000); a run of equal ticks
+    becomes its powers of two, and a pattern that recurs is joined once.
+    """
+    sequence = np.frombuffer(kinds, np.int64).tolist()
+    pairs, name = [], 1 + max(sequence)
+    while len(sequence) > 1:
+        pair, count = _most_frequent(sequence)
+        if count < 2:
+            break
+        sequence = _replaced(sequence, pair, name)
+        pairs.append((name, pair))
+        name += 1
+    return tuple(pairs), tuple(sequence)
+
+
+def _most_frequent(sequence):
+    """Return the pair of neighbours that occurs most often without overlap, the first of several, and its count."""
+    counts, last = {}, {}
+    for at, pair in enumerate(pairwise(sequence)):
+        if last.get(pair) == at - 1 and pair[0] == pair[1]:
+            last.pop(pair)
+            continue
+        last[pair] = at
+        counts[pair] = counts.get(pair, 0) + 1
+    pair = max(counts, key=counts.get)
+    return pair, counts[pair]
+
+
+def _replaced(sequence, pair, name):
+    found, at = [], 0
+    while at < len(sequence):
+        if at + 1 < len(sequence) and (sequence[at], sequence[at + 1]) == pair:
+            found.append(name)
+            at += 2
+        else:
+            found.append(sequence[at])
+            at += 1
+    return found
+
+
+def then(first, second):
+    """Return `(I + second)(I + first) - I`; a state that either of them forgets is forgotten exactly.
+
+    A plain sum would leave a rounding error in place of such a state.
+    """
+    return Change.of(first).then(Change.of(second)).E
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """The change of states over some ticks, less the identity, and the states that the ticks forget.
+
+    E: `(..., n, n)`, or with columns of inputs that are held over the ticks behind it, `(..., n, n + inputs)`. unread: states
+    on whose values before these ticks no state depends after them, each with the loops in which that is so.
+    unset: states whose values after these ticks are zero, in the same way.
+    """
+
+    E: np.ndarray
+    unread: list[tuple[int, np.ndarray]]
+    unset: list[tuple[int, np.ndarray]]
+
+    @staticmethod
+    def of(E) -> "Change":
+        own = E[..., : E.shape[-2]]
+        return Change(E, _forgotten(own), _forgotten(np.swapaxes(own, -1, -2)))
+
+    def at(self, few) -> "Change":
+        """Return the change of some matrices of a batch."""
+        if self.E.ndim == 2 or len(self.E) == 1:
+            return self
+        return Change(self.E[few], *([(state, loops[few]) for state, loops in some] for some in (self.unread, self.unset)))
+
+    def then(self, later) -> "Change":
+        E = self.E + later.E
+        E += product(later.E[..., : E.shape[-2]], self.E)
+        for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
+            E[..., state, state] = np.where(loops, -1.0, E[..., state, state])
+        return Change(E, self.unread, later.unset)
+
+
+def _forgotten(E):
+    """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which it is, `(...)`.
+
+    Each matrix has its own, since a state may die out in one loop of a batch and not in another.
+    """
+    less, own = -np.eye(E.shape[-1]), E.diagonal(axis1=-2, axis2=-1) == -1
+    some = np.flatnonzero(own.any(tuple(range(own.ndim - 1))))
+    found = [(column, (E[..., column] == less[column]).all(-1)) for column in some.tolist()]
+    return [(column, loops) for column, loops in found if loops.any()]

@@ -1,0 +1,117 @@
+"""The product of the ticks of a frame in delta form, with a bound on the error of every entry.
+
+Ticks are maps `x -> (I + E) x + B u`, u being constant over the frame. Their product less identity is computed without forming
+I + E, which keeps the distance of slow poles from 1 in all its digits, and repeated stretches are multiplied once.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache, partial
+
+import numpy as np
+
+from wavesweep.engine.monodromy.batches import in_parts
+from wavesweep.engine.monodromy.periodic import in_a_row
+from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
+
+
+def product_with_errors(
+    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False, each: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`, and bounds on its errors.
+
+    kind: of each tick, `(M,)`. changes: per kind, E, or E and behind it the columns of inputs that are held over the frame.
+    ramp: whether the last input becomes one that grows by the one before it with every tick, from 0.
+    An entry that is zero by the ticks' patterns is exactly zero. Overflow gives infinities or NaN without a warning.
+    sizes: per kind, the sizes of the terms of the entries of each tick (running error terms), in the form of the changes.
+    each: whether every loop of a batch has a bound of its own, at three times the cost; otherwise it is that of the largest
+    entries of the loops that are multiplied together, which is tight for loops that are alike.
+    Accuracy: to first order in a rounding.
+    """
+    over = np.asarray if each else _over_batch
+    kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
+
+    batch = np.broadcast_shapes(*(each.shape[:-2] for each in (*changes, *sizes)))
+
+    def of_part(part):
+        ticks = []
+        for pair in zip(changes, sizes, strict=True):
+            E, size = (np.broadcast_to(each, (*batch, *each.shape[-2:]))[part] if each.ndim > 2 else each for each in pair)
+            ticks.append(((E, 1), *_largest(over, E), ENTRIES * over(size)))
+        (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp, over))
+        return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
+
+    with np.errstate(all="ignore"):
+        found = in_parts(of_part, batch, changes[0].shape[-1], np.result_type(*changes))
+    E, dE = found[..., 0, :, :], found[..., 1, :, :]
+    return np.where(still, -np.eye(*still.shape), E), np.where(still, 0.0, dE)
+
+
+def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False) -> np.ndarray:
+    """Return which entries of the product of ticks, identity included, may be other than 0 in a loop, `(n, n + inputs)`."""
+    patterns, (n, width) = [], changes[0].shape[-2:]
+    for each in changes:
+        pattern = (each != -np.eye(n, width)).any(tuple(range(each.ndim - 2)))
+        if ramp:
+            pattern[:, -1] |= pattern[:, -2]
+        patterns.append(pattern.tobytes())
+    return _pattern(tuple(patterns), kind.astype(np.int64).tobytes(), n, width)
+
+
+@lru_cache(maxsize=256)
+def _pattern(patterns, kinds, n, width):
+    maps = [np.vstack([np.frombuffer(each, bool).reshape(n, width), np.eye(width, dtype=bool)[n:]]) for each in patterns]
+    kinds = np.frombuffer(kinds, np.int64).tolist()
+    found = in_a_row(kinds, maps, lambda one, other: (other.astype(float) @ one) > 0)
+    found = np.ascontiguousarray(found[:n])
+    found.flags.writeable = False
+    return found
+
+
+def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
+    """Return the strongly connected components of a pattern `(n, n)`, each as indices in order; what acts comes before what is
+    acted on. In this order a matrix with the pattern is block-triangular, and its eigenvalues are those of the blocks."""
+    return [np.array(each) for each in _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))]
+
+
+@lru_cache(maxsize=256)
+def _components(pattern, n):
+    reach = np.frombuffer(pattern, bool).reshape(n, n) | np.eye(n, dtype=bool)
+    for _ in range(max(1, n).bit_length()):
+        reach = (reach.astype(float) @ reach) > 0
+    alike, found = reach & reach.T, {}
+    for state in range(n):
+        found.setdefault(int(np.flatnonzero(alike[state])[0]), []).append(state)
+    return tuple(sorted(map(tuple, found.values()), key=lambda each: (int(reach[each[0]].sum()), each)))
+
+
+def _after(ramp, first, second):
+    """One stretch of ticks after another, each as its change and its ticks."""
+    (P, ticks), (Q, more) = first, second
+    E = P + Q
+    E += Q[..., : P.shape[-2]] @ P
+    if ramp:
+        E[..., -1] += ticks * Q[..., -2]
+    return E, ticks + more
+
+
+def _after_with_errors(ramp, over, first, second):
+    """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound on their errors."""
+    (P, one, kept, dP), (Q, two, moved, dQ) = first, second
+    both, n = _after(ramp, P, Q), one.shape[-2]
+    dE = moved[..., :n] @ dP + dQ[..., :n] @ kept + ROUNDING * (one + two + two[..., :n] @ one)
+    dE[..., n:] += dQ[..., n:]
+    if ramp:
+        dE[..., -1] += P[1] * (dQ[..., -2] + ROUNDING * two[..., -2])
+    return both, *_largest(over, both[0]), dE
+
+
+def _largest(over, E):
+    """The sizes of the entries of E, and of I + E, the largest over a batch of loops or each one's."""
+    size, index = over(np.abs(E)), np.arange(E.shape[-2])
+    whole = size.copy()
+    whole[..., index, index] = over(np.abs(1 + E[..., index, index])[..., None, :])[..., 0, :]
+    return size, whole
+
+
+def _over_batch(size):
+    return size.max(tuple(range(size.ndim - 2)))

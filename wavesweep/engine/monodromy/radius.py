@@ -1,0 +1,41 @@
+"""Loops on a smaller circle: no eigenvalue of a frame M is larger than a radius where the frame M/radius is stable."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.monodromy.cut import ADVANCE, Cut, errors_of_whole, whole
+from wavesweep.engine.monodromy.rounding import ROUNDING
+
+
+def within(E: np.ndarray, radius) -> np.ndarray:
+    """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity; radius: `(...)`, up to 1."""
+    r, at = np.asarray(radius)[..., None], np.arange(E.shape[-1])
+    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+        found, own = E / r[..., None], np.diagonal(E, axis1=-2, axis2=-1)
+        found[..., at, at] = np.where(own.real < -0.5, (1 + own) / r - 1, (own + (1 - r)) / r)  # each without cancellation
+    return found
+
+
+def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
+    """Return bounds on the errors of the entries of `within`; dE: of those of E."""
+    r = np.asarray(radius)[..., None, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (dE + ROUNDING * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
+
+
+def cut_within(cut: Cut, radius) -> Cut:
+    """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the batch.
+
+    An integrator, whose eigenvalue 1 is outside of the circle, becomes a state as the others are.
+    """
+    (E, B, x, v), (dE, dB, dx, dv) = whole(cut), errors_of_whole(cut)
+    r, (D, dD) = np.asarray(radius)[..., None, None], (part.copy() for part in (cut.D, cut.dD))
+    D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = {"E": within(E, radius), "dE": errors_within(E, dE, radius)}
+        parts |= {"B": B / r, "dB": (dB + ROUNDING * np.abs(B)) / r, "D": D, "dD": dD}
+    parts |= {name: np.concatenate([w, np.zeros_like(w), p], axis=-2) for name, w, p in (("C", v, x), ("dC", dv, dx))}
+    names = (*cut.states, *(["integrator"] if cut.integrates else []))
+    others = tuple(within(block, radius) for block in cut.others)
+    return replace(cut, **parts, integrates=False, states=names, poles_at_one=0, others=others)

@@ -1,0 +1,60 @@
+"""Velocities that an encoder gives, from a mass's displacement in a tick, where a difference of positions would cancel."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.loops.block import Block
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.drift import TickDrift
+
+DISPLACEMENT = "displacement"  # the output that a mass gets
+
+
+def with_displacements(drawn: MultirateLoop, drift: TickDrift) -> tuple[MultirateLoop, TickDrift]:
+    """Return the drawing, and its drift, with the differences of positions of masses as delays of their displacements.
+
+    A block whose state only keeps the position x of a mass, and whose output is `c (x[k] - x[k-1])`, is one with the state
+    `c (x[k] - x[k-1])`, which no drift moves. All runs in every tick. The states keep their names.
+    """
+    placed, sums = {each.block.name: each for each in drawn.placed}, dict(drawn.sums)
+    leads, gone = {drift.states[lead] for lead, _ in drift.moved}, set()
+    for name, each in list(placed.items()):
+        source = sums.get(f"{name}.u", {})
+        mass, _, port = next(iter(source), "").rpartition(".")
+        state = f"{name}.u1"
+        if not _is_difference(each) or len(source) != 1 or state in leads or not _is_mass(placed.get(mass), port):
+            continue
+        placed[mass] = replace(placed[mass], block=_with_displacement(placed[mass].block))
+        block = each.block
+        E, B, C, D = np.array([[-1.0]]), block.D, np.ones((1, 1)), np.zeros((1, 1))
+        placed[name] = replace(each, block=Block(name, block.inputs, block.outputs, block.states, E, B, C, D))
+        sums[f"{name}.u"] = {f"{mass}.{DISPLACEMENT}": next(iter(source.values()))}
+        gone.add(drift.states.index(state))
+    moved = tuple((lead, tuple(pair for pair in others if pair[0] not in gone)) for lead, others in drift.moved)
+    return replace(drawn, placed=tuple(placed.values()), sums=sums), replace(drift, moved=moved)
+
+
+def _is_difference(each):
+    block = each.block
+    kept = block.states == ("u1",) and each.every == 1 and block.E.shape[-2:] == block.B.shape[-2:] == (1, 1)
+    return kept and bool(np.all(block.E == -1) and np.all(block.B == 1) and np.all(block.C == -block.D))
+
+
+def _is_mass(each, port):
+    return each is not None and each.every == 1 and each.block.states == ("v", "x") and port == "x"
+
+
+def _with_displacement(block):
+    if DISPLACEMENT in block.outputs:
+        return block
+    parts, terms = ((block.E, block.B, block.C, block.D), block.terms)
+    both = [(*some[:2], *_rows(*some)) for some in (parts, terms) if some]
+    fields = dict(zip("EBCD", both[0], strict=True))
+    return replace(block, outputs=(*block.outputs, DISPLACEMENT), **fields, terms=both[1] if terms else None, at_rest=None)
+
+
+def _rows(E, B, C, D):
+    """C and D with the change of the position as a further output."""
+    steps = (C, E[..., 1:2, :]), (D, B[..., 1:2, :])
+    return [np.concatenate([np.broadcast_to(rows, (*step.shape[:-2], *rows.shape[-2:])), step], -2) for rows, step in steps]

@@ -1,0 +1,56 @@
+"""The resolvent of a frame through its modes."""
+
+import numpy as np
+
+from wavesweep.engine.monodromy.rounding import ROUNDING
+from wavesweep.engine.monodromy.unit_circle import solve
+
+CLOSE = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
+NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
+
+
+class Modal:
+    """The resolvent `(w - E)^-1` through the modes of E, as an approximate inverse whose error is known.
+
+    E `(..., n, n)`; error: bounds on the errors of its entries.
+    """
+
+    def __init__(self, E, error):
+        self.E, self.error = E, error
+        self.poles, self.vectors = np.linalg.eig(E)
+        self.vectors = self.vectors.astype(complex)
+        eye = np.broadcast_to(np.eye(E.shape[-1]), E.shape)
+        self.into = solve(self.vectors, eye)
+        self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
+
+    def solve(self, w, b, db):
+        """Return X `(..., n, points)` of `(w - E) X = b`, and three measures of its accuracy: unsure, gain and off.
+
+        unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on the relative error of
+        the inverse. db: error of b.
+        """
+        factor, E = 1 / (w - self.poles[..., None]), self.E + 0j
+        X = self.vectors @ (factor * (self.into @ b))
+        for _ in range(2):
+            left = b - w * X + E @ X
+            X = X + self.vectors @ (factor * (self.into @ left))
+        left, size, gain = b - w * X + E @ X, np.abs(X), np.abs(factor)
+        unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
+        return X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
+
+    def bound(self, unsure, gain, off):
+        """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see `solve`."""
+        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
+        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+
+    def careful_bound(self, w, unsure, gain, off):
+        """Return a bound on the error of X from the inverse itself, in which modes cancel.
+
+        w, unsure, gain, off: of the points, see `solve`.
+        """
+        factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
+        unsure, gain = (np.swapaxes(part, -1, -2)[..., None] for part in (unsure, gain))
+        vectors, into = self.vectors[..., None, :, :], self.into[..., None, :, :]
+        noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
+        bound = np.swapaxes((np.abs((vectors * factor) @ into) @ unsure + noise)[..., 0], -1, -2)
+        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)

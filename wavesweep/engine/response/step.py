@@ -1,0 +1,132 @@
+"""Step responses of a signal to an input, tick by tick, with a bound on each sample and on all that follow the last one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.monodromy.rounding import ROUNDING
+from wavesweep.engine.response.bounded_sums import long_sum
+from wavesweep.engine.response.lifted import Lifted, Stretch
+from wavesweep.engine.response.port import Port, reached
+from wavesweep.engine.response.steady import transfer
+
+MOST_TICKS = 2000  # of a frame
+MOST = 8_000_000  # samples times states
+REST = 1e-6  # of the largest sample: how far the last frame may be from all later ones
+HALF = 0.5  # size of a power of the frame that proves that a response comes to rest
+LONGER = 1.4  # times the time to settle: the end of what is worth showing
+BAND, LOW, HIGH = 0.02, 0.1, 0.9  # of the final value: where a response has settled, and between which it rises
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """The response of a signal to an input that is 0 before the time 0 and 1 from then on, as each tick shows it.
+
+    time_s, value: `(samples,)`, of whole frames. period: of a tick, s. frame: ticks of a frame. final: the mean of the samples
+    in the end. error: a bound on the error of each sample and of `final`. tail: how far any later sample may be from
+    that of the same tick in the last frame.
+    """
+
+    time_s: np.ndarray
+    value: np.ndarray
+    period: float
+    frame: int
+    final: float
+    error: float
+    tail: float
+
+    @property
+    def known(self) -> bool:
+        """Whether the final value is known and is not 0, so that times and overshoot are shares of it."""
+        return abs(self.final) > 2 * self.error
+
+    @property
+    def settling_s(self) -> float:
+        """Time from which all samples are within 2 % of the final value; NaN if that is not known."""
+        far = np.abs(self.value - self.final) + 2 * self.error > BAND * abs(self.final)
+        last = np.abs(self.value[-self.frame :] - self.final).max() + 2 * self.error + self.tail
+        if not (self.known and last <= BAND * abs(self.final)):
+            return np.nan
+        return float(self.time_s[np.flatnonzero(far)[-1]] + self.period) if far.any() else 0.0
+
+    @property
+    def overshoot(self) -> float:
+        """How far the largest sample is beyond the final value, as a share of that, and at least 0; NaN if it is not known."""
+        beyond = (self.value / self.final - 1) if self.known else np.array([np.nan])
+        last = beyond[-self.frame :].max() + self.tail / max(abs(self.final), 1e-300)
+        return max(0.0, float(beyond.max())) if last <= max(beyond.max(), 10 * REST) else np.nan
+
+    @property
+    def peak_s(self) -> float:
+        """Time of the sample that is farthest beyond the final value, or from 0 if that is not known."""
+        return float(self.time_s[np.argmax(self.value * np.sign(self.final) if self.known else np.abs(self.value))])
+
+    @property
+    def shown(self) -> int:
+        """How many samples show how it comes to rest: somewhat more than until it has settled."""
+        moving = np.flatnonzero(np.abs(self.value - self.final) > BAND * np.abs(self.value).max())
+        last = self.settling_s / self.period if self.settling_s > 0 else moving[-1] if moving.size else self.value.size
+        return int(min(max(LONGER * last, 10), self.value.size - 1)) + 1
+
+    def value_at(self, time_s: float) -> float:
+        """The sample that is seen at a time."""
+        return float(self.value[round(time_s / self.period)])
+
+    @property
+    def rise_s(self) -> tuple[float, float]:
+        """Times of the first samples that reach 10 % and 90 % of the final value; NaN if they are not known."""
+        if not self.known:
+            return np.nan, np.nan
+        reached_by = [np.flatnonzero(self.value / self.final >= part) for part in (LOW, HIGH)]
+        first, second = (float(self.time_s[at[0]]) if at.size else np.nan for at in reached_by)
+        return first, second
+
+
+def step_of(port: Port, most: int = MOST) -> Step:
+    """Return the step response of a single loop, given by its port between an input and a signal (see `port_between`).
+
+    The states at the starts of frames, `x[j+1] = A x[j] + g`, are found by doubling: those of n more frames follow from A^n. In
+    units in which no state exceeds 1, a power A^n of a size q < 1/2 shows that `sum |C A^j| <= S = sum_(j<n) |C A^j|/(1 - q)`.
+    So a change d of the states between the last two frames moves no later sample by more than `S |d|`, and a residual r of the
+    recursion, which has the rounding and the errors of A and g, no sample by more than `S |r|`.
+    Errors: UsageError for a loop that is not stable, or that does not come to rest within `most` samples times states, and for
+    a signal that a constant input moves without end.
+    Accuracy: as bounded; the bounds themselves are computed to first order.
+    """
+    loop, ticks = Lifted.of(port), port.kind.size
+    if port.outputs > 1 or ticks > MOST_TICKS or loop.lost.any():
+        found = "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
+        raise UsageError(f"step: expected a signal that comes to rest, in frames of at most {MOST_TICKS} ticks, found {found}")
+    frame, rough = Stretch.of(port), long_sum(ticks)
+    (E, dE), (C, dC) = frame.E, (part[0] for part in frame.seen)
+    (D, dD), (g, dg) = (
+        (part.sum(-1), (off + rough * np.abs(part)).sum(-1)) for part, off in ((frame.whole(), frame.whole(1)), frame.left)
+    )
+    moved = reached(g != 0, (E != 0).T)
+    E, dE, C, dC, g, dg = E[np.ix_(moved, moved)], dE[np.ix_(moved, moved)], C[:, moved], dC[:, moved], g[moved], dg[moved]
+    power, X, rows, after = E, np.zeros((1, moved.size)), C[None], g
+    with np.errstate(all="ignore"):  # of a loop that is not stable
+        while True:
+            largest = np.abs(np.vstack([X, after])).max(0, initial=0.0)
+            unit = np.where(largest > 0, largest, 1.0)
+            size = float((np.abs(np.eye(moved.size) + power) @ unit / unit).max(initial=0.0))
+            value, gain = X @ C.T + D, float((np.abs(rows) @ unit).sum(0).max(initial=0.0) / (1 - size))
+            tail = gain * float((np.abs(after - X[-1]) / unit).max(initial=0.0))
+            if size <= HALF and tail <= REST * np.abs(value).max():
+                break
+            if not np.isfinite(largest).all() or 2 * rows.size > most:
+                raise UsageError("step: expected a loop that comes to rest, found one that is unstable, or too slow to tell")
+            X = np.concatenate([X, X + X @ power.T + after])
+            rows = np.concatenate([rows, rows + rows @ power])
+            after, power = after + power @ after + after, power + power + power @ power
+    later = np.vstack([X[1:], after])
+    steps, terms = X @ E.T + g, np.abs(X) @ np.abs(E).T + np.abs(g)
+    missed = np.abs(later - X - steps) + ROUNDING * (np.abs(later) + np.abs(X) + terms) + np.abs(X) @ dE.T + dg
+    read = np.abs(X) @ (dC + ROUNDING * np.abs(C)).T + dD + ROUNDING * np.abs(D)
+    final, unsure = (float(part.ravel()[0].real) for part in transfer(loop, 0.0))
+    error = gain * float((missed / unit).max(initial=0.0)) + float(read.max())
+    last = float(value[-1].mean())  # which all later frames have, but for the tail
+    final, error = (last, error + tail) if np.isnan(unsure * final) else (final, error + unsure * abs(final))
+    time_s = np.arange(value.size) * port.period
+    return Step(time_s, value.ravel(), port.period, ticks, final, error, tail)

@@ -1,0 +1,1 @@
+"""Searches for the stable intervals of loops along a number."""

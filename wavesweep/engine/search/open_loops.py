@@ -1,0 +1,236 @@
+"""Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.algebraic import WORST_CONDITION
+from wavesweep.engine.loops.batch import Loops, distinct, distinct_rows
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.engine.loops.controllers import WALL
+from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import Ports, feels, hand_of
+from wavesweep.engine.monodromy.cut import Cut, with_batch
+from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
+from wavesweep.engine.rows import different
+from wavesweep.engine.search.required_region import RequiredRegion
+from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.radii import drift_of, named_loops
+from wavesweep.engine.stability.stable import stable_intervals
+
+if TYPE_CHECKING:
+    from wavesweep.engine.response.resting import Resting
+
+ANY = np.array([0.5, 2.0])  # a number that varies
+
+
+def exact_cut(loops: Loops, number: str) -> Cut | None:
+    """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
+    found = open_loops(loops, number)
+    return found and found.cut
+
+
+def wall_cut(values: Mapping[str, object]) -> Cut | None:
+    """The loops of a controller cut at both numbers of its wall; None if its frame reads these more than once.
+
+    values: flat keys, with numbers or arrays over the loops.
+    """
+    found = open_loops(Loops(loop_drawing(values), values).read, *WALL, each=True)
+    return found and found.cut
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoops:
+    """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force.
+
+    beside: another number of the same wire, that they are without as well (see `shares_wire`), or empty. conserved: whether a
+    combination of states drifts in the loops with the number.
+    """
+
+    drawn: MultirateLoop
+    frame: OpenFrame
+    drift: TickDrift
+    hand: Ports | None = None
+    beside: str = ""
+    conserved: bool = False
+
+    @cached_property
+    def cut(self) -> Cut | None:
+        """The loops cut at the number, or at the two numbers; None if their drift cannot be represented in a cut."""
+        return cut_of(self.frame, self.drift, 1 + bool(self.beside), conserved=self.conserved)
+
+    @cached_property
+    def alone(self) -> Cut:
+        """The cut of a single loop, as a batch of one."""
+        return with_batch(self.cut, 1)
+
+    @cached_property
+    def at_rest(self) -> "Resting | None":
+        """The loops as their hand feels them at rest; None without a hand, or if the frame does not show it."""
+        from wavesweep.engine.response.resting_frame import resting_frame
+
+        return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
+
+
+def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = False, each: bool = False) -> OpenLoops | None:
+    """The loops without a number that is one scalar gain of a frame; None if it is not one.
+
+    beside: another number of the same wire, without which they are as well; None if they drift in another way without it.
+    felt: whether to see their hand. each: see `product_with_errors`.
+    """
+    drawing = loops.drawing
+    if not scalar_place(drawing, number):
+        return None
+    path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(beside)]
+    both = dict.fromkeys((path, *([path_of(beside)] if beside else [])), ANY)
+    closed, loops = drift_of(loops.changed(both)), loops.changed(dict.fromkeys(both, 0.0))
+    drift = drift_of(loops, number, read, beside)
+    if drift.folded:
+        return None
+    if beside:
+        whole = drift_of(loops.changed({path_of(beside): ANY}), number, read, beside)
+        if (whole.moved, whole.folded) != (drift.moved, drift.folded):
+            return None
+    conserved = bool(closed.folded)
+    if conserved and len(closed.moved) + len(closed.folded) != len(drift.moved):
+        return None
+    drawn = loops.drawn(number, beside)
+    hand = hand_of(drawing) if felt and feels(drawing) else None
+    if any(seen_by_hand(drawing, each) for each in (number, beside)):
+        hand = None
+    if hand:
+        from wavesweep.engine.response.resting_frame import shows_at_rest
+
+        hand = hand if shows_at_rest(drawn, hand, read) else None
+    with named_loops(drawn), np.errstate(all="ignore"):
+        seen = (hand.force, (hand.reaction,)) if hand else ("", ())
+        frame = open_frame(drawn, drift, PRODUCT, read, *seen, each=each)
+    return frame and OpenLoops(drawn, frame, drift, hand, beside, conserved)
+
+
+@lru_cache(maxsize=16)  # a compiled loop is asked again and again
+def open_loop(drawing, items, number, beside, felt):
+    """`open_loops` of a single loop."""
+    return open_loops(Loops(drawing, dict(items)), number, beside, felt=felt)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """Slices with their loops without the number, and perhaps without another one as well.
+
+    which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, as
+    at a stiffness for intervals of the damping. alone: whether each slice has a loop and bounds on rounding of its own.
+    """
+
+    loops: OpenLoops
+    which: np.ndarray
+    beside: np.ndarray
+    swapped: bool = False
+    alone: bool = False
+
+    @staticmethod
+    def of(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
+        """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
+
+        loops: those of the slices. Slices that differ in another number of the same wire alone have one loop, which is without
+        that number as well; of several such numbers one that is varied. felt: see `open_loops`.
+        Errors: IllPosedLoopError if the loops have no solution without the number.
+        """
+        path = varied_beside(loops, number)
+        for swapped in (False, True) if path else ():
+            with suppress(IllPosedLoopError):
+                found = _without(loops, number, size, path, swapped, felt=felt)
+                if found and found.loops.cut and found.solvable:
+                    return found
+        return _without(loops, number, size, felt=felt)
+
+    @staticmethod
+    def of_each(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
+        """`of` slices that have a loop each, with bounds on rounding of its own."""
+        return _without(loops, number, size, alone=True, felt=felt)
+
+    @property
+    def solvable(self) -> bool:
+        """Whether the loops of direct terms that the other number closes have solutions."""
+        direct = self.loops.frame.D[..., int(not self.swapped), 0]
+        through = self.beside * np.broadcast_to(direct, (int(self.which.max()) + 1,))[self.which]
+        return bool((1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all())
+
+    def stiffness(self, at, p) -> np.ndarray:
+        """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all; NaN if the frame hides it."""
+        pair = p, self.beside[at]
+        return self.loops.at_rest.stiffness(self.which[at], *(pair[::-1] if self.swapped else pair))
+
+    def intervals(self, cut, span, bound: RequiredRegion | None = None) -> Intervals:
+        """The intervals of the cut loops, sorted by slice; bound: on the eigenvalues, in place of the unit circle."""
+        parts = []
+        for some, slices in self.alike:
+            loops = cut if some.size == cut.batch[0] else cut.at(some)
+            radius = bound and bound.radius_of(loops.period)
+            found = stable_intervals(loops, self.along, span, self.beside[slices], radius)
+            parts.append(replace(found, column=slices.reshape(-1)[found.column]))
+        return by_slice(parts)
+
+    @property
+    def along(self) -> str:
+        """Which number of the cut the intervals are those of."""
+        return "B_VE" if self.swapped else "K_VE"
+
+    @property
+    def alike(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Loops with equally many slices, `(loops,)`, and these, `(loops, slices)`."""
+        order, counts = np.argsort(self.which, kind="stable"), np.bincount(self.which)
+        starts = np.cumsum(counts) - counts
+        few = [(np.flatnonzero(counts == count), np.arange(count)) for count in different(counts[counts > 0]).tolist()]
+        return [(some, order[starts[some][:, None] + own]) for some, own in few]
+
+
+def by_slice(parts: Sequence[Intervals]) -> Intervals:
+    """Intervals of several parts in one, sorted by slice."""
+    whole = Intervals.join(parts)
+    return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def in_place(found: Intervals, columns: np.ndarray, new: Intervals, some: np.ndarray | None = None) -> Intervals:
+    """Intervals with others in place of those of some columns, which `new` numbers from 0; some: of these, those that are."""
+    if some is not None:
+        columns, new = columns[some], new.take(np.isin(new.column, some))
+        new = replace(new, column=np.searchsorted(some, new.column))
+    return by_slice([found.take(~np.isin(found.column, columns)), replace(new, column=columns[new.column])])
+
+
+def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
+    """Places of the columns whose numbers are zero alike, together."""
+    return distinct([v[columns] == 0 for v in loops.values.values() if np.ndim(v)], columns.size)
+
+
+def varied_beside(loops: Loops, number: str) -> str:
+    """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last one; else empty."""
+    others = [path for path, v in loops.values.items() if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))]
+    return others[-1] if others else ""
+
+
+def _without(loops, number, size, path="", swapped=False, *, alone=False, felt):
+    """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
+    of, beside, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
+    numbers = numbers[::-1] if swapped else numbers
+    if path:
+        others = {each: v for each, v in loops.values.items() if np.ndim(v) and each != path}
+        first, of = distinct_rows(others, size)
+        beside, some = loops.values[path], loops.some(first) if first.size > 1 else loops.one(first[0])
+        loops = some.changed({path: 0.0})
+    elif size == 1 and not alone:
+        loops = loops.one(0)
+    if any(np.ndim(v) for v in loops.values.values()):
+        without = open_loops(loops, *numbers, felt=felt, each=alone)
+    else:
+        without = open_loop(loops.drawing, loops.items, *numbers, felt)
+    return without and Opened(without, of, beside, swapped, alone)

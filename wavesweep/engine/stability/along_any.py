@@ -1,0 +1,167 @@
+"""Stable intervals along any number of a loop, from its eigenvalues."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from wavesweep.engine.monodromy.rounding import uneven_units
+from wavesweep.engine.stability.certificate import NONE
+from wavesweep.engine.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
+from wavesweep.engine.stability.entries import DEGREES, EPS, panels_of
+from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of
+from wavesweep.engine.stability.regions import NEAR_ZERO, Regions
+from wavesweep.engine.stability.sampled_frames import Frames
+
+TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
+WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
+EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
+BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
+TYPICAL = (
+    0.53,
+    0.37,
+    0.71,
+    0.013,
+    0.987,
+)  # of the span, where the units of the states are found; not the middle, which may be 0
+ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their panels are two
+
+
+def stable_along_any(
+    frames, span, columns: int, period, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None, resolved=None
+) -> Intervals:
+    """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
+
+    period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
+    """
+    found = regions_along_any(frames, span, columns, bounds, variable, errors, balls, resolved)
+    return intervals_of(found, doubts_of(found, np.full(columns, NONE)), period)
+
+
+def regions_along_any(
+    frames, span, columns: int, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None, resolved=None
+) -> Regions:
+    """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
+
+    frames(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
+    order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
+    columns. bounds: p beyond them has no loop, a number or `(columns,)` each.
+    errors(column, p): frames less identity in the same states, and bounds on the errors of their entries; by default these are
+    a few roundings.
+    variable: BENT, the logarithm of the distance from the low end and a TURN-th of the span, as stiffnesses and dampings have
+    poles below zero; FROM_ZERO, the logarithm of p from where ends are told from 0, for a span from 0, at which the loop need
+    not be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is that of p if high > WIDE low > 0,
+    as masses, impedances and cutoffs act by their ratios, or else p.
+    balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
+    resolved(column, low, high, offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
+    if scale is 0, with t from low to high, `(n,)` all; see `loops.resolution`. By default they have none anywhere.
+
+    The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
+    these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
+    that leaves are windows about crossings, as narrow as ends are exact (`covering`). A part of the span that is neither is
+    not known: its column is in doubt, and the rest of it is given.
+    Accuracy: ends to 1e-9 relative, usually 1e-12; those that are as near to an end of the span as ends are exact are given as
+    that end.
+    """
+    low, high = span
+    if variable == FROM_ZERO:
+        low = EXACT * NEAR_ZERO * high
+    if variable == BENT:
+        unit, slope = (high - low) / TURN, lambda t: unit * np.exp(t)
+        offset, scale = low - unit, unit
+        into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
+    elif low > 0 and high > WIDE * low:
+        unit, into, out, slope, offset, scale = low, np.log, np.exp, None, 0.0, 1.0
+    else:
+        unit, into, out, slope, offset, scale = np.inf, _same, _same, np.ones_like, 0.0, 0.0
+    ends = into(low), into(high)
+    with np.errstate(all="ignore"):  # of the logarithm of what has none
+        bounds = np.stack([np.zeros(columns) + end for end in bounds])
+        bounds = np.where(bounds > low - unit, into(bounds), -np.inf)
+
+    def slack(t):
+        return EXACT + 0 * t if slope is None else EXACT * (np.abs(out(t)) + NEAR_ZERO * (high - low)) / slope(t)
+
+    errors = partial(_rounded, frames) if errors is None else errors
+    through = [partial(_through, each, out) for each in (frames, errors)]
+    order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
+    few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
+    parts = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
+    own = balls and _in_variable(balls, into, out)
+    narrow = resolved and (lambda column, low, high: resolved(column, low, high, offset, scale))
+    found = Regions.join([_regions(*through, ends, names, bounds[:, names], slack, own, narrow) for names in parts])
+    # The range's own ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
+    nothing = EPS * (high - low) if low < 0 < high else 0.0
+    lows, highs = (
+        np.where(part == end, own, np.where(np.abs(out(part)) <= nothing, 0.0, out(part)))
+        for part, end, own in zip((found.low, found.high), ends, span, strict=True)
+    )
+    return replace(found, low=lows, high=highs)
+
+
+def _same(p):
+    return p
+
+
+def _through(function, out, column, t):
+    with np.errstate(over="ignore"):  # beside the largest doubles
+        p = out(t)
+    return function(column, p)
+
+
+def _in_variable(balls, into, out):
+    """`balls` for ends in the variable."""
+
+    def proved_there(column, low, high):
+        a, b = float(out(low)), float(out(high))
+        found = balls(column, a, b)
+        if found is None:
+            return None
+        known = {a: low, b: high}
+        return [(*(known.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in found]
+
+    return proved_there
+
+
+def _rounded(frames, column, p):
+    E = Frames.of(frames(column, p)).E
+    return E, 4 * EPS * np.abs(E)
+
+
+def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Regions:
+    """The regions of some columns in the variable; slack: how far an end may be off; the others: see `regions_along_any`."""
+
+    def of_errors(column, t):
+        column, t = np.broadcast_arrays(column, t)
+        return errors(names[column.ravel()], t.ravel())
+
+    def of_frames(column, t):
+        return Frames.of(frames(names[column], t))
+
+    points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
+    E = of_frames(np.arange(names.size)[:, None], np.tile(points, (names.size, 1))).E
+    E = np.where(np.isfinite(E).all((1, 2), keepdims=True), E, 0.0)
+    sizes = np.abs(E).reshape(names.size, points.size, *E.shape[1:])
+    calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)  # frames that grow are large in any units
+    units = uneven_units(sizes[range(names.size), calmest])
+    if (units != 1).any():
+        ratio, plain, rough = units[:, None, :] / units[:, :, None], of_frames, of_errors
+
+        def scaled(E, column, t):
+            own = ratio[np.broadcast_to(column, t.shape).ravel()]
+            return E * own if E.shape[-1] == own.shape[-1] else np.full_like(E, np.nan)
+
+        of_frames = lambda column, t: replace(found := plain(column, t), E=scaled(found.E, column, t))  # noqa: E731
+        of_errors = lambda column, t: tuple(scaled(part, *np.broadcast_arrays(column, t)) for part in rough(column, t))  # noqa: E731
+    narrow = resolved and (lambda column, low, high: resolved(names[column], low, high))
+    panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds, narrow)
+    parts = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
+    for some, kept in panels.without_forgotten() if panels is not None else ():
+        own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
+        parts.append(tiles_of(some, own, span, names.size, slack))
+    tiles = Tiles.join(parts)
+    attached = slack(span[0]), slack(span[1])
+    if balls is not None:
+        tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *part: balls(int(names[at]), *part))
+    found = regions_of(tiles, lost, span, names.size, attached)
+    return replace(found, column=names[found.column])

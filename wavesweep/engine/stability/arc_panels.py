@@ -1,0 +1,283 @@
+"""Roots of analytic functions on an interval: Chebyshev panels, split until their roots are proved."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.engine.rows import Rows
+from wavesweep.engine.stability.real_roots import at_ends, by_discs
+
+NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
+DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
+OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge
+DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
+NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
+ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
+RIM = (RIM + 1 / RIM) / 2
+EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
+INTERPOLANT_ERROR = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # over the largest value on the ellipse
+ROUGH = 10.0  # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
+CUT_AT = 0.48  # of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
+MOST_BEYOND = 4  # panels at the ends of a span
+CROWDED = 0.7  # of half a panel, from its middle: how far out its smallest sample says where to cut
+LEBESGUE = 4  # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
+for _array in (NODE, TRANSFORM, RIM):
+    _array.flags.writeable = False
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Roots and the state of the panels.
+
+    column, function, x, within, slope_sign: a root each: its column, its function, its place and the distance to which that is
+    known, and the sign of the slope. lost, overflown, settled: panels as (column, low, high): given up, given up since samples
+    overflow there, and settled by the function that settles. open_low, open_high: `(columns,)`, whether roots may be left in
+    the first or the last bit of the interval.
+    """
+
+    column: np.ndarray
+    function: np.ndarray
+    x: np.ndarray
+    within: np.ndarray
+    slope_sign: np.ndarray
+    lost: tuple[np.ndarray, np.ndarray, np.ndarray]
+    overflown: tuple[np.ndarray, np.ndarray, np.ndarray]
+    settled: tuple[np.ndarray, np.ndarray, np.ndarray]
+    open_low: np.ndarray
+    open_high: np.ndarray
+
+
+def panel_roots(
+    sample,
+    column,
+    low,
+    high,
+    columns,
+    smallest,
+    many,
+    bounds=(-np.inf, np.inf),
+    end_bit=0.0,
+    settling=None,
+) -> Found:
+    """Find all roots of several functions of each column, real analytic in x.
+
+    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real or complex) the functions'
+    values as phase, logarithm of the size, and rounding error relative to the size, each `(functions, panels, points)`. column,
+    low, high: the first panels. columns: number of columns. smallest: a panel narrower than this that proves nothing is given
+    up. many: the open panels of a column are given up if there are so many. bounds: no point beyond them is sampled, a number
+    or `(columns,)` each. end_bit: a panel at an end of the interval that is narrower than this and proves nothing is left open.
+    settling: number of a function that settles a panel on which it is proved to be positive, whatever the others do; its own
+    roots do not count.
+
+    On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its roots for every
+    function within the error bound; otherwise the panel is split. The bound consists of rounding, of the coefficients that are
+    cut away, and of features that the nodes may miss: the interpolant of a function that is analytic and at most G inside an
+    ellipse about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen,
+    Approximation Theory and Approximation Practice, Theorem 8.2). By the maximum principle G is that on the ellipse's rim; the
+    functions are sampled there at complex x. A mode of the tick may have no visible effect at the nodes, since it enters a
+    frame as a high power; it is large on the rim if it is large anywhere on the panel.
+    """
+    bounds = [np.broadcast_to(end, columns) for end in bounds]
+    found, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
+    given_up = {"lost": [], "overflown": [], "settled": []}
+    open_low, open_high = np.zeros(columns, bool), np.zeros(columns, bool)
+
+    def give(kind, which):
+        given_up[kind].append((column[which], low[which], high[which]))
+
+    while column.size:
+        column, low, high = _with_ellipses(column, low, high, smallest, bounds)
+        panels = _panels(column, low, high, bounds)
+        proved, settled, finite, nothing, roots, share = _judged(sample, panels, bounds, settling)
+        found += roots
+        at_ends = [~proved & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
+        open_low[column[at_ends[0]]], open_high[column[at_ends[1]]] = True, True
+        give("settled", settled)
+        give("overflown", nothing)
+        open_ = ~(proved | settled | nothing | at_ends[0] | at_ends[1])
+        hopeless = open_ & ((high - low <= smallest) | (np.bincount(column[open_], minlength=columns)[column] > many // 2))
+        give("lost", hopeless & finite)
+        give("overflown", hopeless & ~finite)
+        column, low, high = _cut(column, low, high, share, open_ & ~hopeless)
+    parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
+    none = (np.zeros(0, int), np.zeros(0), np.zeros(0))
+    edges = {kind: tuple(map(np.concatenate, zip(*some, strict=True))) if some else none for kind, some in given_up.items()}
+    return Found(*parts, **edges, open_low=open_low, open_high=open_high)
+
+
+@dataclass(frozen=True, slots=True)
+class _Panels(Rows):
+    """Panels of a generation: column, middle and half-width of each, the overlap with its neighbours included."""
+
+    column: np.ndarray
+    middle: np.ndarray
+    half: np.ndarray
+
+    def at(self, place):
+        """Return points of all panels, `(panels, points)`; place: position on [-1, 1], or beside it."""
+        return self.middle[:, None] + self.half[:, None] * place
+
+
+def _panels(column, low, high, bounds):
+    """These parts of the interval with their overlap, within the bounds."""
+    reach = OVERLAP * (high - low)
+    left, right = np.maximum(low - reach, bounds[0][column]), np.minimum(high + reach, bounds[1][column])
+    return _Panels(column, (left + right) / 2, (right - left) / 2)
+
+
+def _with_ellipses(column, low, high, smallest, bounds):
+    """The panels, those of which the ellipse is beyond the bounds cut until it is not: on these nothing can be proved.
+
+    So are the panels at the ends of a span, and no others unless all of the span is.
+    """
+    while True:
+        beyond = (high - low > smallest) & ~_ellipse_within(_panels(column, low, high, bounds), bounds)
+        beyond &= np.bincount(column[beyond], minlength=column.max(initial=0) + 1)[column] <= MOST_BEYOND
+        if not beyond.any():
+            return column, low, high
+        parts = zip(_cut(column, low, high, CUT_AT, beyond), (column, low, high), strict=True)
+        column, low, high = (np.concatenate([part, whole[~beyond]]) for part, whole in parts)
+
+
+def _ellipse_within(panels, bounds):
+    """Whether the ellipse about each panel is within the bounds of its column."""
+    least, most = (end[panels.column] for end in bounds)
+    there = panels.half > 0  # none of a panel that is beyond the bounds itself
+    return there & (panels.middle - EXTENT * panels.half >= least) & (panels.middle + EXTENT * panels.half <= most)
+
+
+def _judged(sample, panels, bounds, settling):
+    """Return (proved, settled, finite, not finite anywhere) of every panel, the roots on proved panels, and places to cut."""
+    phase, log, error = sample(panels.column, panels.at(NODE))
+    functions, reached, finite = log.shape[0], np.isfinite(log).all(0).any(-1), np.isfinite(log).all((0, -1))
+    sign = np.where(finite[:, None], phase.real, 0.0)
+    trend = _trend(log, finite)
+    trend = np.where(_tail(sign, log, trend) < _tail(sign, log, 0 * trend), trend, 0.0)
+    value, peak = _scaled(sign, log, trend)
+    size = np.where(finite[:, None], np.abs(value) * error, np.inf)
+    parts = [_interpolate(value[function], size[function]) for function in range(functions)]
+    counted = [function for function in range(functions) if function != settling]
+    decayed = np.logical_and.reduce([parts[function][2] for function in counted])
+    worth = decayed | (parts[settling][2] if settling is not None else False)
+    hidden = _hidden(sample, panels, bounds, np.flatnonzero(worth & finite), trend, peak)
+    proved, settled, roots = decayed & finite, np.zeros(panels.column.size, bool), []
+    good = [proved if function != settling else parts[function][2] for function in range(functions)]
+    which, panel = np.nonzero(good & np.isfinite(hidden))
+    coefficients, noise = (np.stack([part[i] for part in parts])[which, panel] for i in (0, 1))
+    sure = np.zeros((functions, panels.column.size), bool)
+    for rows, some in _proved_roots(coefficients, noise + hidden[which, panel]):
+        mine, there = which[rows], panel[rows]
+        sure[mine, there] = True
+        if settling is not None:
+            of = mine == settling
+            settled[there[of]] = ~some.inside[of].any(-1) & (value[settling, there[of]] > 0).all(-1)
+        at, root = np.nonzero(some.inside & (mine != settling)[:, None])
+        half = panels.half[there[at]]
+        found = half * some.value[at, root], half * some.radius[at, root]
+        roots.append((there[at], mine[at], panels.middle[there[at]] + found[0], found[1], some.slope_sign[at, root]))
+    proved &= sure[counted].all(0)
+    settled &= ~proved
+    kept = [(panels.column[at][proved[at]], *(part[proved[at]] for part in rest)) for at, *rest in roots]
+    return proved, settled, finite, ~reached, kept, _share(np.abs(value[counted]))
+
+
+def _trend(log, finite):
+    """Return the exponential growth of each function over a panel, per half of its width.
+
+    To divide by it removes no roots, and may leave a function that a polynomial follows more easily: functions of a frame are
+    powers of those of a tick.
+    """
+    ends = [log[..., side].max(-1) for side in (NODE > 0.5, NODE < -0.5)]
+    with np.errstate(invalid="ignore"):
+        return np.where(finite, (ends[0] - ends[1]) / 1.5, 0.0)
+
+
+def _scaled(sign, log, trend):
+    """Return samples without their trend, the largest of a panel of size 1, and the logarithm of their divisor."""
+    log = np.where(np.isfinite(log), log - trend[..., None] * NODE, -np.inf)
+    peak = log.max(-1)
+    peak = np.where(np.isfinite(peak), peak, 0.0)
+    return sign * np.exp(log - peak[..., None]), peak
+
+
+def _tail(sign, log, trend):
+    """Return the largest of the last Chebyshev coefficients of the samples without their trend."""
+    value, _ = _scaled(sign, log, trend)
+    return np.abs(_transformed(value, TRANSFORM[:, KEPT:])).max(-1)
+
+
+def _transformed(value, transform):
+    """Return the Chebyshev coefficients of the samples.
+
+    They are sums and not a matrix product: BLAS may round a row differently in another batch, and bytes must not change.
+    """
+    total = value[..., :1] * transform[0]
+    for node in range(1, NODES):
+        total += value[..., node : node + 1] * transform[node]
+    return total
+
+
+def _hidden(sample, panels, bounds, which, trend, peak):
+    """Return a bound on features between the nodes of the panels `which`, in units of each function's largest sample.
+
+    It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
+    """
+    hidden = np.full(peak.shape, np.inf)
+    which = which[_ellipse_within(panels, bounds)[which]]
+    if not which.size:
+        return hidden
+    some = panels.take(which)
+    _, log, error = sample(some.column, some.at(RIM))
+    log = log + np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH)) - trend[:, which, None] * RIM.real
+    with np.errstate(over="ignore", invalid="ignore"):
+        # Between two points of the rim it may be larger than at both, by no more than they differ, and twice for good measure.
+        steepest = np.abs(np.diff(log, axis=-1)).max(-1)
+        most = 2 * INTERPOLANT_ERROR * np.exp(log.max(-1) + steepest / 2 - peak[:, which])
+    hidden[:, which] = np.where(np.isfinite(most), most, np.inf)
+    return hidden
+
+
+def _interpolate(value, size):
+    """Return second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
+    first = _transformed(value, TRANSFORM)
+    first[:, 0] /= 2
+    largest, tail = np.abs(first).max(-1), np.abs(first[:, KEPT:]).max(-1)
+    floor = LEBESGUE * np.finfo(float).eps * size.max(-1)
+    second = first[:, :KEPT] / 2
+    second[:, 0] *= 2
+    second[:, :-2] -= first[:, 2:KEPT] / 2
+    return second, NODES * (8 * tail + floor), np.isfinite(floor) & (tail <= np.maximum(DECAYED * largest, floor))
+
+
+def _proved_roots(coefficients, noise):
+    """Yield proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the lowest degree first.
+
+    High coefficients that have decayed to rounding would leave the discs without a significant leading coefficient.
+    """
+    weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
+    # A value at an end that may be zero leaves that end open at every degree.
+    rows = np.flatnonzero(np.min(np.abs(at_ends(coefficients)), axis=0) > noise)
+    for degree in DEGREES:
+        if not rows.size:
+            return
+        roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
+        proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
+        yield rows[proved], roots.take(proved)
+        rows = rows[~proved]
+
+
+def _share(size):
+    """Return the place at which a panel is best cut, as a share of its width.
+
+    Roots may crowd next to the smallest sample, so it is put into a small part if it is near an end.
+    """
+    place = NODE[np.argmin(size.min(0), axis=-1)]
+    return np.where(np.abs(place) < CROWDED, CUT_AT, np.where(place > 0, 0.76, 0.24))
+
+
+def _cut(column, low, high, share, split):
+    column, low, high, share = column[split], low[split], high[split], np.broadcast_to(share, split.shape)[split]
+    cut_at = low + share * (high - low)
+    return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])

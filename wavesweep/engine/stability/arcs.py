@@ -1,0 +1,103 @@
+"""Crossings by adaptive arcs: slower than one polynomial, and reliable even if the poles crowd at several scales."""
+
+import numpy as np
+
+from wavesweep.engine.monodromy.cut import Cut, open_in
+from wavesweep.engine.monodromy.shifts import DelayLines
+from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.engine.stability.arc_panels import panel_roots
+from wavesweep.engine.stability.boundary import polish
+from wavesweep.engine.stability.crossings import Crossings, at_both_ends
+
+SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
+END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
+MANY = 256  # so many open arcs of one column, and the column is given up
+TINY = 1e-300
+MOST_ERROR = 1e300  # of a value, in roundings of itself
+CAUTION = 20  # roundings of what is added up that two solves may cost
+
+
+def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
+    """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
+
+    On each arc the boundary equation, without its poles and its zeros at z = +-1, is interpolated at points of state space; see
+    `panel_roots` for the proof. An arc is left out if the wall parameter is proved to be beyond the span on it: if a filter
+    transmits nothing there, the equation vanishes to a high order.
+    """
+    opened = open_in(cut, along, fixed)
+    lines = DelayLines.of(opened[0])
+    poles = np.linalg.eigvals(opened[0]).astype(complex)
+    edges = np.linspace(0, np.pi, 5)
+    column = np.repeat(np.arange(fixed.size), 4)
+
+    @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
+    def sample(column, theta):
+        value, size, beyond, unsure = _boundary([part[column][:, None] for part in opened], lines, theta, max(map(abs, span)))
+        # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
+        distance = [
+            on_circle(sign * theta)[..., None] - some
+            for sign, some in ((1, poles[column][:, None, :]), (-1, poles[column].conj()[:, None, :]))
+        ]
+        magnitude, far = np.maximum(np.abs([value, beyond]), TINY), [np.maximum(np.abs(some), TINY) for some in distance]
+        phase, log = np.array([value, beyond], complex) / magnitude, np.log(magnitude)
+        phase *= (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
+        log += sum(np.log(some).sum(-1) for some in far)
+        return phase, log, np.minimum([size, unsure] / magnitude, MOST_ERROR)
+
+    low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
+    found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
+    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta)[0], found)
+
+
+@np.errstate(all="ignore")
+def _boundary(opened, lines, theta, largest=0.0):
+    """Return the two functions of the boundary at angles theta, and the sizes of their terms.
+
+    The first is `Im K / sin(theta)` times |H|^2, H = 1/K, followed by the size of its terms. The second is
+    `1 - largest^2 |H|^2`, which is positive if |K| is larger than `largest`, followed by the size of its terms.
+
+    `Im H(z) = -sin(theta) C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B`, `w(z) = z - 1`, by the resolvent identity: nothing cancels,
+    not even at the points of the circle on the real axis. theta may be complex.
+    """
+    E, B, C, D = opened
+    left, right = lines.row(E, C, -theta), lines.reached(E, B, theta)
+    parts = left * right, C[..., 0, :] * right, left * B[..., 0]
+    value, there, back = (part.sum(-1) for part in parts)
+    size, *sizes = (np.abs(part).sum(-1) for part in parts)
+    D, roundings = D[..., 0, 0], CAUTION + max(map(len, lines.lines), default=0)
+    beyond = 1 - (largest * (there + D)) * (largest * (back + D))
+    unsure = 1 + 2 * (largest * (sizes[0] + np.abs(D))) * (largest * (sizes[1] + np.abs(D)))
+    if not np.iscomplexobj(theta):
+        value, beyond = value.real, beyond.real
+    return value, roundings * size, beyond, roundings * unsure
+
+
+def _collect(cut, along, fixed, span, boundary, found):
+    """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1 and -1."""
+    inside, complete = (found.x > 0) & (found.x < np.pi), np.ones(fixed.size, bool)
+    for lost in (found.lost, found.overflown):
+        complete[lost[0]] = False
+    column, seed, jump = found.column[inside], found.x[inside], 2.0 * found.slope_sign[inside]
+    theta, value, converged, inverses = polish(cut.at(column), along, fixed[column], seed, max(map(abs, span)))
+    astray = np.abs(theta - seed) > found.within[inside] + 1e-9
+    complete[column[~converged | astray]] = False
+    order = np.lexsort((theta, column))
+    column, theta, value, jump, at = (part[order] for part in (column, theta, value, jump, np.arange(column.size)))
+    new = np.ones(column.size, bool)
+    close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
+    new[1:] = (np.diff(column) != 0) | ~close_by
+    column, theta, value, jump, at = (part[new] for part in (column, theta, value, jump, at))
+    first, last = np.full(fixed.size, np.pi), np.zeros(fixed.size)
+    np.minimum.at(first, column, theta)
+    np.maximum.at(last, column, theta)
+    of, low, high = found.settled  # what lies there is not known
+    np.minimum.at(first, of[low > 0], low[low > 0])
+    np.maximum.at(last, of[high < np.pi], high[high < np.pi])
+    at_one, at_minus_one = (np.sign(boundary(a)) for a in (first / 2, (np.pi + last) / 2))
+    ends, more = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
+    complete &= ~(found.open_low | found.open_high)
+    parts = (np.concatenate(pair) for pair in zip((column, value, theta, jump, at), ends, strict=True))
+    column, value, theta, jump, at = parts
+    at[at.size - 2 * fixed.size :] += len(inverses)
+    nothing = np.full(fixed.size, np.nan)
+    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, more]), complete, nothing)

@@ -1,0 +1,240 @@
+"""The stability boundary as a curve on the unit circle: point by point, polished to rounding, with its rounding errors.
+
+The wall's characteristic equation is `one = K_VE x + B_VE v` at each point: `1 = K_VE G_x + B_VE G_v`, multiplied by w if the
+loop integrates.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, Cut, V
+from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
+
+K_VE, B_VE = "K_VE", "B_VE"
+ROUNDS = 12  # Newton from a seed of 8 digits needs 2
+LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
+NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
+NEAR = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """The terms of `one = K_VE*x + B_VE*v` at points of the circle, scaled alike; each an array over the points."""
+
+    one: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+    def along(self, name: str):
+        """Return (term of the parameter that is solved for, term of the one that is fixed)."""
+        return (self.x, self.v) if name == K_VE else (self.v, self.x)
+
+
+def terms_of(cut: Cut, w, G, one=1.0) -> Terms:
+    """Return the terms from the rows V, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
+
+    one: a factor that the rows of G have as well.
+    """
+    if not cut.integrates:
+        return Terms(one + 0 * G[..., V], G[..., OFFSET], G[..., V])
+    return Terms(w * one + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V])
+
+
+def _slopes_of(cut, w, G, dG) -> Terms:
+    """Return the derivatives of the terms by w."""
+    if not cut.integrates:
+        return Terms(0.0, dG[..., OFFSET], dG[..., V])
+    return Terms(1.0, dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET], w * dG[..., V] + G[..., V])
+
+
+def terms(cut: Cut, w) -> Terms:
+    """Return the terms of the characteristic equation at `w = z - 1`; cut: one loop per point (leading axes as `w`).
+
+    Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, even if many poles crowd at z = 1.
+    """
+    return terms_and_inverse(cut, w)[0]
+
+
+def terms_and_inverse(cut: Cut, w) -> tuple[Terms, np.ndarray]:
+    """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I - E` for `end_errors`."""
+    w = np.asarray(w)
+    back, state = _states(cut, w)
+    return terms_of(cut, w, _outputs(cut, state)), back
+
+
+def _states(cut, w, back=None):
+    """Return the inverse of `w I - E`, and the states for a unit force.
+
+    back: the inverse at a point so near that one refinement corrects for the distance; it is returned in place of the inverse.
+
+    One step of refinement makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980). That of a plain
+    solve is small only relative to the largest entry, and states may differ in size by ten decades.
+    """
+    back = inverse(_shifted(cut, w)) if back is None else back
+    state = back @ cut.B
+    return back, state + back @ _left(cut, w, state)
+
+
+def _left(cut, w, state):
+    """Return what states leave of their equations, `B - (w I - E) state`."""
+    return cut.B - w[..., None, None] * state + times(cut.E, state)
+
+
+def _shifted(cut, w):
+    """Return `w I - E`."""
+    w, n = np.asarray(w), cut.E.shape[-1]
+    A = np.empty((*np.broadcast_shapes(w.shape, cut.E.shape[:-2]), n, n), np.result_type(w, cut.E))
+    np.negative(cut.E, out=A)
+    A.reshape(*A.shape[:-2], n * n)[..., :: n + 1] += w[..., None]
+    return A
+
+
+def times(matrix, columns):
+    """Return the product of matrices and columns `(..., n, 1)`, without a complex copy of real matrices.
+
+    BLAS rounds what is contiguous in another way than what is not, and last digits must not follow from how memory is laid out.
+    """
+    matrix, columns = np.ascontiguousarray(matrix), np.ascontiguousarray(columns)
+    return matrix @ columns if np.iscomplexobj(matrix) else (matrix @ columns.view(float)).view(columns.dtype)
+
+
+def _outputs(cut, state):
+    """Return `C state + D`, `(..., 3)`."""
+    return (times(cut.C, state) + cut.D)[..., 0]
+
+
+def residual(t: Terms, K, B, least=0.0):
+    """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless; least: size of a further term."""
+    parts = np.abs(t.one) + np.abs(K * t.x) + np.abs(B * t.v) + least
+    return np.abs(t.one - K * t.x - B * t.v) / parts
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+def polish(cut: Cut, along: str, fixed, theta, scale):
+    """Solve `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, by Newton's method from the seeds theta.
+
+    cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; if K is beyond it,
+    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K. Returns (theta, value,
+    converged, inverse): the angle (rad per frame), the wall parameter there, whether Newton's last step is at rounding, and the
+    inverse of `w I - E` there or next to it, `(seeds, n, n)`.
+    Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
+    """
+    theta, value, inverses = theta.astype(float), np.full(theta.shape, np.nan), None
+    (done, far_off), active = np.zeros((2, *theta.shape), bool), np.arange(theta.size)
+    for _ in range(ROUNDS):
+        if not active.size and inverses is not None:
+            break
+        some = cut if active.size == theta.size else cut.at(active)
+        now, slope, back, speed = _value_and_slope(some, along, fixed[active], theta[active])
+        far = np.abs(now) > scale
+        now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
+        step = -now.imag / slope.imag
+        step = np.where(np.isfinite(step), step, 0.0)
+        size = np.abs(step)
+        small = size <= LAST_STEP * np.minimum(theta[active], np.pi - theta[active])
+        least, most = NEAREST_END * theta[active], np.pi - NEAREST_END * (np.pi - theta[active])
+        theta[active] = np.clip(theta[active] + step, least, most)
+        estimate = now.real + step * slope.real  # its error is the square of the step
+        value[active] = np.where(far, 1 / estimate, estimate)
+        done[active] = small & (slope.imag != 0)
+        if inverses is None:
+            inverses = back
+        else:
+            inverses[active] = back
+        far_off[active] = size * speed > NEAR
+        active = active[~small]
+    moved = np.flatnonzero(far_off)
+    if moved.size:  # by more than what one refinement makes up for
+        inverses[moved] = inverse(_shifted(cut.at(moved), on_circle(theta[moved])))
+    return theta, value, done, inverses
+
+
+def _value_and_slope(cut, along, fixed, theta):
+    """Return K(theta) and dK/dtheta, complex; the inverse there; and the relative change of the states per angle."""
+    w = on_circle(theta)
+    back, state = _states(cut, w)
+    turn = back @ state
+    G, dG = _outputs(cut, state), -times(cut.C, turn)[..., 0]
+    with np.errstate(all="ignore"):
+        speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
+    return *_solved(terms_of(cut, w, G), _slopes_of(cut, w, G, dG), along, fixed, w), back, speed
+
+
+def _solved(t, slopes, along, fixed, w):
+    """Return the wall parameter that solves the equation, and its derivative by theta, complex."""
+    (solved, other), (d_solved, d_other) = t.along(along), slopes.along(along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = (t.one - fixed * other) / solved
+        return value, (slopes.one - fixed * d_other - value * d_solved) / solved * (1j * (1 + w))
+
+
+def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None, least: float = 0.0):
+    """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
+
+    The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
+    without damping has one, has few digits of itself. The second number bounds the change of the wall parameter by the errors
+    of the loop's entries. The third is the residual that a rounding of every entry leaves.
+
+    cut: one loop per crossing. value: the wall parameter. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
+    z = 1 or -1. back: inverses of `w I - E` there or next to it. To first order an entry's change reaches the equation as
+    `y dE R B`, R the resolvent and y what it makes of the row that the wall reads, and the wall parameter with it; if that
+    grazes the real axis, the angle changes by `Im dK/Im K'`, which moves K by `Re K'` times as much.
+    """
+    w, pair = np.asarray(w), (value, fixed) if along == K_VE else (fixed, value)
+    back, state = _states(cut, w, back)
+    G, row = _outputs(cut, state), _seen(cut, w, pair, cut.C)
+    left = _adjoint(cut, w, row, back)
+    t = terms_of(cut, w, G)
+    slope = (left * state[..., 0]).sum(-1)
+    if cut.integrates:
+        slope = slope + 1 - pair[0] * G[..., OFFSET] - pair[1] * G[..., V]
+    with np.errstate(all="ignore"):
+        solved, _ = t.along(along)
+        turned = slope / solved * (1j * (1 + w))
+        grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
+        more = least * np.abs(solved)
+        size = np.abs(t.one) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + more
+        size = np.where(size > 0, size, 1)  # at K_VE = 0 the equation is 0 = 0 by structure
+        rounding, error = _with_errors(
+            cut, np.abs(w), tuple(map(np.abs, pair)), np.abs(left), np.abs(state), _left(cut, w, state)
+        )
+        return residual(t, *pair, more), error / np.abs(solved) * grazing, rounding / size
+
+
+def _seen(cut, w, pair, rows):
+    """Return the row that the wall reads with both of its parameters, `(..., n)`; rows: V, ADVANCE, OFFSET, `(..., 3, n)`."""
+    (K, B), w = (np.asarray(each)[..., None] for each in pair), w[..., None]
+    if not cut.integrates:
+        return K * rows[..., OFFSET, :] + B * rows[..., V, :]
+    return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., V, :]
+
+
+def _adjoint(cut, w, row, back):
+    """Return `row (w I - E)^-1`, `(..., n)`, refined."""
+    turned = np.swapaxes(back, -1, -2)
+    left = (turned @ row[..., None])[..., 0]
+    change = row - w[..., None] * left + times(np.swapaxes(cut.E, -1, -2), left[..., None])[..., 0]
+    change = (turned @ change[..., None])[..., 0]
+    # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.
+    return left + np.where(np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True), change, 0.0)
+
+
+def _with_errors(cut, w, pair, reach, size, missed):
+    """Return the errors of the characteristic equation, `(...)`, all arguments but the last being sizes.
+
+    The first are those of a rounding of every entry and of the solve itself, the second ones those of the bounds on the errors
+    of the entries, and of the solve. reach, size: of adjoint and states. missed: what the states leave of their equations.
+    """
+
+    def reached(of_states, read, direct):
+        return (
+            (reach * of_states).sum(-1)
+            + (_seen(cut, w, pair, read) * size[..., 0]).sum(-1)
+            + _seen(cut, w, pair, direct)[..., 0]
+        )
+
+    missed = (reach * np.abs(missed)[..., 0]).sum(-1)
+    far = reached((np.abs(cut.E) @ size + np.abs(cut.B))[..., 0], np.abs(cut.C), np.abs(cut.D))
+    rounding = np.finfo(float).eps * far + missed
+    return rounding, rounding + reached((cut.dE @ size + cut.dB)[..., 0], cut.dC, cut.dD)

@@ -1,0 +1,248 @@
+"""Every crossing of every column: the values of the wall parameter at which eigenvalues meet the unit circle.
+
+The crossings of a column are the real roots of one polynomial, which is computed from samples on the circle.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.engine.monodromy.cut import Cut
+from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
+from wavesweep.engine.stability.boundary import K_VE, polish, terms_and_inverse, terms_of
+from wavesweep.engine.stability.real_roots import isolate
+
+SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
+FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
+NEAR_SEED = 1e-4  # of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed
+NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
+
+
+@dataclass(frozen=True, slots=True)
+class Polynomial:
+    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed wall parameter; roots in (-1, 1) are crossings.
+
+    base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either. value: `(..., 3, n + 1)`, in
+    the same basis; the wall parameter at a root is the first less y times the second, over the third. value_noise: `(..., 3)`,
+    bounds on the error of each of these coefficients. scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
+    """
+
+    base: np.ndarray
+    slope: np.ndarray
+    noise: np.ndarray
+    value: np.ndarray
+    value_noise: np.ndarray
+    scale: np.ndarray
+
+
+def warp_scale(cut: Cut, *, alone: bool = False):
+    """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which they crowd least.
+
+    alone: without those that are divided out, see `sampled_polynomial`.
+    """
+    n = cut.E.shape[-1] - (cut.poles_at_one if alone else 0)
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        if alone:
+            log_size = np.log(np.sort(np.abs(np.linalg.eigvals(cut.E)), axis=-1)[..., cut.poles_at_one :]).sum(-1)
+        else:
+            _, log_size = np.linalg.slogdet(cut.E)
+        mean = np.exp(np.nan_to_num(log_size, neginf=-0.5 * n) / max(n, 1))
+    return np.clip(mean, NEAREST, FARTHEST)
+
+
+def sampled_polynomial(cut: Cut, along: str, scale, *, alone: bool = False) -> Polynomial:
+    """Sample the boundary equation on the warped circle and return its polynomial.
+
+    alone: whether the other wall parameter is 0, and its part of the polynomial is left out.
+
+    The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
+    `f(phi) = Im[(one - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of the
+    closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
+
+    If m poles are exactly 1, as those of a mass under an integrator, d has the factor (z - 1)^m, and f, if there is only one
+    parameter, `(1 - cos phi)^(m // 2)`. It is divided out, since a root at z = 1 itself would hide others next to it.
+    """
+    count = cut.order + SPARE
+    phi = np.pi * np.arange(1, count + 1) / (count + 1)
+    solved, fixed, one = _scaled(cut, np.exp(1j * phi), scale, along)
+    fixed = 0 * fixed if alone else fixed
+    transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
+    on_one, on_fixed = one * solved.conj(), fixed * solved.conj()
+    size = [np.abs(part).max((0, -1)) for part in (on_one, on_fixed, solved)]
+    factors = 0 if np.any(fixed) else (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
+    divided = [part / (1 - np.cos(phi)) ** factors for part in (on_one, on_fixed)] if factors else (on_one, on_fixed)
+    sizes = [np.abs(part).max((0, -1)) for part in divided] if factors else size[:2]
+    curve, noise = _sines([divided[0].imag, -divided[1].imag], sizes, transform, cut.order - factors)
+    real = [part * np.sin(phi) for part in (on_one.real, on_fixed.real, np.abs(solved) ** 2)]
+    value, value_noise = _sines(real, [*size[:2], size[2] ** 2], transform, cut.order + 1)
+    return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
+
+
+def poles_at_one(E) -> int:
+    """Return how many eigenvalues of `E` are exactly 0 in every loop because of where its entries are not zero.
+
+    E: `(..., n, n)`. States that depend on each other, directly or through others, are a block of a triangular matrix. One that
+    depends on itself in no way is a block of its own, whose eigenvalue is its diagonal entry, 0.
+    """
+    n = E.shape[-1]
+    reach = (E != 0).reshape(-1, n, n).any(0)
+    for _ in range(n.bit_length()):
+        reach = reach | ((reach.astype(int) @ reach) > 0)
+    return int((~np.diagonal(reach)).sum())
+
+
+def _sines(samples, size, transform, degree):
+    """Return the first coefficients of sine polynomials from their samples, and bounds on the errors of each of them.
+
+    samples: `(2, loops, points)` each, computed in two ways, whose difference shows the errors of either.
+    """
+    found = np.stack(samples, axis=-2) @ transform
+    floor = 4 * len(transform) * np.finfo(float).eps
+    beyond, apart = np.abs(found[..., degree:]).max((0, -1)), np.abs(found[0] - found[1]).max(-1)
+    return found[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
+
+
+def _scaled(cut, zeta, scale, along):
+    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(2, loops, points)` each.
+
+    They are computed a second time with the states in reverse order, since an orthogonal reduction leaves errors that no
+    polynomial shows by itself.
+    """
+    r = np.asarray(scale)[:, None]
+    a = (1 - r) / (1 + r)
+    bottom = 1 + a * zeta
+    w = (1 - a) * (zeta - 1) / bottom
+    n, parts = cut.E.shape[-1], (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
+    whole = in_even_units(*parts)
+    reverse = np.concatenate([whole[n - 1 :: -1], whole[n:]])[:, [0, *range(n, 0, -1)]]
+    pole, over = polynomials(reduced(np.concatenate([whole, reverse], axis=-1)), np.concatenate([w, w]))
+    pole, over = pole.reshape(2, *w.shape), over.reshape(2, len(w), -1, w.shape[-1])
+    size = bottom ** (n + cut.integrates)
+    size = size / np.abs(size * pole[0]).max(-1, keepdims=True)
+    pole = pole * size
+    found = terms_of(cut, w, np.moveaxis(over * size[:, None] + cut.D * pole[:, :, None], -2, -1), pole)
+    return *found.along(along), found.one
+
+
+def angle(cosine, scale):
+    """Return theta in (0, pi) from cos(phi)."""
+    return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
+
+
+SLIVER = 1e-14  # of the span, at either end of it, in which a crossing counts as at that end: so are ends promised
+
+
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """A flat list of crossings that may be inside the span.
+
+    column: index of the column. value: the wall parameter. theta: angle of the eigenvalue that crosses (rad per frame, 0 and pi
+    included). jump: growth of the number of unstable eigenvalues as the wall parameter grows past the value. inverse: index of
+    the inverse of `w I - E` at the crossing or next to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of
+    that column is proved complete. above: `(columns,)`, growth of the number of unstable eigenvalues from the low end of the
+    span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known.
+    """
+
+    column: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    jump: np.ndarray
+    inverse: np.ndarray
+    inverses: np.ndarray
+    complete: np.ndarray
+    above: np.ndarray
+
+
+def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
+    """Return the crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`.
+
+    polynomial: of each loop, `(loops, ...)`. The eigenvalue moves outward with the sign of d Im K/d theta at an interior
+    crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the
+    sign of the polynomial. A column in which a root may be at such an end itself (an undamped device crosses twice at z = 1, at
+    K_VE = 0) is not complete. Crossings that are surely outside the span are only counted.
+    """
+    coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(owner, axis=0)
+    n = coefficients.shape[-1]
+    noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
+    roots = isolate(coefficients, noise * (n * (n + 1) / 2))
+    column, which = np.nonzero(roots.inside)
+    cosine, jump = roots.value[column, which], -2.0 * roots.slope_sign[column, which]
+    side = _side(polynomial, owner[column], fixed[column], cosine, span)
+    above = np.bincount(column, jump * (side > 0), minlength=fixed.size)
+    column, cosine, jump = (part[side == 0] for part in (column, cosine, jump))
+    seed = angle(cosine, polynomial.scale[owner[column]])
+    theta, value, converged, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
+    complete = roots.proved & np.isfinite(coefficients).all(-1)
+    # A polished angle far from its seed has left the root that the proof is about.
+    astray = ~(np.abs(theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed)) | ~converged
+    complete[column[astray]] = False
+    ends, more = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
+    complete &= ~(roots.open_at_one | roots.open_at_minus_one)
+    column, value, theta, jump, at = (
+        np.concatenate(pair) for pair in zip((column, value, theta, jump, np.arange(column.size)), ends, strict=True)
+    )
+    at[theta.size - 2 * fixed.size :] += len(inverses)
+    above = above + np.bincount(column, _growth_above(value, jump, span), minlength=fixed.size)
+    above[~complete] = np.nan
+    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, more]), complete, above)
+
+
+def _side(polynomial, owner, fixed, cosine, span):
+    """Return 1 or -1 for a root whose wall parameter is surely above or below the span, 0 for others.
+
+    The wall parameter is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
+    """
+    over, noise = polynomial.value.take(owner, axis=0), polynomial.value_noise.take(owner, axis=0)
+    before, now, total, weight = np.zeros_like(cosine), np.ones_like(cosine), 0.0, 0
+    twice = 2 * cosine
+    for k in range(over.shape[-1]):
+        total, weight = total + over[..., k] * now[:, None], weight + k + 1
+        before, now = now, twice * now - before
+    first, second, lower = total.T
+    upper, unsure = first - fixed * second, weight * (noise[:, 0] + np.abs(fixed) * noise[:, 1])
+    low, high = (upper - end * lower for end in span)
+    unsure = [unsure + weight * abs(end) * noise[:, 2] for end in span]
+    return (high > unsure[1]).astype(int) - (low < -unsure[0])
+
+
+def _growth_above(value, jump, span):
+    """Return the part of each crossing in the growth from the low end on.
+
+    At an infinite value the jump tells on which side the eigenvalue arrives. NaN if rounding decides whether a value is at one
+    infinity or the other.
+    """
+    low, size = span[0], np.abs(value)
+    near = np.abs(value - low) <= np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
+    growth = np.where((value > low) & ~near, jump, 0.0)
+    growth = np.where(size > FAR * max(map(abs, span)), np.nan, growth)
+    return np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
+
+
+def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
+    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there.
+
+    A crossing is (column, value, theta, jump, inverse), the last of which is an index of its inverse. The value is infinite if
+    there is no crossing.
+
+    sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of the eigenvalue.
+    """
+    values, inverses = [], []
+    for w in (0.0, -2.0):
+        t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
+        inverses.append(inverse)
+        if w == 0.0 and cut.integrates:
+            values.append(np.full(fixed.shape, 0.0 if along == K_VE else np.inf))
+            continue
+        solved, other = t.along(along)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values.append((t.one[owner] - fixed * other[owner]) / solved[owner])
+        if w == 0.0 and cut.poles_at_one and not cut.integrates:  # a mass that nothing brakes, but for this wall
+            values[-1] = np.where(fixed == 0, 0.0, values[-1])
+    found = (
+        np.tile(np.arange(fixed.size), 2),
+        np.concatenate(values),
+        np.repeat([0.0, np.pi], fixed.size),
+        np.concatenate([sign_at_one, -sign_at_minus_one]),
+        np.concatenate([owner, owner + len(inverses[0])]),
+    )
+    return found, np.concatenate(inverses)

@@ -1,0 +1,236 @@
+"""Entries of the frames of loops along a number: polynomials on panels of it, each entry with a bound on what it misses."""
+
+from dataclasses import dataclass, fields, replace
+from functools import cache
+
+import numpy as np
+
+from wavesweep.engine.rows import Rows
+from wavesweep.engine.stability.sampled_frames import Frames, level, pole_inside
+
+DEGREES = (14, 28)  # of the polynomials; the points of the lower one are points of the higher one, too
+ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
+MODEL = 1e-11  # of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
+NOISY = 1e-8  # the same where the values have larger errors than MODEL
+ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
+EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
+LEBESGUE = 4  # more than the constant of the points: how much the errors of values may add up to between them
+PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
+UNEVEN = 4.0  # times the bounds at these places: that at any other point of the panel
+OVERLAP = 0.035  # of its width a panel reaches beyond each end: a crossing next to it is seen from both sides
+STEEP = 1e3  # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to the largest
+NARROW = 1e-9  # of the span: a panel this narrow that is not followed is given up
+MANY = 1024  # panels of a column, beyond which the rest is given up
+EPS = np.finfo(float).eps
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
+RIM = (RIM + 1 / RIM) / 2
+RIM.flags.writeable = False
+
+
+@dataclass(frozen=True, slots=True)
+class Panels(Rows):
+    """Polynomials in `x = (p - middle)/half`, for x from -1 to 1, of the entries of frames less identity.
+
+    column, low, high: the part of the span of a column that a panel is for; the polynomials reach a bit farther. coefficients:
+    of Chebyshev polynomials, `(panels, DEGREES[-1] + 1, n, n)`. error: of each entry, all over the panel, by interpolation and
+    by rounding of the frames, `(panels, n, n)`. rest: bound on the derivative of order ORDER over its factorial.
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    middle: np.ndarray
+    half: np.ndarray
+    coefficients: np.ndarray
+    error: np.ndarray
+    rest: np.ndarray
+
+    @classmethod
+    def joined(cls, parts):
+        """Return the panels of all parts, with frames of as many states as the largest has: those added have z = 0."""
+        most = max(part.error.shape[-1] for part in parts)
+        return cls.join([part if part.error.shape[-1] == most else part.filled(most) for part in parts])
+
+    def filled(self, order: int) -> "Panels":
+        n, parts = self.error.shape[-1], {field.name: getattr(self, field.name) for field in fields(self)}
+        for name in ("coefficients", "error", "rest"):
+            whole = np.zeros((*parts[name].shape[:-2], order, order))
+            whole[..., :n, :n], parts[name] = parts[name], whole
+        new = np.arange(n, order)
+        parts["coefficients"][:, 0, new, new] = -1
+        return Panels(**parts)
+
+    def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
+        """Return the panels without states that are 0 at the end of every frame, or that nothing reads at its beginning, and
+        the indices of those that are left; panels that have the same ones together.
+
+        A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix is block-triangular.
+        """
+        n, found = self.error.shape[-1], {}
+        there = np.abs(self.coefficients).sum(1) + self.error > 0
+        own = np.abs(self.coefficients[:, 0] + np.eye(n)) + np.abs(self.coefficients[:, 1:]).sum(1) + self.error
+        there[:, range(n), range(n)] = own[:, range(n), range(n)] >= 0.5
+        kinds, kind = np.unique(there.reshape(-1, n * n), axis=0, return_inverse=True)
+        for number, entries in enumerate(kinds.reshape(-1, n, n)):
+            found.setdefault(tuple(_remembered(entries)), []).append(np.flatnonzero(kind.ravel() == number))
+        parts = []
+        for kept, some in ((np.array(kept), self.take(np.concatenate(some))) for kept, some in found.items()):
+            names = ("coefficients", "error", "rest")
+            parts.append((replace(some, **{name: getattr(some, name)[..., kept[:, None], kept] for name in names}), kept))
+        return parts
+
+
+def _remembered(entries):
+    """The states that are left, of frames in which only these entries may be there; at least one."""
+    kept = np.arange(len(entries))
+    while True:
+        some = entries[kept[:, None], kept]
+        others = some & ~np.eye(kept.size, dtype=bool)
+        gone = ~some.diagonal() & (~others.any(0) | ~others.any(1))
+        if not gone.any() or gone.all():
+            return kept.tolist()
+        kept = kept[~gone]
+
+
+def panels_of(frames, errors, span, columns: int, bounds, resolved=None) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
+    """Return panels on which the frames are followed, and the parts of the spans that are not: column, low, high, overflown.
+
+    frames, errors, bounds: see `stable_along_any`. resolved(column, low, high): whether frames have no narrow features there.
+    A panel that is not followed is halved.
+
+    The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided by the polynomial q that
+    vanishes there, is analytic where f is. So on the panel, where |q| <= 1, it is at most as large as on the rim of an ellipse
+    about it, where |q| > 10^5: entries are computed there at complex p. What lies between the points of the rim is taken as at
+    most twice as large. This holds if f has no pole inside (`pole_inside`). Rounding of the values adds as much as LEBESGUE
+    allows; its bounds are taken at both ends and in the middle.
+    """
+    column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
+    least, count, done, lost = NARROW * (span[1] - span[0]), np.ones(columns, int), [], []
+    while column.size:
+        over = OVERLAP * (high - low)
+        left, right = np.maximum(low - over, bounds[0][column]), np.minimum(high + over, bounds[1][column])
+        middle, half = (left + right) / 2, (right - left) / 2
+        inside = (middle - EXTENT * half >= bounds[0][column]) & (middle + EXTENT * half <= bounds[1][column])
+        good, overflown, hopeless = np.zeros((3, column.size), bool)
+        some = np.flatnonzero(inside)
+        if resolved is not None and some.size:
+            some = some[resolved(column[some], left[some], right[some])]
+        if some.size:
+            parts = column[some], low[some], high[some], middle[some], half[some]
+            with np.errstate(all="ignore"):
+                found, at, known = _followed(frames, errors, parts)
+            good[some[at]] = True
+            overflown[some], hopeless[some] = ~known.all(1), ~known.any(1)
+            done += found
+        np.add.at(count, column[~good], 1)
+        narrow = hopeless | ~good & ((high - low <= least) | (count[column] > MANY))
+        lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
+        column, low, high = (part[~good & ~narrow] for part in (column, low, high))
+        cut_at = (low + high) / 2
+        column, low, high = np.tile(column, 2), np.append(low, cut_at), np.append(cut_at, high)
+    lost = tuple(np.concatenate(each) for each in zip(*lost, strict=True)) if lost else tuple(np.zeros((4, 0)))
+    return (Panels.joined(done) if done else None), lost
+
+
+def _followed(frames, errors, parts):
+    """Return panels, those among `parts` that are followed, which these are, and which frames are finite, `(parts, points)`.
+
+    parts: column, low, high, middle, half.
+    """
+    column, _, _, middle, half = parts
+
+    def sample(which, x):
+        found = Frames.of(frames(column[which, None], middle[which, None] + half[which, None] * x))
+        return (part.reshape(which.size, x.size, *part.shape[1:]) for part in (found.E, found.pivots))
+
+    done, followed, open_, A = [], [], np.arange(column.size), None
+    for degree in DEGREES:
+        x, transform = nodes(degree)
+        if A is None:
+            A, pivots = sample(open_, x)
+            inner = level(pivots, np.where(np.abs(x) == 1, 0.5, 1.0))
+            known = np.isfinite(A).all((2, 3))
+        else:
+            between, _ = sample(open_, x[1::2])
+            if between.shape[2:] != A.shape[2:]:
+                break
+            whole = np.empty((open_.size, x.size, *A.shape[2:]))
+            whole[:, ::2], whole[:, 1::2], A = A, between, whole
+        n = A.shape[-1]
+        c = np.einsum("kj,pjmn->pkmn", transform, A, optimize=True)
+        size = np.maximum(np.abs(A).max((1, 2, 3)), np.finfo(float).tiny)
+        last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
+        least = np.abs(A).max((2, 3)).min(1)
+        ready = np.flatnonzero((last < (MODEL if degree < DEGREES[-1] else NOISY)) & (size < STEEP * np.maximum(1, least)))
+        if ready.size:
+            rim, pivots = sample(open_[ready], RIM)
+            at = np.array(PLACES) * (degree // 2)
+            mine = column[open_[ready], None], middle[open_[ready], None] + half[open_[ready], None] * x[at]
+            exact, off = errors(*mine)
+            if rim.shape[2:] == exact.shape[1:] == (n, n):
+                basis, vanishing = _rim(degree)
+                missed = 2 * np.abs(rim - np.einsum("rk,pkmn->prmn", basis, c[ready], optimize=True)).max(1) / vanishing
+                off = (off + np.abs(exact - A[ready][:, at].reshape(exact.shape))).reshape(ready.size, -1, n, n).max(1)
+                fine = missed.max((1, 2)) < np.maximum(MODEL * size[ready], off.max((1, 2)))
+                fine &= ~pole_inside(pivots, inner[open_[ready]])
+                fine &= np.isfinite(off).all((1, 2))
+                error = missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
+                ready, error = ready[fine], error[fine]
+                done.append(_panels(parts, open_[ready], c[ready], error))
+                followed.append(open_[ready])
+            else:
+                ready = ready[:0]
+        if degree == DEGREES[-1] or not open_.size:
+            break
+        going = last ** (DEGREES[-1] / degree) < 100 * MODEL  # coefficients fall unevenly
+        going[ready] = False
+        going &= size < STEEP * np.maximum(1, least)
+        open_, A = open_[going], A[going]
+        if not open_.size:
+            break
+    return done, np.concatenate([*followed, np.zeros(0, int)]), known
+
+
+def _panels(parts, which, c, error):
+    k = np.arange(c.shape[1])
+    steepest = np.prod([(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(ORDER)], 0)  # at x = 1 (Markov 1892)
+    padded = np.zeros((which.size, DEGREES[-1] + 1, *c.shape[2:]))
+    padded[:, : c.shape[1]] = c
+    rest = np.einsum("k,pkmn->pmn", np.abs(steepest), np.abs(c))
+    return Panels(*(part[which] for part in parts), padded, error, rest)
+
+
+@cache
+def nodes(degree):
+    """Return Chebyshev points of the second kind in [-1, 1], and the map from values there to Chebyshev coefficients."""
+    number = np.arange(degree + 1)
+    # Whole turns, and then halves, are taken out first: the cosine of a large angle has lost digits with the angle.
+    turn = np.outer(number, number) % (2 * degree)
+    turn = np.minimum(turn, 2 * degree - turn)
+    short = np.cos(np.pi * np.minimum(turn, degree - turn) / degree)
+    transform = np.where(2 * turn > degree, -short, short) * (2 / degree)
+    transform[:, [0, -1]] /= 2
+    transform[[0, -1]] /= 2
+    x = np.cos(np.pi * number / degree)
+    for array in (x, transform):
+        array.flags.writeable = False
+    return x, transform
+
+
+@cache
+def _rim(degree):
+    """Return the Chebyshev polynomials on the rim, and the least size there of the polynomial that vanishes at the nodes."""
+    basis = [np.ones_like(RIM), RIM]
+    for _ in range(degree - 1):
+        basis.append(2 * RIM * basis[-1] - basis[-2])
+    return np.stack(basis, axis=-1), np.abs(RIM * basis[-1] - basis[-2]).min()
+
+
+def taylor(x, degree) -> np.ndarray:
+    """Return the Taylor coefficients about x of the Chebyshev polynomials, `(points, ORDER, degree + 1)`."""
+    found = np.zeros((ORDER, degree + 1, x.size))
+    found[0, 0], found[0, 1], found[1, 1] = 1, x, 1
+    for k in range(2, degree + 1):
+        found[:, k] = 2 * x * found[:, k - 1] - found[:, k - 2]
+        found[1:, k] += 2 * found[:-1, k - 1]
+    return np.ascontiguousarray(found.transpose(2, 0, 1))

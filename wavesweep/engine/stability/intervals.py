@@ -1,0 +1,161 @@
+"""Stable intervals of columns and the places where nothing is known: from regions, joined, and as rows of a table."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.engine.rows import Rows
+from wavesweep.engine.stability.certificate import COUNTS, NONE
+from wavesweep.engine.stability.regions import Regions
+
+
+@dataclass(frozen=True, slots=True)
+class Intervals(Rows):
+    """One element per stable interval and per open place, where nothing is known; one for a column that has neither.
+
+    They are sorted by column, then value. column: index into the columns in C order, `slice * fixed.shape[-1] + position`.
+    index: 0, 1, ... of the stable intervals of the column, -1 of other elements. count: stable intervals of the column. low,
+    high: ends (N/m or N*s/m), NaN of a column with no other element. low_omega, high_omega: rad/s of the oscillation that
+    starts there, NaN if the range ends the interval, or an open place begins there. doubt: reason why the column is not
+    certified, NONE if it is (codes of `wavesweep.engine.stability.certificate`). residual: the largest relative residual of the
+    characteristic equation at crossings of the interval, 0 if there are none.
+    """
+
+    column: np.ndarray
+    index: np.ndarray
+    count: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    low_omega: np.ndarray
+    high_omega: np.ndarray
+    doubt: np.ndarray
+    residual: np.ndarray
+
+    @property
+    def certified(self) -> np.ndarray:
+        """Whether each element's column is proved as a whole."""
+        return self.doubt == NONE
+
+
+def intervals_of(r: Regions, doubt, period) -> Intervals:
+    """Return runs of regions with no unstable eigenvalue, those that are not known, and an empty row for columns without any.
+
+    doubt: `(columns,)`, codes. period: of each column's frame, s.
+    """
+    label, same = np.sign(r.unstable), np.diff(r.column) == 0
+    alike = same & (label[1:] == label[:-1])
+    first, last = (np.flatnonzero(edge & (label < 1)) for edge in (np.append(True, ~alike), np.append(~alike, True)))
+    beside = same & (np.minimum(label[1:], label[:-1]) < 0)  # what is next to an open place has no end there
+    thetas = (r.low_theta, np.append(False, beside), first), (r.high_theta, np.append(beside, False), last)
+    omega = [np.where(open_, np.nan, theta)[at] / period[r.column[at]] for theta, open_, at in thetas]
+    stable, none = label[first] == 0, np.flatnonzero(np.bincount(r.column[first], minlength=period.size) == 0)
+    error = np.where(stable, np.maximum(r.residual[first], r.residual[last]), 0.0)
+    nothing, zero = np.full(none.size, np.nan), np.zeros(none.size, int)
+    rows = r.column[first], stable - 1, 0 * first, r.low[first], r.high[last], *omega, doubt[r.column[first]], error
+    empty = none, zero - 1, zero, nothing, nothing, nothing, nothing, doubt[none], 0.0 * zero
+    found = Intervals(*map(np.concatenate, zip(rows, empty, strict=True)))
+    return _numbered(found.take(np.argsort(found.column, kind="stable")))
+
+
+def _numbered(found: Intervals) -> Intervals:
+    """The intervals with index and count of each column; sorted, an index of 0 or more stands for a stable one."""
+    stable, column = found.index >= 0, found.column
+    count = np.bincount(column[stable], minlength=int(column.max(initial=-1)) + 1)
+    index = np.where(stable, np.cumsum(stable) - 1 - (np.cumsum(count) - count)[column], -1)
+    return replace(found, index=index, count=count[column])
+
+
+def doubts_of(parts: Regions, doubt) -> np.ndarray:
+    """Return the gravest doubt of each column: its own, and those of its regions.
+
+    A region without a label leaves at least COUNTS.
+    """
+    doubt = np.array(doubt)
+    np.maximum.at(doubt, parts.column, np.where(parts.unstable < 0, np.maximum(parts.doubt, COUNTS), parts.doubt))
+    return doubt
+
+
+def joined(parts) -> Intervals:
+    """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt is that of a whole column."""
+    whole = Intervals.join(parts)
+    whole = whole.take(np.lexsort((whole.low, whole.column)))  # NaN, of a range with nothing to say, goes last
+    doubt = np.zeros(int(whole.column.max(initial=-1)) + 1, int)
+    np.maximum.at(doubt, whole.column, whole.doubt)
+    first = np.append(True, np.diff(whole.column) != 0)[: whole.column.size]
+    whole = whole.take(first | ~np.isnan(whole.low))
+    return _numbered(replace(whole, doubt=doubt[whole.column]))
+
+
+def _touching(found: Intervals) -> np.ndarray:
+    """Which elements the next one begins at, without a crossing between."""
+    seam = (found.high[:-1] == found.low[1:]) & (found.column[:-1] == found.column[1:])
+    return seam & np.isnan(found.high_omega[:-1]) & np.isnan(found.low_omega[1:])
+
+
+def without_seams(found: Intervals) -> Intervals:
+    """Return intervals in which those are one that meet at an end where nothing crosses, and open places likewise."""
+    stable = found.index >= 0
+    seam = _touching(found) & (stable[:-1] == stable[1:])
+    first, last = np.flatnonzero(np.append(True, ~seam)), np.flatnonzero(np.append(~seam, True))
+    if first.size == found.column.size or not first.size:
+        return found
+    ends = {name: getattr(found, name)[last] for name in ("high", "high_omega")}
+    return _numbered(replace(found.take(first), **ends, residual=np.maximum.reduceat(found.residual, first)))
+
+
+@dataclass(frozen=True, slots=True)
+class OpenPlaces:
+    """Of each row of a table, the places where nothing is known: how many, where the first begins, where the last ends."""
+
+    places: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def in_rows(found: Intervals) -> tuple[Intervals, OpenPlaces]:
+    """Return the intervals as rows, and the open places of each: what only these keep apart is one interval in doubt.
+
+    It goes from its first to its last place that is known to be stable, and has no residual if one of these is not its end. An
+    open place between unstable values belongs to the interval below, or else above, or to the empty row of its column.
+    """
+    at, column, stable = np.arange(found.column.size), found.column, found.index >= 0
+    open_ = ~stable & ~np.isnan(found.low)
+    if not open_.any():
+        return found, OpenPlaces(0 * at, *np.full((2, at.size), np.nan))
+    linked = _touching(found) & (open_[:-1] | open_[1:])
+    chain = np.append(0, np.cumsum(~linked))
+    begin = np.flatnonzero(np.diff(chain, prepend=-1))
+    some, of, number = np.logical_or.reduceat(stable, begin), column[begin], np.arange(begin.size)
+    below = np.maximum.accumulate(np.where(some, number, 0))
+    above = np.minimum.accumulate(np.where(some, number, number.size - 1)[::-1])[::-1]
+    owner = np.searchsorted(of, of)
+    for each in (above, below):
+        owner = np.where(some[each] & (of[each] == of), each, owner)
+    begin = np.flatnonzero(np.diff(owner[chain], prepend=-1))
+    last = np.maximum.reduceat(np.where(stable, at, -1), begin)
+    known = last >= 0
+    first = np.where(known, np.minimum.reduceat(np.where(stable, at, at.size), begin), begin)
+    last = np.where(known, last, begin)
+    ended = ~(np.append(False, linked)[first] | np.append(linked, False)[last]) | ~known
+    rows = replace(found.take(first), high=found.high[last], high_omega=found.high_omega[last])
+    low, high = (np.where(known, end, np.nan) for end in (rows.low, rows.high))
+    rows = replace(rows, low=low, high=high, residual=np.where(ended, np.maximum.reduceat(found.residual, begin), np.nan))
+    places = np.add.reduceat(open_ & ~np.append(False, linked & open_[:-1]), begin)
+    low, high = (np.where(open_, end, np.nan) for end in (found.low, found.high))
+    return _numbered(rows), OpenPlaces(places, np.fmin.reduceat(low, begin), np.fmax.reduceat(high, begin))
+
+
+def without_any(found: Intervals, columns, span=None, doubt: int = NONE) -> Intervals:
+    """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is known of their whole span."""
+    some = columns[found.column]
+    if not some.any():
+        return found
+    empty = found.take(some)
+    empty = empty.take(np.unique(empty.column, return_index=True)[1])
+    size = empty.column.size
+    ends = (np.full(size, float(end)) for end in ((np.nan, np.nan) if doubt == NONE else span))
+    nothing = dict(zip(("low", "high"), ends, strict=True)) | dict.fromkeys(("low_omega", "high_omega"), np.full(size, np.nan))
+    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
+    reasons = np.full(size, NONE) if doubt == NONE else np.maximum(empty.doubt, doubt)
+    whole = Intervals.join([found.take(~some), replace(empty, **nothing, **none, doubt=reasons)])
+    return whole.take(np.argsort(whole.column, kind="stable"))

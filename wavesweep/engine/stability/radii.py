@@ -1,0 +1,100 @@
+"""Batches of loops with their numbers: their drift, frames and radii."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.from_drawing import twins
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import hand_of
+from wavesweep.engine.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, frame_with_reliability
+from wavesweep.engine.stability.spectrum import radius_of
+
+if TYPE_CHECKING:
+    from wavesweep.engine.energy.held_loop import HeldLoop
+
+
+@contextmanager
+def named_loops(drawn: MultirateLoop) -> Iterator[None]:
+    """Name the blocks if an algebraic loop has no solution."""
+    try:
+        yield
+    except IllPosedLoopError as error:
+        blocks = ", ".join(drawn.direct_blocks()) or "the wires"
+        raise IllPosedLoopError(
+            f"the loop of direct terms through {blocks} has no solution, or none that double precision can find; put a delay "
+            "or a hold into it, or change the gain that closes it"
+        ) from error
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked again and again
+def blocks_without_solution(drawing, items):
+    """Names of the blocks on a loop of direct terms that has no solution with these numbers; None if all have one."""
+    loop = Loops(drawing, dict(items))
+    try:
+        drawn = loop.drawn()
+    except IllPosedLoopError:  # within a plant
+        return [block.name for plant in drawing.plants for block in plant.members]
+    try:
+        with named_loops(drawn):
+            closed_frame(drawn, drift_of(loop))
+    except IllPosedLoopError:
+        return drawn.direct_blocks()
+    return None
+
+
+def drift_of(loops: Loops, out: str = "", watched=(), beside: str = "") -> TickDrift:
+    """The drift of loops of a batch, whose numbers that vary are arrays; see `twins` and `drift_of_drawn`."""
+    with np.errstate(all="ignore"):
+        return _drift(*twins(*loops, out, beside), tuple(watched))
+
+
+_drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
+
+
+def held_loop(loops: Loops) -> "HeldLoop":
+    """The loops with a hand."""
+    from wavesweep.engine.energy.held_loop import HeldLoop
+
+    return HeldLoop(*loops.read)
+
+
+def frames(loops: Loops, drift: TickDrift) -> np.ndarray:
+    """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; see `closed_frame`."""
+    drawn = loops.drawn()
+    with named_loops(drawn), np.errstate(all="ignore"):
+        return closed_frame(drawn, drift)
+
+
+def frames_with_reliability(loops: Loops):
+    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `frame_with_reliability`."""
+    drawn = loops.drawn()
+    with named_loops(drawn), np.errstate(all="ignore"):
+        return frame_with_reliability(drawn, drift_of(loops))
+
+
+def radii_of(loops: Loops, size: int = 1) -> np.ndarray:
+    """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
+    radii = np.array(np.broadcast_to(radius_of(*frames_with_reliability(loops)), (size,)))
+    for at in np.flatnonzero(np.isnan(radii)).tolist() if size > 1 else ():
+        radii[at] = radius_of(*frames_with_reliability(loops.one(at))).item()
+    return radii
+
+
+def frames_of(loops: Loops) -> int:
+    """How many frames of the drawing are one of its spec: several if nothing in it runs at the slow rate.
+
+    loops: with all numbers of the spec.
+    """
+    ratio = loops.values.get("rates.ratio", 1)
+    return 1 if "rates.ratio" in loops.drawing.reads or isinstance(ratio, float) else ratio
+
+
+def watched_drift(loops: Loops) -> TickDrift:
+    """The drift as the hand's port sees it."""
+    return drift_of(loops, watched=hand_of(loops.drawing).signals)

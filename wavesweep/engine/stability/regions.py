@@ -1,0 +1,228 @@
+"""Between the crossings: the count of unstable eigenvalues of each region, and whether it fits the crossings."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.engine.monodromy.cut import Cut, close, errors_of_closed
+from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.engine.rows import Rows
+from wavesweep.engine.stability.boundary import K_VE, end_errors
+from wavesweep.engine.stability.certificate import COUNTS, NONE, ROUNDING
+from wavesweep.engine.stability.crossings import SLIVER, Crossings
+from wavesweep.engine.stability.spectrum import count_outside
+
+SMALL_RESIDUAL = 1e-9  # of what crosses inside an unstable part, where only the count matters
+USUAL = 64.0  # times rounding: what a polished end may leave of its equation
+FIRM = 1e-9  # of an end, what the errors of the loop's entries may move it by
+NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
+NARROW = 1e-6  # of the span; eigenvalues of so small a region are always counted
+SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
+MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
+
+
+@dataclass(frozen=True, slots=True)
+class Regions(Rows):
+    """Consecutive parts of the swept range, sorted by column and value; no eigenvalue crosses the circle inside one.
+
+    column, low, high; low_theta, high_theta: angle of the crossing at that end, NaN if only the range ends there. unstable:
+    number of eigenvalues outside the unit circle; -1 if that is not known. doubt: reason why the region is in doubt (see
+    `certificate`); NONE if rounding cannot change the label, both ends satisfy the characteristic equation, and the counts
+    change in agreement with the crossings. residual: the larger of the ends' relative residuals (0 at an end of the range).
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    low_theta: np.ndarray
+    high_theta: np.ndarray
+    unstable: np.ndarray
+    doubt: np.ndarray
+    residual: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A span cut at its crossings: regions sorted by column and value, before they are labelled.
+
+    column, low, high, low_theta, high_theta: as in `Regions`. gain: growth of the number of unstable eigenvalues from the
+    region before, as the crossings predict it. has_previous, has_next: whether a region has a neighbour below, or above, it in
+    the same column. order: the crossings in the order of the regions' inner ends.
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    low_theta: np.ndarray
+    high_theta: np.ndarray
+    gain: np.ndarray
+    has_previous: np.ndarray
+    has_next: np.ndarray
+    order: np.ndarray
+
+    def at(self, share) -> np.ndarray:
+        """Return a point of each region, a share of its width from its low end."""
+        return self.low + share * (self.high - self.low)
+
+    def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
+        """Return regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
+        doubt, residual = doubt.copy(), np.zeros(self.column.size)
+        end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, ROUNDING))
+        doubt[self.has_previous] = np.maximum(doubt[self.has_previous], end_doubt)
+        doubt[self.has_next] = np.maximum(doubt[self.has_next], end_doubt)
+        residual[self.has_previous] = error
+        residual[self.has_next] = np.maximum(residual[self.has_next], error)
+        return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, doubt, residual)
+
+
+def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> Parts:
+    """Cut the span of every column at its crossings.
+
+    slack: distance from each end of the span within which a crossing counts as at that end.
+    """
+    low, high = span
+    near = np.abs(value - low) <= np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    beside = np.abs(value - high) <= slack[1]
+    at_low, at_high = np.full((2, columns), np.nan)
+    at_low[column[near]], at_high[column[beside]] = theta[near], theta[beside]
+    inside = np.flatnonzero((value > low) & (value < high) & ~near & ~beside)
+    order = inside[np.lexsort((value[inside], column[inside]))]
+    everyone = np.arange(columns)
+    start = np.searchsorted(column[order], everyone) + everyone  # where each column's first region stands
+    region = np.repeat(everyone, np.bincount(column[order], minlength=columns) + 1)
+    lows, low_theta, gain = np.full(region.size, float(low)), np.full(region.size, np.nan), np.zeros(region.size)
+    low_theta[start] = at_low
+    later = np.ones(region.size, bool)
+    later[start] = False
+    lows[later], low_theta[later], gain[later] = value[order], theta[order], jump[order]
+    highs, high_theta = np.full(region.size, float(high)), np.full(region.size, np.nan)
+    earlier = np.append(later[1:], False)
+    high_theta[~earlier] = at_high
+    highs[earlier], high_theta[earlier] = value[order], theta[order]
+    return Parts(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
+
+
+def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regions:
+    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
+
+    The count of the first region of each column follows from that of infinite values, which is one number of the loop, and from
+    the directions of all crossings between (`_first_counts`); the counts of the other regions follow from the directions of the
+    crossings before them. If eigenvalues were counted in a column's first region, they are also counted in every region whose
+    count comes to 0, which makes an interval stable; in narrow regions they are counted in all columns. If the crossings of a
+    column are not all proved, or one of its counts is not clear, every region of it is counted at many points, and a region has
+    no label if these disagree.
+    """
+    slack = SLIVER * (span[1] - span[0])
+    parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump, (slack, slack))
+    doubt, rise = np.zeros(parts.column.size, int), np.cumsum(parts.gain)
+    first = np.flatnonzero(~parts.has_previous)
+    rise -= rise[first][parts.column]
+
+    def matrices(some, value):
+        loops, wall = cut.at(owner[parts.column[some]]), _wall(along, value, fixed[parts.column[some]])
+        return close(loops, *wall), errors_of_closed(loops, *wall)
+
+    least = np.minimum.reduceat(rise, first)
+    narrow = parts.high - parts.low < NARROW * (span[1] - span[0])
+    follows = np.isfinite(found.above) & ~narrow[first]
+    begins, counted = _first_counts(
+        owner, found.above, follows, least, lambda columns: count_where_clear(parts, first[columns], matrices)
+    )
+    unstable = (rise + begins[parts.column]).astype(int)
+    unknown = (begins < 0)[parts.column]  # nothing follows from a count that is not known
+    unstable[unknown], doubt[unknown] = -1, COUNTS
+    claimed = parts.has_previous & ~unknown & (unstable <= 0) & found.complete[parts.column] & (narrow | counted[parts.column])
+    claimed = np.flatnonzero(claimed)
+    seen = count_where_clear(parts, claimed, matrices)
+    doubt[claimed] = np.maximum(doubt[claimed], np.where(seen == unstable[claimed], NONE, COUNTS))
+    error, end_doubt = _judged_ends(cut, owner, along, fixed, span, found, parts, unstable)
+    whole = parts.labelled(unstable, doubt, end_doubt, error)
+    worst = np.where(found.complete, NONE, COUNTS)
+    np.maximum.at(worst, whole.column, whole.doubt)
+    again = np.flatnonzero(worst[parts.column] >= COUNTS)
+    if not again.size:
+        return whole
+    unstable[again] = count_where_all_agree(parts, again, matrices)
+    return replace(whole, unstable=unstable)
+
+
+def _first_counts(owner, above, follows, least, count):
+    """Return the unstable eigenvalues in the first region of each column, -1 if not known, and whether they were counted there.
+
+    above: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
+    relative to the first region. count(columns): eigenvalues outside. At infinite values of the wall parameter as many
+    eigenvalues are outside as the loop has zeros there from the wall's force to the signal that the wall reads, for any value
+    of the other parameter. That number less the growth at the crossings must be the same in the first and the last column of a
+    loop for which all crossings are known; then it holds for those between, unless a count there is negative.
+    """
+    begins, known = np.full(owner.size, -1), np.flatnonzero(follows)
+    counted = np.ones(owner.size, bool)
+    new = np.diff(owner[known], prepend=-1) != 0
+    begin, end = known[new], known[np.append(new[1:], True)[: known.size]]
+    counted[known] = False
+    counted[begin] = counted[end] = True
+    at = np.flatnonzero(counted)
+    begins[at] = count(at)
+    grown = [np.where(begins[some] < 0, np.nan, begins[some] + above[some]) for some in (begin, end)]
+    agreed = np.where(grown[0] == grown[1], grown[0], np.nan)[np.cumsum(new) - 1]
+    between = ~counted[known]
+    known, left = known[between], (agreed - above[known])[between]
+    sure = left + least[known] >= 0
+    begins[known[sure]] = left[sure]
+    again = known[~sure]
+    begins[again], counted[again] = count(again), True
+    return begins, counted
+
+
+def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
+    """Return residual and doubt of each inner end; ends of stable regions are in doubt if rounding could matter."""
+    column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
+    error, doubt = np.zeros(column.size), np.zeros(column.size, int)
+    of_stable = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
+    column, value, theta = (part[of_stable] for part in (column, value, theta))
+    places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
+    back = found.inverses.take(found.inverse[parts.order[of_stable]], axis=0)
+    least = NEAR_ZERO * (span[1] - span[0])
+    left, moved, usual = end_errors(cut.at(owner[column]), along, *places, back, least)
+    # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
+    error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
+    clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
+    firm = moved <= FIRM * (np.abs(value) + least)
+    doubt[of_stable] = np.where(clear & firm, NONE, ROUNDING)
+    return error, doubt
+
+
+def count_where_clear(parts: Parts, which, matrices):
+    """Count the regions `which` at the first of SHARES at which no eigenvalue is within rounding of the circle.
+
+    The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less identity of these regions
+    at these values, and bounds on the errors of their entries.
+    """
+    unstable = np.full(which.size, -1)
+    for share in SHARES:
+        open_ = np.flatnonzero(unstable < 0)
+        if not open_.size:
+            break
+        some = which[open_]
+        count, sure = count_outside(*matrices(some, parts.at(share)[some]))
+        unstable[open_[sure]] = count[sure]
+    return unstable
+
+
+def count_where_all_agree(parts: Parts, which, matrices):
+    """Count the regions `which` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
+    unstable, agreed = np.full(which.size, -1), np.ones(which.size, bool)
+    for share in MANY_SHARES:
+        count, sure = count_outside(*matrices(which, parts.at(share)[which]))
+        agreed &= ~sure | (unstable < 0) | (count == unstable)
+        unstable = np.where(sure & (unstable < 0), count, unstable)
+    return np.where(agreed, unstable, -1)
+
+
+def _wall(along, value, fixed):
+    return (value, fixed) if along == K_VE else (fixed, value)
+
+
+def _place(theta):
+    """Return `w = exp(j theta) - 1`, exactly at both ends of the circle."""
+    return np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))

@@ -1,0 +1,340 @@
+"""Eigenvalues of the closed loop relative to the unit circle: spectral radius, verdict, and their number outside."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.engine.monodromy.cut import Cut, close
+from wavesweep.engine.monodromy.rounding import TELLING, at_angles_of, balance, may_have
+from wavesweep.engine.monodromy.shifts import DelayLines
+from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
+from wavesweep.engine.rows import different
+
+ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
+BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
+NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
+MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
+UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
+MANY = 100  # states, from which on a bound on a singular value stands for it
+LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
+FINE = 1e-12  # of the largest entry, or of 1, errors of entries that are no more than roundings
+SPARSE = 200  # states, from which on an import pays that finds the blocks of a matrix of few entries
+
+
+def eigenvalues(E):
+    """Return the eigenvalues less 1 of `I + E`, complex `(..., n)`, zeros if E is not finite, and whether it is.
+
+    If the states are of several loops of which one acts on another, but none on itself by way of others, the eigenvalues are
+    those of each loop by itself (see `diagonal_blocks`): equal loops in a row would lose nearly all of their digits.
+    """
+    finite = np.isfinite(E).all((-1, -2))
+    E = np.where(finite[..., None, None], E, 0.0)
+    groups = diagonal_blocks(E)
+    if not groups:
+        return np.linalg.eigvals(E).astype(complex), finite
+    found = np.empty((finite.size, E.shape[-1]), complex)
+    for some, blocks, alone in groups:
+        found[some] = np.concatenate([*map(np.linalg.eigvals, blocks), alone.diagonal(axis1=-2, axis2=-1)], axis=-1)
+    return found.reshape(E.shape[:-1]), finite
+
+
+def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
+    """Return groups of matrices with the same diagonal blocks in some order of the states; none if all have a single one.
+
+    E: `(..., n, n)`. A group has the indices of its matrices (flat), its blocks of several states, which all act on one
+    another, `(matrices, k, k)` each, and that of all other states, `(matrices, others, others)`, which is triangular in some
+    order, so its eigenvalues are on its diagonal.
+    """
+    n = E.shape[-1]
+    if n < 2 or not E.size:
+        return []
+    there = E.reshape(-1, n, n) != 0
+    if (there == there[0]).all():
+        kinds, kind = there[:1], np.zeros(len(there), int)
+    else:
+        number, names = {}, np.packbits(there.reshape(len(there), -1), axis=-1)
+        kind = np.array([number.setdefault(name.tobytes(), len(number)) for name in names])
+        kinds = there[np.unique(kind, return_index=True)[1]]
+    parts = [_parts(n, each.tobytes()) for each in kinds]
+    if max(len(several) for several, _ in parts) < 2:
+        return []
+    found = []
+    for number, (several, alone) in enumerate(parts):
+        some = np.flatnonzero(kind == number)
+        own = E.reshape(-1, n, n)[some]
+        found.append((some, [own[:, at[:, None], at] for at in several], own[:, alone[:, None], alone]))
+    return found
+
+
+def states_of_blocks(E) -> list[np.ndarray]:
+    """Return the states of each diagonal block of one matrix (see `diagonal_blocks`), also of those of a single state."""
+    if not E.size:
+        return []
+    several, alone = _parts(E.shape[-1], (E != 0).tobytes())
+    return [*several, *(np.array([state]) for state in alone)]
+
+
+def _blocks_of(acts):
+    """A number for each state, the same for those that act on one another."""
+    n = len(acts)
+    if n > SPARSE:
+        from scipy.sparse.csgraph import connected_components
+
+        return connected_components(acts, connection="strong")[1]
+    acts = acts | np.eye(n, dtype=bool)
+    for _ in range((n - 1).bit_length()):
+        acts = (acts.astype(np.float32) @ acts.astype(np.float32)) > 0
+    return np.argmax(acts & acts.T, axis=-1)
+
+
+@lru_cache(maxsize=32)
+def _parts(n, pattern):
+    """The states of every diagonal block of several, and those of no such block; a single block has all."""
+    name = _blocks_of(np.frombuffer(pattern, bool).reshape(n, n))
+    blocks = [np.flatnonzero(name == each) for each in different(name)]
+    several = [block for block in blocks if block.size > 1]
+    if len(several) < 2:
+        return (np.arange(n),), np.zeros(0, int)
+    return tuple(several), np.array([block[0] for block in blocks if block.size == 1], int)
+
+
+def excess(delta):
+    """Return `|z|^2 - 1` of `z = 1 + delta`, without cancellation for slow poles."""
+    with np.errstate(over="ignore"):
+        return 2 * delta.real + delta.real**2 + delta.imag**2
+
+
+GONE = 0.1  # size of an eigenvalue below which a mode is over within a frame, and its damping ratio says nothing
+
+
+def damping_ratio(delta) -> np.ndarray:
+    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0."""
+    with np.errstate(all="ignore"):
+        s = np.log1p(delta)
+        ratio = -s.real / np.abs(s)
+    return np.where(np.isfinite(ratio), ratio, np.nan)
+
+
+def least_damping(E):
+    """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
+
+    It does if no rounding of E lowers it by more than TELLING, by the smallest singular values on the spiral of that lower
+    ratio, at the angle of each eigenvalue. One below GONE counts as 1.
+    """
+    delta, finite = eigenvalues(E)
+    least = np.where(np.abs(1 + delta) < GONE, 1.0, np.nan_to_num(damping_ratio(delta))).min(-1, initial=1.0)
+    balanced, _ = balance(np.where(finite[..., None, None], E, 0.0))
+    lower = np.clip(least - TELLING, -1 + TELLING, None)
+    spiral = np.abs(np.angle(1 + delta)) * (1j - lower / np.sqrt(1 - lower**2))[:, None]
+    spiral = np.maximum(spiral.real, np.log(GONE)) + 1j * spiral.imag
+    rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2), initial=0)
+    sure = finite & (_smallest(balanced, np.expm1(spiral)) > rounding[:, None]).all(-1)
+    return np.where(finite, least, np.nan), sure
+
+
+def slowest(delta):
+    """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most, `(...)`."""
+    return np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[..., None], -1)[..., 0]
+
+
+def radius_of(E, hidden=False) -> np.ndarray:
+    """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
+    thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.
+
+    hidden: whether this is known already (see `frame_with_reliability`). Otherwise only eigenvalues that nearly meet are so
+    uncertain. Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular
+    value there at the angle of each of them (see `count_outside`).
+    """
+    delta, finite = eigenvalues(E)
+    E = np.where(finite[..., None, None], E, 0.0)
+    radius, groups = np.abs(1 + delta).max(-1, initial=0.0), diagonal_blocks(E)
+    found = np.array(radius) if groups or not E.size else _known(E, radius, delta)
+    for some, blocks, _ in groups:  # each of which may hide that it exceeds the whole
+        for block in blocks:
+            found.reshape(-1)[some] += 0 * _known(block, np.reshape(radius, -1)[some], eigenvalues(block)[0])
+    found = np.where(finite, found, np.inf)
+    found = np.where(_is_rounding(np.abs(1 - found), E), 1.0, found)
+    return np.where(hidden, np.nan, found)
+
+
+def _is_rounding(distance, E):
+    """Whether eigenvalues of `I + E` are beside the circle by that distance through rounding alone; NaN is not."""
+    n, distance = E.shape[-1], np.asarray(distance)
+    tolerance = BACKWARD * np.finfo(float).eps
+    found = np.array((distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0))))
+    some = np.flatnonzero(found)
+    if some.size:
+        balanced, _ = balance(E.reshape(-1, n, n)[some])  # whose entries are often much smaller
+        found.reshape(-1)[some] = distance.reshape(-1)[some] <= tolerance * np.maximum(1, np.abs(balanced).max((-1, -2)))
+    return found
+
+
+def _known(E, radius, delta):
+    """The radius where it is known, else NaN."""
+    n, found = E.shape[-1], np.array(radius).ravel()
+    E, delta = E.reshape(-1, n, n), delta.reshape(-1, n)
+    some = np.flatnonzero(_outgrows(delta, np.abs(E).max((-1, -2), initial=0), found).any(-1))
+    if not some.size:
+        return radius
+    E, delta, (balanced, units) = E[some], delta[some], balance(E[some])  # whose entries are often much smaller
+    size = np.abs(balanced).max((-1, -2))
+    which, eigenvalue = np.nonzero(_outgrows(delta, size, found[some]))
+    further = found[some[which]] + TELLING * np.maximum(found[some[which]], 1)
+    points = further * np.exp(1j * np.abs(np.angle(1 + delta[which, eigenvalue]))) - 1  # E is real
+    rounding = BACKWARD * np.finfo(float).eps * size
+    if n < LARGE:
+        found[some[which[_smallest(balanced[which], points[:, None])[:, 0] <= rounding[which]]]] = np.nan
+        return found.reshape(np.shape(radius))
+    for matrix in np.unique(which):
+        w = np.unique(points[which == matrix])
+        w = w[_at_least(E[matrix], units[matrix], w) <= rounding[matrix]]
+        if any(_smallest(balanced[matrix, None], point[None, None]) <= rounding[matrix] for point in w):
+            found[some[matrix]] = np.nan
+    return found.reshape(np.shape(radius))
+
+
+def _at_least(E, units, w):
+    """Return bounds from below on the smallest singular value of `w - E` in these units, at w `(points,)`; 0 if there is none.
+
+    They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the delays that E has, if these
+    are most of its states, of the others as their Schur complement, and of the ways from one to the other.
+    """
+    lines = DelayLines.of(E)
+    k, d, w = lines.kept, lines.delayed, w[:, None, None]
+    if k.size > d.size:
+        return np.zeros(len(w))
+
+    def norm(part, rows, columns):
+        return np.linalg.norm(part * (units[columns] / units[rows, None]), axis=(-1, -2))
+
+    with np.errstate(all="ignore"):
+        into, out = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w), lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
+        kept = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
+        alone = norm(lines.along(np.eye(d.size)[None], np.abs(1 + w).min(0, keepdims=True)), d, d)
+        of_out = norm(kept @ out, k, d)
+        size = norm(kept, k, k) + of_out + norm(into @ kept, d, k) + alone + norm(into, d, k) * of_out
+        return np.where(np.isfinite(size) & (size > 0), 1 / (2 * size), 0.0)  # half of it, since it is rounded
+
+
+def _outgrows(delta, size, radius):
+    """Whether rounding might move an eigenvalue beyond the radius by more than it may be off, `(matrices, n)`.
+
+    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry. If m of them are as near to one of them as a
+    relative rounding of e may move it, by the size times e^(1/m), it may move so far, as it does for a Jordan block.
+    """
+    n = delta.shape[-1]
+    move = np.asarray(size)[:, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / np.arange(2, n + 1))
+    beyond = np.abs(1 + delta) - (radius + TELLING * np.maximum(radius, 1))[:, None]
+    with np.errstate(invalid="ignore"):  # a matrix that is not finite
+        if not (beyond + move.max(-1, initial=0.0) > 0).any():
+            return np.zeros(delta.shape, bool)
+        apart = np.sort(np.abs(delta[:, None, :] - delta[:, :, None]), axis=-1)[..., 1:]
+        return ((apart <= 2 * move) & (beyond[..., None] + move > 0)).any(-1)
+
+
+def is_stable(E) -> np.ndarray:
+    """Return whether every eigenvalue of `I + E` is inside the unit circle by more than rounding; false if E is not finite."""
+    delta, finite = eigenvalues(E)
+    distance = -excess(delta).max(-1, initial=-1.0) / 2
+    return finite & (distance > 0) & ~_is_rounding(distance, np.where(finite[..., None, None], E, 0.0))
+
+
+def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
+    """Return the largest modulus of the eigenvalues of the frame-to-frame matrix without its drift, as `radius_of` does.
+
+    cut: loops; K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch.
+    Accuracy: that of the eigenvalue, 1e-14 relative if it is well conditioned, and never worse than 1e-3.
+    """
+    return radius_of(close(cut, K_VE, B_VE))
+
+
+def count_outside(E, dE=None):
+    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether no error of E can change it.
+
+    E, dE: `(matrices, n, n)`, matrices less identity and bounds on the errors of their entries, by default of a rounding each.
+    The count is -1 if E is not finite. See `_count_outside`; where errors are larger than roundings, or an eigenvalue is near
+    the circle, no matrix within dE of E may have the nearest eigenvalues on the circle (see `may_have`).
+    """
+    count, clear = _count_outside(E)
+    if dE is None or not E.size:
+        return count, clear
+    size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    some = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= FINE * size))
+    if some.size:
+        delta = eigenvalues(E[some])[0]
+        clear[some] = ~may_have(E[some], dE[some], at_angles_of(delta, 1.0, np.abs(excess(delta))))
+    return count, clear
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _count_outside(E):
+    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
+
+    The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
+    small. Eigenvalues that nearly meet keep only a root of the digits, and others may lose many. So if one is near the circle,
+    or if some are so near to each other that this could bring them there (`may_cross`), those nearest to it also count as
+    within rounding of it if a rounding of E could move them onto it: if the smallest singular value of `z I - (I + E)` at the
+    nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
+    """
+    groups = diagonal_blocks(E)
+    if groups:
+        count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
+        for some, blocks, alone in groups:
+            for block in (*blocks, alone) if alone.size else blocks:
+                more, known = _count_outside(block)
+                count[some], clear[some] = count[some] + more, clear[some] & known
+        finite = np.isfinite(E).all((-1, -2))
+        return np.where(finite, count, -1), clear & finite
+    delta, finite = eigenvalues(E)
+    outside = excess(delta)
+    size = np.abs(E).max((-1, -2), initial=0)
+    tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, size)
+    count = np.where(finite, (outside > 0).sum(-1), -1)
+    distance = np.abs(outside)
+    clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
+    again = np.flatnonzero(finite & ~clear & (size > UNEVEN))
+    if again.size:  # in units in which its entries are much smaller
+        even = balance(E[again])[0]
+        better = size[again] > UNEVEN * np.abs(even).max((-1, -2), initial=0)
+        if better.any():
+            count[again[better]], clear[again[better]] = _count_outside(even[better])
+    near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
+    some = np.flatnonzero(clear & ~near & may_cross(delta, size))
+    near[some] = may_cross(delta[some], np.abs(balance(E[some])[0]).max((-1, -2), initial=0)) if some.size else False
+    near = np.flatnonzero(near)
+    if near.size:
+        order = np.argsort(distance[near], axis=-1)
+        closest, far = (np.take_along_axis(part[near], order, axis=-1) for part in (delta, distance >= NEIGHBOURHOOD))
+        far[:, :MEETING] = False
+        most = (~far).sum(-1).max()
+        balanced, _ = balance(E[near])
+        rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
+        smallest = _smallest(balanced, on_circle(np.abs(np.angle(1 + closest[:, :most]))))
+        clear[near] = np.where(far[:, :most], np.inf, smallest).min(-1) > rounding
+    return count, clear
+
+
+def may_cross(delta, size) -> np.ndarray:
+    """Return whether rounding might move eigenvalues onto the circle that are nearer to each other than to it.
+
+    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry, `(matrices,)`. If m of them are within four times
+    the distance of one of them from the circle, a relative rounding of e moves that one by up to the size times e^(1/m), as it
+    does for a Jordan block, which becomes m eigenvalues around a circle.
+    """
+    far = np.abs(np.abs(1 + delta) - 1)
+    m = (np.abs(delta[..., None, :] - delta[..., :, None]) <= 4 * far[..., :, None]).sum(-1)
+    return ((m > 1) & (far < np.asarray(size)[..., None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / m))).any(-1)
+
+
+def _smallest(E, delta):
+    """Smallest singular values of `delta I - E` at the points delta = z - 1, `(matrices, points)`.
+
+    Of many states it is a lower bound, which takes an eighth of the time: 1 over the Frobenius norm of the inverse, nearly the
+    value itself if that is small beside the others.
+    """
+    A = delta[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
+    if E.shape[-1] < MANY:
+        return np.linalg.svd(A, compute_uv=False)[..., -1]
+    with np.errstate(all="ignore"):
+        bound = 1 / np.sqrt((np.abs(inverse(A)) ** 2).sum((-1, -2)))
+    return np.where(np.isfinite(bound), bound, 0.0)

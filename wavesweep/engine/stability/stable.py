@@ -1,0 +1,185 @@
+"""Stable intervals along a wall parameter, for a whole batch of loops at once."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.monodromy.cut import ERRORS, PARTS, Cut
+from wavesweep.engine.monodromy.periodic import size_of
+from wavesweep.engine.monodromy.radius import cut_within
+from wavesweep.engine.monodromy.rounding import UNEVEN, uneven_units
+from wavesweep.engine.stability.boundary import K_VE
+from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
+from wavesweep.engine.stability.crossings import crossings, sampled_polynomial, warp_scale
+from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of, without_any
+from wavesweep.engine.stability.regions import Regions, regions
+from wavesweep.engine.stability.spectrum import count_outside
+
+MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
+ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # results that are not finite show what overflowed
+def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Intervals:
+    """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
+
+    cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
+    radius: `(slices,)`, of a circle in place of the unit circle, up to 1.
+
+    Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`). A column is
+    certified if three conditions hold. The signs of Bernstein coefficients, or Smith's discs, prove that the polynomial has no
+    further real root for any coefficients within their measured error (`isolate`), so that no pair of crossings can hide. Both
+    ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
+    (`boundary.end_errors`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and
+    from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Loops with
+    more than MOST_STATES states are followed on arcs of the circle instead (`arcs`). Columns that fail are in doubt, and the
+    regions whose label is not known are left out: they may be computed again as along any number (`along_any`). If the frame of
+    a loop overflows, nothing is known of it.
+    Accuracy: ends to about 1e-12 relative, measured against arithmetic of 50 digits or more; at the least 1e-9 of the end and a
+    hundred-thousandth of the span together.
+    """
+    fixed = np.asarray(fixed, float)
+    if along != K_VE and cut.integrates and np.any(fixed == 0):
+        return _joined(cut, along, span, fixed, radius)
+    cut = cut if radius is None else cut_within(cut, radius)
+    flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    found = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner, span)
+    if not span[0] < 0 < span[1]:
+        return found
+    nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
+    return replace(found, **{end: np.where(np.abs(v := getattr(found, end)) <= nothing, 0.0, v) for end in ("low", "high")})
+
+
+def _with_others(found, cut, owner, span) -> Intervals:
+    """The intervals, without any in columns of which a part that the wall does not act on is unstable, or may be."""
+    if not cut.others:
+        return found
+    outside = np.zeros(cut.batch, int)
+    for block in cut.others:
+        E = np.broadcast_to(block, (*cut.batch, *block.shape[-2:]))
+        count, clear = count_outside(E)
+        outside = np.where((outside < 0) | ~clear, -1, outside + count)
+    outside = outside[owner]
+    return without_any(without_any(found, outside > 0), outside < 0, span, COUNTS)
+
+
+def _in_own_units(cut: Cut) -> Cut:
+    """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
+    E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
+    with np.errstate(over="ignore", invalid="ignore"):
+        own, into, out = (np.abs(part).max((-1, -2), initial=0.0) for part in (E, B, C))
+        some = np.flatnonzero((np.maximum(own, into * out) > UNEVEN) & np.isfinite(own + into * out))
+    if not some.size:
+        return cut
+    dE, dB, dC = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])).copy() for part in (cut.dE, cut.dB, cut.dC))
+    n, (E, B, C) = E.shape[-1], (part.copy() for part in (E, B, C))
+    whole = np.zeros((some.size, n + 1, n + 1))
+    whole[:, :n, :n], whole[:, :n, n], whole[:, n, :n] = E[some], B[some, :, 0], np.abs(C[some]).max(-2)
+    units = uneven_units(whole)
+    units = (units[:, :n] / units[:, n:])[:, None, :]
+    back = np.swapaxes(units, -1, -2)
+    for e, b, c in ((E, B, C), (dE, dB, dC)):
+        e[some], b[some], c[some] = e[some] * (units / back), b[some] / back, c[some] * units
+    return replace(cut, E=E, B=B, C=C, dE=dE, dB=dB, dC=dC)
+
+
+def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
+    """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
+    pending, answered, done = np.arange(fixed.size), np.zeros(fixed.size, bool), []
+    cut, overflown = _finite(cut)
+    divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
+    for method in (_by_arcs,) if cut.order > MOST_STATES else (_by_polynomial, _by_polynomial_alone):
+        some = pending[divided[pending]] if method is _by_polynomial_alone else pending
+        if not some.size:
+            continue
+        parts, doubt = method(cut, owner[some], along, fixed[some], span)
+        lost = overflown[owner[some]]
+        parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
+        doubt = np.where(lost, OVERFLOW, doubt)
+        last = ~divided[some] if method is _by_polynomial else True
+        kept = (doubt == NONE) | lost | last
+        done.append((_select(parts, kept, some), some[kept], doubt[kept]))
+        answered[some[kept]] = True
+        pending = np.flatnonzero(~answered)
+    return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
+
+
+def _finite(cut) -> tuple[Cut, np.ndarray]:
+    """Return the loops with those that overflowed replaced by zeros, and which these are."""
+    bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
+    if bad.any():
+        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in (*PARTS, *ERRORS)})
+    return cut, bad
+
+
+def _by_polynomial(cut, owner, along, fixed, span, *, alone=False):
+    """Return regions and doubts from one polynomial per loop, shared by all its columns."""
+    polynomial = cut.remembered(
+        (along, alone),
+        lambda: sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=alone), cut.batch), alone=alone),
+    )
+    return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
+
+
+def _by_polynomial_alone(*columns):
+    """The same for columns whose other wall parameter is 0, of loops that have poles at z = 1, which are divided out."""
+    return _by_polynomial(*columns, alone=True)
+
+
+def _by_arcs(cut, owner, along, fixed, span):
+    """The same for loops with long delays, from interpolants on arcs of the circle."""
+    from wavesweep.engine.stability.arcs import arc_crossings
+
+    return _judged(cut, owner, along, fixed, span, arc_crossings(cut.at(owner), along, fixed, span))
+
+
+def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
+    """Return the regions between the crossings, and the doubt of each column."""
+    parts = regions(cut, owner, along, fixed, span, found)
+    parts_doubt = doubts_of(parts, np.where(found.complete, NONE, CROWDED))
+    rough = cut.remembered("rough", lambda: _is_rough(cut))[owner]
+    return parts, np.where(rough, np.maximum(parts_doubt, ROUNDING), parts_doubt)
+
+
+def _is_rough(cut):
+    """Whether errors of the entries of a frame, in no units of the states small, may hide a crossing that none points to."""
+    E, dE = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (np.abs(cut.E), cut.dE))
+    with np.errstate(all="ignore"):
+        error = np.sqrt((dE * np.swapaxes(E + dE, -1, -2)).max((-1, -2), initial=0.0))
+        return error > ROUGH * np.maximum(1.0, size_of(E))
+
+
+def _select(parts, kept, names) -> Regions:
+    """Return the regions of the columns `kept`, the columns renamed to `names`."""
+    taken = parts.take(kept[parts.column])
+    return replace(taken, column=names[taken.column])
+
+
+def _sorted(done) -> tuple[Regions, np.ndarray]:
+    """Return all regions in the order of their columns, and the doubt of each column.
+
+    done: (regions, columns, their doubts).
+    """
+    parts = [part for part, _, _ in done]
+    doubt = np.concatenate([some for _, _, some in done])[np.argsort(np.concatenate([names for _, names, _ in done]))]
+    if len(parts) == 1:
+        return parts[0], doubt
+    whole = Regions.join(parts)
+    return whole.take(np.argsort(whole.column, kind="stable")), doubt
+
+
+def _joined(cut, along, span, fixed, radius) -> Intervals:
+    """Return the intervals along B_VE if some columns have K_VE = 0.
+
+    Nothing reads the scene's position in these columns, and z = 1 is no pole.
+    """
+    flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    parts = []
+    for loop, mask in ((cut, flat != 0), (replace(cut, integrates=False), flat == 0)):
+        names = np.flatnonzero(mask)
+        if names.size:
+            own = None if radius is None else radius[owner[names]]
+            part = stable_intervals(loop.at(owner[names]), along, span, flat[names, None], own)
+            parts.append(replace(part, column=names[part.column]))
+    whole = Intervals.join(parts)
+    return whole.take(np.argsort(whole.column, kind="stable"))

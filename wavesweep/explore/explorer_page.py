@@ -1,0 +1,274 @@
+"""The page of a spec: its text with the data in it, the answers to its questions, and the file that needs no server."""
+
+import base64
+import hashlib
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import asdict, replace
+from functools import reduce
+from html import escape
+from importlib.resources import files
+from itertools import product
+from math import prod
+from operator import or_
+from types import MappingProxyType
+
+import numpy as np
+
+from wavesweep.capabilities import asked, modules
+from wavesweep.engine.errors import SpecError, WavesweepError
+from wavesweep.engine.loops.controllers import WALL
+from wavesweep.explore.answers import Plane, certified_plane, first_plane, fitted, is_gain, preview, quick, stable_ranges
+from wavesweep.explore.server import Answer, as_json
+from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
+from wavesweep.program.plots.figure_marks import facts_of_marks
+from wavesweep.program.spec import Spec
+
+FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
+PREVIEW_S = 0.02  # that a preview by cells may take
+WIDEST = 64.0  # times the range of a number that is searched for a limit, if the axes are to show one
+SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
+MOST_DESIGNS = 64  # of a sweep that a saved page has
+MOST_ROWS = 5000  # of its table
+NOTHING = MappingProxyType({"measured": {}, "cuts": [], "routes": []})  # that capabilities show in addition
+
+
+class Page:
+    """The page of a spec, which answers the questions of its script."""
+
+    def __init__(self, spec: Spec) -> None:
+        self.spec = spec
+        self.sliders = sliders_of(spec)
+        self.plane = first_plane(spec, self.sliders)
+        self.shown = reduce(or_, asked("panel", "data", spec), dict(NOTHING))
+        self._cells, self._by_gain = FIRST_CELLS, {}
+        search = {slider.path: slider.search for slider in self.sliders if slider.path in WALL}
+        self.first = quick(spec)
+        with suppress(WavesweepError):  # somewhere in the plane there is no loop
+            self.first |= self._preview(spec, self.plane, search) if self.plane else {}
+
+    def text(self) -> str:
+        """The page with the numbers of the spec's own design, before any question."""
+        return page_text(self._data())
+
+    @property
+    def answers(self) -> Mapping[str, Answer]:
+        """The questions of the page."""
+        answers = {
+            "quick": self._quick,
+            "certified": self._certified,
+            "fit": self._fit,
+            "toml": self._toml,
+        }
+        for panel in modules("panel"):
+            answers |= {name: self._of_panel(answer) for name, answer in getattr(panel, "ANSWERS", {}).items()}
+        return {name: self._said(answer) for name, answer in answers.items()}
+
+    def _data(self) -> dict:
+        from wavesweep import __version__
+
+        spec = self.spec
+        return {
+            "name": spec.name,
+            "kind": spec.kind,
+            "version": __version__,
+            "sliders": [asdict(slider) for slider in self.sliders],
+            "plane": asdict(self.plane) if self.plane else None,
+            "wall": [] if spec.drawing or spec.uneven else list(WALL),
+            "slow": self.first.get("plane", {}).get("how") == "cells",
+            "hand": self.first["response"] is not None,
+            "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
+            "first": self.first,
+            **self.shown,
+        }
+
+    def _said(self, answer):
+        """The function with errors about a design as part of its answer, and the keys or fields that they are about."""
+
+        def answered(question):
+            try:
+                return answer(question)
+            except SpecError as error:
+                mistakes = "; ".join(str(each._replace(location="")) for each in error.mistakes)
+                at = getattr(error, "at", [each.key for each in error.mistakes])
+                return {"error": _sentence(mistakes), "at": at}
+            except WavesweepError as error:
+                return {"error": _sentence(str(error))}
+            except (np.linalg.LinAlgError, FloatingPointError, OverflowError) as error:
+                return {"error": f"numbers beyond double precision ({error})"}
+
+        return answered
+
+    def _quick(self, question):
+        spec = self._changed(question)
+        plane = self._plane(spec, question["plane"]) if question.get("plane") else None
+        search = {path: _span(span) for path, span in question.get("search", {}).items() if path in WALL}
+        found = quick(spec, bool(question.get("response", True)))
+        if plane:
+            found |= self._preview(spec, plane, search, bool(question.get("preview", True)))
+        return reduce(or_, asked("panel", "quick", spec, question, self.shown, found["own"]["stable"]), found)
+
+    def _preview(self, spec, plane, search, wanted=True):
+        """The fastest preview of a plane, with as many cells as the one before shows that there is time for."""
+        if plane.y not in self._by_gain:
+            self._by_gain[plane.y] = is_gain(spec, plane)
+        started = time.perf_counter()
+        found = preview(spec, plane, self._cells if wanted else 0, search, self._by_gain[plane.y])
+        if found.get("plane", {}).get("how") == "cells":
+            more = (PREVIEW_S / (time.perf_counter() - started)) ** 0.5
+            self._cells = int(np.clip(self._cells * more, LEAST_CELLS, MOST_CELLS))
+        return found
+
+    def _of_panel(self, answer):
+        """A question to a capability, about the design that the page asks for."""
+        return lambda question: answer(self._changed(question), question, self.shown)
+
+    def _certified(self, question):
+        spec = self._changed(question)
+        if "along" in question:
+            path, span = self._smooth(question["along"]), _span(question["span"])
+            low, high = (taken(spec, path, number_of(spec, path), end) for end in span)
+            return stable_ranges(spec, path, (low, high))
+        return certified_plane(spec, self._plane(spec, question["plane"]))
+
+    def _fit(self, question):
+        spec = self._changed(question)
+        x, y = (self._smooth(question[name]) for name in ("x", "y"))
+        sliders = {slider.path: slider for slider in sliders_of(spec)}
+        return {"plane": asdict(fitted(spec, sliders, x, y, (sliders[x].low, sliders[x].high), WIDEST))}
+
+    def _plane(self, spec, given):
+        """A plane whose corners are designs. Errors: SpecError `at` the field of another end, KeyError for other keys."""
+        plane = Plane.of(given)
+        for axis, path, span in (("x", plane.x, plane.x_span), ("y", plane.y, plane.y_span)):
+            for end, value in enumerate(span):
+                try:
+                    changed(spec, {self._smooth(path): value})
+                except SpecError as error:
+                    error.at = [f"{axis}{end}"]
+                    raise
+        return plane
+
+    def _toml(self, question):
+        return {"text": text_of(self._changed(question))}
+
+    def _smooth(self, path):
+        if path not in [slider.path for slider in self.sliders if slider.search]:
+            raise KeyError(path)
+        return path
+
+    def _changed(self, question):
+        known = {slider.path for slider in self.sliders}
+        values = question["values"]
+        if not isinstance(values, dict) or not set(values) <= known:
+            raise KeyError("values")
+        if not all(isinstance(value, (int, float)) for value in values.values()):
+            raise TypeError("values")
+        return changed(self.spec, values)
+
+
+def _span(given):
+    low, high = (float(end) for end in given)
+    if not low < high:
+        raise ValueError("expected a span")
+    return low, high
+
+
+def _sentence(error: str) -> str:
+    """The mistakes of a spec in one line."""
+    return " ".join(error.split())
+
+
+def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -> str:
+    """The page with the results of the spec's sweep in it: figures, table, spec and facts. It asks no server.
+
+    progress: a function of (done, total), the designs and tables of the page.
+
+    If the sweep has other axes than those of the plane, each combination is a stop of their sliders, up to MOST_DESIGNS.
+    """
+    page, report = Page(spec), progress or (lambda *_: None)
+    data = page._data()  # noqa: SLF001 - the same page
+    others = [
+        slider
+        for slider in page.sliders
+        if slider.values and (not page.plane or slider.path not in (page.plane.x, page.plane.y))
+    ]
+    stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in others}
+    count = prod(map(len, stops.values()))
+    stops, left = ({}, count) if count > MOST_DESIGNS else (stops, 0)
+    asked, designs = list(product(*stops.values())), []
+    total = len(asked) + len(TABLES)
+    for done, values in enumerate(asked):
+        report(done, total)
+        with suppress(WavesweepError):  # a combination that makes no loop, such as a delay beyond the frame
+            designs.append(_design(page, dict(zip(stops, values, strict=True))))
+    data["first"], tables = None, []
+    for done, (title, make) in enumerate(TABLES.items(), len(asked)):
+        report(done, total)
+        try:
+            table = make(spec)
+            tables.append(_table(title, replace(table, facts={**table.facts, **facts_of_marks([spec], table.kind)})))
+        except WavesweepError as error:
+            text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves its folder
+            tables.append({"title": title, "error": _sentence(text)})
+    report(total, total)
+    return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": tables})
+
+
+def _design(page, values):
+    spec, plane = changed(page.spec, values), page.plane
+    found = quick(spec) | {"values": values, "toml": text_of(spec)}
+    search = {slider.path: slider.search for slider in page.sliders}
+    if plane:
+        found["plane"] = certified_plane(spec, plane)
+    along = [plane.x, plane.y] if plane else [path for path, span in search.items() if span][:1]
+    return found | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
+
+
+def _intervals(spec):
+    from wavesweep.program.tables.interval_table import intervals
+
+    return intervals(spec, spec.along or None)
+
+
+def _responses(spec):
+    from wavesweep.program.tables.response_table import responses
+
+    return responses([spec])
+
+
+TABLES = {"Stable intervals": _intervals, "Responses": _responses}
+
+
+def _table(title, table):
+    from wavesweep.program import results
+    from wavesweep.program.plots import drawn
+
+    table = drawn(table)
+    csv, figure = results.pictured(table)
+    lines = csv.decode().rstrip("\n").split("\n")
+    fields = results.fields_of(table.kind, next(iter(table.blocks())), table.facts)
+    return {
+        "title": title,
+        "kind": table.kind,
+        "units": [field.unit for field in fields],
+        "csv": "\n".join(lines[: MOST_ROWS + 1]),
+        "rows": len(lines) - 1,
+        "facts": table.facts,
+        "figure": f"data:image/svg+xml;base64,{base64.b64encode(figure.encode()).decode()}",
+    }
+
+
+def page_text(data: Mapping[str, object]) -> str:
+    """The text of a page with data in it; a policy in it lets its own script run, and nothing be fetched from elsewhere."""
+    text, style, *scripts = (
+        (files(__package__) / name).read_text(encoding="utf-8") for name in ("page.html", "page.css", *SCRIPTS)
+    )
+    script = "".join(scripts)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
+    policy += "base-uri 'none'; form-action 'none'"
+    inside = as_json(data).replace("<", "\\u003c")
+    text = text.replace("{{style}}", style).replace("{{script}}", script).replace("{{policy}}", policy)
+    return text.replace("{{title}}", escape(str(data["name"]))).replace("{{data}}", inside)

@@ -1,0 +1,284 @@
+"""From a loop with channels to a family of matrices, one for each thing that may happen to the messages of a moment.
+
+A channel sends a message in each of its runs. The message is in place at once, or late by some ticks, or lost. One that is
+older than the newest one that has arrived is dropped. The states of a channel are what it shows, and a register for each
+message that may be under way; an empty register is set to zero in every tick, since one that kept its value would be an
+eigenvalue of 1 in every frame. A matrix belongs to a step, from a moment at which some channel sends to the next. What may
+follow depends on how many messages in a row were lost, and on when those under way arrive.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of, scalars
+from wavesweep.engine.drawing.expressions import value_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.block import Block
+from wavesweep.engine.loops.common_tick import with_common_tick
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
+from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
+from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
+from wavesweep.for_all.folded import pivots_of, without_folded
+from wavesweep.for_all.loop_frames import LoopFrames
+from wavesweep.for_all.loop_numbers import FramesOver
+from wavesweep.for_all.plan import ANY, INSIDE
+
+LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
+ANY_NUMBER = -1  # of messages in a row that are lost
+MOST_SYMBOLS = 600  # matrices, beyond which no norm would be found in a useful time
+STILL = 1e-9  # of its terms: a change of what drifts below this is rounding
+# Where a channel takes what it shows, or what is in a register, apart from the number of a register.
+KEPT, SENT, NOTHING = "kept", "sent", "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A channel: when it sends, in ticks, how late its messages may be, and how many in a row may be lost.
+
+    zero: whether it shows zero without a message, and not the last one. lost: ANY_NUMBER if they are lost at random.
+    """
+
+    name: str
+    every: int
+    phase: int
+    late: int = 0
+    lost: int = 0
+    zero: bool = False
+
+    @property
+    def registers(self) -> int:
+        """The most messages that are under way at once."""
+        return -(-self.late // self.every)
+
+    def sends(self, tick: int) -> bool:
+        """Whether it sends in a tick."""
+        return tick % self.every == self.phase
+
+    def block(self, shows, registers) -> Block:
+        """The channel in a tick in which it shows, and holds afterwards, what it takes from these places."""
+        n = 1 + self.registers
+        taken, direct = np.zeros((n, n)), np.zeros((n, 1))
+        for row, source in enumerate((shows, *registers)):
+            if source == SENT:
+                direct[row] = 1.0
+            elif source != NOTHING:
+                taken[row, 0 if source == KEPT else 1 + source] = 1.0
+        states = ("shown", *(f"message {i}" for i in range(1, n)))
+        return Block(self.name, ("u",), ("y",), states, taken - np.eye(n), direct, taken[:1], direct[:1])
+
+    def tick(self, tick: int, arriving: tuple[int, ...], late: int | None) -> tuple[tuple, tuple[int, ...]]:
+        """What the channel takes from where in a tick, and the ticks until those messages arrive that are then under way.
+
+        arriving: the same before, the oldest message first, which is the first to arrive as well: one that a newer message
+        overtakes is dropped when that is sent. late: of the message that it sends, if it does.
+        """
+        sends, arrives = self.sends(tick), arriving[:1] == (0,)
+        waiting = arriving[arrives:]
+        shows = 0 if arrives else NOTHING if sends and self.zero else KEPT
+        if sends and late is not LOST:
+            waiting = tuple(each for each in waiting if each < late)
+        registers = [arrives + i for i in range(len(waiting))]
+        if sends and late == 0:
+            shows = SENT
+        elif sends and late is not LOST:
+            registers.append(SENT)
+            waiting = (*waiting, late)
+        registers += [NOTHING] * (self.registers - len(registers))
+        return (shows, tuple(registers)), tuple(each - 1 for each in waiting)
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """What happens to the messages that channels send at a moment: ticks by which each is late, LOST of one that is lost.
+
+    moment: the number of the moment in the frame, after which all channels are in step again.
+    """
+
+    moment: int
+    late: tuple[tuple[str, int | None], ...]
+
+    @staticmethod
+    def by_channel(word: Sequence["Sent"]) -> dict[str, list[int | None]]:
+        """Return what happens to the messages of each channel in a word, which is turned so that it begins with a frame."""
+        first = next(i for i, each in enumerate(word) if each.moment == 0)
+        found: dict[str, list[int | None]] = {}
+        for each in (*word[first:], *word[:first]):
+            for name, late in each.late:
+                found.setdefault(name, []).append(late)
+        return found
+
+
+def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel, ...]:
+    """Return the channels of a drawing with these numbers."""
+    known, found = scalars(values), []
+    for block in drawing.channels:
+        keys = dict(block.keys)
+        ticks = [int(value_of(tree, known)) for tree in (block.every, block.phase, keys["late"], keys["lost"])]
+        ticks[3] = ANY_NUMBER if block.loses_at_random else ticks[3]
+        found.append(Channel(block.name, *ticks, zero=keys["missing"] == "zero"))
+    return tuple(found)
+
+
+def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number: str = "") -> LoopFrames:
+    """Return the family of a drawn loop with channels, along a number that one wire or gain reads.
+
+    values: flat numbers. number: empty for the loop at these values alone. Errors: UsageError for a number that the loop reads
+    in several places, for channels with too many things that may happen, or for messages that carry what drifts.
+    """
+    if number and not scalar_place(drawing, name_of(number)):
+        raise UsageError(
+            f"intervals along {number}: where messages may be late or lost, expected a number that one wire or gain reads "
+            "linearly, found another; look along another one"
+        )
+    drawing, channels = _in_step(drawing, values)
+    varied = {path_of(name_of(number)): ANY} if number else {}
+    pair = [_in_time(each, channels) for each in twins(drawing, values | varied)]
+    own = assembled(drawing, values | dict.fromkeys(varied, 0.0), name_of(number) if number else "")
+    steps = list(_steps(channels, own.ticks))
+    rows, ticks = _ticks(own, channels, steps, pair[0].held(), number)
+    drift = drift_of_drawn(*pair)
+    _refuse_moved(ticks, drift)
+    ticks, _ = counted_ticks(ticks, drift)
+    follows = np.array([[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps])
+    symbols = tuple(symbol for _, symbol, *_ in steps)
+    return LoopFrames.of(ticks, drift.kept, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
+
+
+def messages_over(
+    drawing: Drawing,
+    values: Mapping[str, object],
+    paths: Sequence[str],
+    numbers_at: Callable[[np.ndarray], np.ndarray],
+    box: np.ndarray,
+    units: np.ndarray | None = None,
+) -> FramesOver | int:
+    """Return the family over a box of sides, or the side along which it has to be divided first (see `FramesOver.of`).
+
+    numbers_at: gives the numbers of these paths, `(points, paths)`, from points of the box. units: see `FramesOver.of`.
+    """
+    drawing, channels = _in_step(drawing, values)
+    inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+
+    def with_numbers(points):
+        return values | {path: part.copy() for path, part in zip(paths, numbers_at(points).T, strict=True)}
+
+    pair = [_in_time(each, channels) for each in twins(drawing, with_numbers(inside))]
+    held, drift = pair[0].held(), drift_of_drawn(*pair)
+    steps = list(_steps(channels, assembled(drawing, values).ticks))
+
+    def ticks_at(points):
+        return _ticks(assembled(drawing, with_numbers(points)), channels, steps, held)
+
+    rows, ticks = ticks_at(inside)
+    _refuse_moved(ticks, drift)
+    ahead, last = [tuple(row[:-1]) for row in rows], [row[-1] for row in rows]
+    symbols = tuple(symbol for _, symbol, *_ in steps)
+
+    def evaluate(points):
+        ticks = counted_ticks(ticks_at(points)[1], drift)[0]
+        return *without_folded(ticks, drift), pivots_of(ticks, len(points))
+
+    return FramesOver.of(evaluate, box, tuple(ahead), tuple(last), symbols, units)
+
+
+def _in_step(drawing: Drawing, values: Mapping[str, object]) -> tuple[Drawing, tuple[Channel, ...]]:
+    """The drawing with its longest tick, if no message is late, and its channels."""
+    if not any(channel.late for channel in channels_of(drawing, values)):
+        drawing = with_common_tick(drawing, values)
+    return drawing, channels_of(drawing, values)
+
+
+def _ticks(own: MultirateLoop, channels, steps, held, number: str = "") -> tuple[list[list[int]], Ticks]:
+    """The ticks of each step, as numbers of kinds, and the map of each kind."""
+    kinds = list(dict.fromkeys(kind for row, *_ in steps for kind in row))
+    maps = []
+    for tick, taken in kinds:
+        loop = _at(own, tick, channels, taken)
+        ticks = ticks_of(loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True)
+        maps.append(ticks.maps[ticks.kind[0]])
+    index = {kind: i for i, kind in enumerate(kinds)}
+    return [[index[kind] for kind in row] for row, *_ in steps], Ticks(tuple(maps), np.arange(len(maps)))
+
+
+def _steps(channels: tuple[Channel, ...], frame: int) -> Iterator[tuple]:
+    """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after it and possible before it.
+
+    A state is the moment's number, and for each channel how many messages in a row were lost and when those under way arrive.
+    A kind of tick is the tick in the frame and what each channel takes from where in it.
+    """
+    moments = [tick for tick in range(frame) if any(channel.sends(tick) for channel in channels)]
+    first = (0, tuple((0, ()) for _ in channels))
+    found, known, open_ = {}, {first}, [first]
+    while open_:
+        state = open_.pop()
+        moment, before = state
+        tick, end = moments[moment], (*moments, moments[0] + frame)[moment + 1]
+        choices = [_choices(channel, tick, lost) for channel, (lost, _) in zip(channels, before, strict=True)]
+        for late in product(*choices):
+            row, arriving = [], [flight for _, flight in before]
+            for at in range(tick, end):
+                taken, arriving = zip(
+                    *(channel.tick(at, *each) for channel, *each in zip(channels, arriving, late, strict=True)), strict=True
+                )
+                row.append((at % frame, taken))
+            in_a_row = [
+                (lost + 1 if own is LOST else 0) if channel.sends(tick) and channel.lost > 0 else lost
+                for channel, own, (lost, _) in zip(channels, late, before, strict=True)
+            ]
+            after = (moment + 1) % len(moments), tuple(zip(in_a_row, arriving, strict=True))
+            sent = tuple((channel.name, own) for channel, own in zip(channels, late, strict=True) if channel.sends(tick))
+            found.setdefault((tuple(row), after), (Sent(moment, sent), set()))[1].add(state)
+            if after not in known:
+                known.add(after)
+                open_.append(after)
+        if len(found) > MOST_SYMBOLS:
+            raise UsageError(
+                f"channels {', '.join(channel.name for channel in channels)}: expected at most {MOST_SYMBOLS} ways in which "
+                "messages are late or lost, found more; choose longer ticks, or fewer by which messages are late"
+            )
+    for (row, after), (sent, sources) in found.items():
+        yield row, sent, after, sources
+
+
+def _choices(channel, tick, lost):
+    """What may happen to the message of a channel in a tick."""
+    if not channel.sends(tick):
+        return [LOST]
+    return [*range(channel.late + 1), *([LOST] if lost < channel.lost or channel.lost == ANY_NUMBER else [])]
+
+
+def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:
+    """The loop whose channels show in every tick what they read, with all of their states."""
+    through = {channel.name: channel.block(SENT, (NOTHING,) * channel.registers) for channel in channels}
+    placed = (ScheduledBlock(through[each.block.name]) if each.block.name in through else each for each in loop.placed)
+    return replace(loop, placed=tuple(placed))
+
+
+def _at(loop: MultirateLoop, tick: int, channels: tuple[Channel, ...], taken: tuple) -> MultirateLoop:
+    """The loop of two ticks of which the first is a tick of a frame, in which channels take from these places; all run then."""
+    own = {channel.name: channel.block(*places) for channel, places in zip(channels, taken, strict=True)}
+    unread = {f"{name}.u": {} for name, block in own.items() if not (block.B.any() or block.D.any())}
+    placed = []
+    for each in loop.placed:
+        name = each.block.name
+        runs = name in own or each.runs(tick + 1)[tick]
+        placed.append(ScheduledBlock(own.get(name, each.block), 2, (0, 1) if runs else 1))
+    return replace(loop, placed=tuple(placed), sums={**loop.sums, **unread})
+
+
+def _refuse_moved(ticks: Ticks, drift: TickDrift) -> None:
+    """Raise UsageError if a drift moves what a channel carries, so that a message that is lost would change it."""
+    for lead, others in (*drift.moved, *((lead, ()) for lead in drift.folded)):
+        shift = np.zeros(len(drift.states))
+        shift[lead] = 1.0
+        shift[[state for state, _ in others]] = [factor for _, factor in others]
+        for each in ticks.maps:
+            if lead in drift.folded or (np.abs(each.E @ shift) > STILL * (np.abs(each.E) @ np.abs(shift))).any():
+                raise UsageError(
+                    f"messages: expected channels that carry nothing of what drifts, found {drift.states[lead]}, which nothing "
+                    "holds in place; feed the position back"
+                )

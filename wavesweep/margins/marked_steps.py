@@ -1,0 +1,57 @@
+"""Step responses with their rise time, overshoot and settling time marked."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from wavesweep.engine.response.step import BAND, Step
+from wavesweep.program.plots.sampling import extremes
+from wavesweep.program.plots.style import GRID, Look, distinct_colour
+
+FEW = 60  # samples, up to which each has a dot
+MARK = "0.2"
+_MARKS = {"rise": ("s", "10 % and 90 %"), "peak": ("X", "farthest"), "settled": (">", "within 2 %")}
+
+
+def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
+    """Draw a step response over time, with the name of its axis; gives the marks for a legend, each with its words."""
+    final, times, values = step.final, step.time_s[: step.shown], step.value[: step.shown]
+    unit, scale = ("ms", 1e3) if times[-1] < 1 else ("s", 1.0)
+    dots = {"marker": ".", "markersize": 3} if times.size <= FEW else {}
+    line = extremes(scale * times, values)
+    axes.plot(*line, color=distinct_colour(0), drawstyle="steps-post", **dots)
+    axes.axhline(final, color="0.6", linewidth=0.8, linestyle="--")
+    axes.set(xlabel=f"time ({unit})", ylabel=name, xlim=(0, scale * times[-1]))
+    axes.grid(**GRID)
+    first, second = step.rise_s
+    rise = f"rise time {_in_time(second - first)}" if second > first else f"rise time < {_in_time(step.period)}"
+    points = {"rise": ((first, second), rise)} if second > 0 else {}
+    if step.overshoot > 0:
+        points["peak"] = (step.peak_s,), f"overshoot {100 * step.overshoot:.4g}\N{NO-BREAK SPACE}% at {_in_time(step.peak_s)}"
+    elif not step.known:
+        points["peak"] = (step.peak_s,), f"farthest {step.value_at(step.peak_s):.4g} at {_in_time(step.peak_s)}"
+    if step.settling_s > 0:
+        axes.axhspan(final * (1 - BAND), final * (1 + BAND), color="0.85", linewidth=0, zorder=0.5)
+        points["settled"] = (step.settling_s,), f"within 2\N{NO-BREAK SPACE}% after {_in_time(step.settling_s)}"
+    marks = []
+    for kind, (times, words) in points.items():
+        style = {"marker": _MARKS[kind][0], "color": MARK, "markersize": 4.5, "linestyle": "none"}
+        style |= {"markerfacecolor": "none" if kind == "rise" else MARK}
+        (handle,) = axes.plot([scale * time for time in times], [step.value_at(time) for time in times], zorder=4, **style)
+        marks.append((handle, words))
+        if kind == "peak":
+            axes.plot([scale * times[0]] * 2, [final, step.value_at(times[0])], color=MARK, linewidth=1.0)
+    return marks
+
+
+def draw_others(axes: Any, steps: Sequence[tuple[Step, Look]]) -> None:
+    """Draw the step responses of a family in a panel that has one; all are shown until the last one has come to rest."""
+    scale = 1e3 if "ms" in axes.get_xlabel() else 1.0
+    for step, look in steps:
+        shown = step.time_s <= max(axes.get_xlim()[1] / scale, step.time_s[step.shown - 1])
+        line = extremes(scale * step.time_s[shown], step.value[shown])
+        axes.plot(*line, color=look.colour, linestyle=look.line, linewidth=0.9, drawstyle="steps-post", zorder=1.9)
+        axes.set_xlim(0, max(axes.get_xlim()[1], scale * step.time_s[step.shown - 1]))
+
+
+def _in_time(seconds: float) -> str:
+    return f"{seconds:.4g}\N{NO-BREAK SPACE}s" if seconds >= 1 else f"{1e3 * seconds:.4g}\N{NO-BREAK SPACE}ms"

@@ -1,0 +1,242 @@
+"""Intervals of a number with a passive port, with every passive hand, or with a passive channel: searched, then proved.
+
+A finder looks at values of the number. An interval that it finds is proved by the sign of a determinant over the number and the
+angle, what lies outside by angles at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wavesweep.engine.energy.held_loop import HeldLoop
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loops.resolution import Resolution, Side
+from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.stability.positive import largest_free, positive
+from wavesweep.engine.stability.spectrum import is_stable
+from wavesweep.passive.any_hand import runs_of
+from wavesweep.passive.channel import channel_of
+from wavesweep.passive.over_ranges import (
+    ANGLES,
+    Covering,
+    Determinant,
+    Maps,
+    Witness,
+    channel_maps,
+    least,
+    port_maps,
+    reaction_maps,
+)
+from wavesweep.passive.two_ports import Pair, pairs_of
+
+TRIED = np.concatenate([[0.0], np.geomspace(1e-4, 0.03, 8), np.linspace(0.06, np.pi, 40)])  # rad per frame, for a worst angle
+POINTS = 20_000  # of number and angle that the proof of a panel may take
+FEW = 300  # values of the number that the proof of a piece of a gap may take
+PIECES = 100  # of a gap
+ROUNDS = 6  # of a search that proofs contradict
+NEAR = 1e-7  # of an end, or of the range at 0: where a proof stops before the end
+CLOSE = 1e-4  # of an end, or of an interval, that may lie between what is proved and what is refuted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PassiveRanges:
+    """Proved intervals of a number, `(intervals,)` each, and whether both of their ends are known to CLOSE.
+
+    complete: whether it is proved that there are no others, but for CLOSE about each end. worst: gives the angular frequency
+    (rad/s) at which energy is taken out at a value of the number.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    certified: np.ndarray
+    complete: bool
+    worst: Callable[[float], float]
+
+
+def port_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
+    """Where the hand's port is passive for forces that are held over a tick; see `port_margin`. loop: a single one."""
+    return _where_stable(loop, path, span, _OneMap(port_maps(loop, path, span)))
+
+
+def pair_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
+    """Where a loop with two ports is absolutely stable; see `passive.two_ports`. loop: a single one."""
+    return _where_stable(loop, path, span, Pair(pairs_of(loop, path, span)))
+
+
+def _where_stable(loop, path, span, way):
+    """The intervals in which a way is passive, within those of stability by itself, of states that no port sees too."""
+    groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
+    records = Search(path, span, groups, felt=False, checked=True).records()
+    stable = [(float(each["low"]), float(each["high"])) for each in records if each["intervals"]]
+    return _Ranges(loop, path, span, (way,), stable).answered(bool(records["certified"].all()))
+
+
+def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> PassiveRanges:
+    """Where the loop is stable with every passive hand; see `damping_needed`.
+
+    loop: a single one, whose hand holds a mass of which nothing reads the velocity. The guarantee is for continuous hands of
+    any mass and stiffness, including nonlinear and time-varying ones, and for none: the device by itself is stable.
+    """
+    free = loop.changed(dict.fromkeys(HAND, 0.0))
+    return _where_stable(free, path, span, _OneMap(reaction_maps(free, path, span)))
+
+
+def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
+    """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
+    ways = ("whole",) if channel_of(loop.drawing, loop.changed({path: span[1]}).values).joined else ("outward", "inward")
+    maps = tuple(_OneMap(channel_maps(loop, path, way, 1 + tolerance)) for way in ways)
+    return _Ranges(loop, path, span, maps, [span]).answered(known=True)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OneMap:
+    """Loops are passive along a number where they are stable and the Hermitian part of one map is positive at all angles."""
+
+    maps: Maps
+
+    def passive(self, p: np.ndarray) -> np.ndarray:
+        """Whether loops at values of the number are stable and no eigenvalue is negative, `(n,)`."""
+        lifted, _ = self.maps(p)
+        found = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
+        found[found] = is_stable(lifted.E[found])
+        found[found] = least(lifted.at(found)).value <= 0
+        return found
+
+    def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
+        """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof."""
+        middle, open_ = np.array([(low + high) / 2]), []
+        whole, size, _ = Witness(self.maps, middle[0], 1.0).hermitian(middle)
+        if not is_stable(self.maps(middle)[0].E).all() or np.linalg.eigvalsh(whole[0])[0] <= 1e-12 * size[0].max():
+            return None
+        for first, last in pairwise(ANGLES):
+            found = cover(Determinant(self.maps), [[low, first], [high, last]], POINTS)
+            if found is None or len(found.unstable):
+                return None if found is None else float(found.unstable[0, 0])
+            open_ += [box[:, 0] for box in found.open]
+        return open_
+
+    def witness(self, low: float, high: float) -> Witness:
+        """What takes energy in the middle of two values."""
+        return Witness(self.maps, (low + high) / 2, self.angle((low + high) / 2))
+
+    def angle(self, p: float) -> float:
+        """An angle with about the smallest eigenvalue (rad per frame)."""
+        lifted, _ = self.maps(np.array([p]))
+        return float(TRIED[np.nanargmin(lifted.smallest(np.zeros(TRIED.size, int), TRIED))])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ranges:
+    """What is asked: where loops are passive along a number.
+
+    ways: what has to be passive. stable: intervals outside of which nothing is passive.
+    """
+
+    loop: HeldLoop
+    path: str
+    span: tuple[float, float]
+    ways: tuple[_OneMap | Pair, ...]
+    stable: list[tuple[float, float]]
+
+    def answered(self, known: bool) -> PassiveRanges:
+        """The intervals with their proofs; known: whether all intervals of stability are.
+
+        Values at which a proof finds the opposite of what it is to prove are looked at as well, and the search begins again.
+        """
+        more: list[float] = []
+        for _ in range(ROUNDS):
+            ends = list(zip(*(each.tolist() for each in runs_of(self._passive, self.span, more)), strict=True))
+            proofs = [self._proved(*each) for each in ends]
+            edges = [self.span[0], *(end for each in ends for end in each), self.span[1]]
+            gaps = [self._refuted(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
+            against = [float(np.clip(p, *self.span)) for _, p in (*proofs, *gaps) if p is not None]  # rounding of a box
+            if not known or not against or set(against) <= set(more):
+                break
+            more += against
+        parts = [part for part, _ in proofs]
+        near = [part is not None and self._close(part, each) for part, each in zip(parts, ends, strict=True)]
+        beside = [one and other for (one, _), (other, _) in pairwise(gaps)]
+        certified = [known and one and other for one, other in zip(near, beside, strict=True)]
+        low, high = np.array([part or each for part, each in zip(parts, ends, strict=True)]).reshape(-1, 2).T
+        complete = known and all(near) and all(one for one, _ in gaps)
+        return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
+
+    def _passive(self, p):
+        low, high = np.array(self.stable).reshape(-1, 2, 1).swapaxes(0, 1)
+        found = ((low <= p) & (p <= high)).any(0)
+        for way in self.ways if found.any() else ():
+            found[found] = way.passive(p[found])
+        return found
+
+    def _away(self, end: float, sign: int) -> float:
+        """A value beside an end, in the direction of the sign; an end of the range itself."""
+        wide = self.span[1] - self.span[0]
+        return end if end in self.span else end + sign * NEAR * max(abs(end), CLOSE * wide)
+
+    def _close(self, part, ends) -> bool:
+        return all(
+            abs(one - other) <= CLOSE * max(abs(other), ends[1] - ends[0]) for one, other in zip(part, ends, strict=True)
+        )
+
+    def _proved(self, low: float, high: float) -> tuple[tuple[float, float] | None, float | None]:
+        """What is proved between two ends, None without; and a value at which it is not so, if the proof found one."""
+        low, high = self._away(low, 1), self._away(high, -1)
+        if not (low < high and any(a <= low and high <= b for a, b in self.stable)):
+            return None, None
+        open_ = []
+        for way in self.ways:
+            found = way.open_in(low, high, cover_of(self.loop, self.path))
+            if not isinstance(found, list):
+                return None, found
+            open_ += found
+        return largest_free(low, high, open_), None
+
+    def _refuted(self, low: float, high: float) -> tuple[bool, float | None]:
+        """Whether nothing between two ends of intervals is passive; and a value that is, if one is found."""
+        low, high = self._away(low, 1), self._away(high, -1)
+        queue = [(max(low, a), min(high, b)) for a, b in self.stable if max(low, a) < min(high, b)]
+        least, ends = CLOSE / 2 * (self.span[1] - self.span[0]), {end for each in queue for end in each}
+        for _ in range(PIECES):
+            if not queue:
+                return True, None
+            a, b = queue.pop()
+            p = (a + b) / 2
+            if self._passive(np.array([p]))[0]:
+                return False, p
+            if any(self._takes(way, a, b) for way in self.ways):
+                continue
+            narrow = min(least, CLOSE * max(abs(a), abs(b)))
+            if b - a > narrow:
+                queue += [(a, p), (p, b)]
+            elif all(abs(p - end) > 2 * narrow for end in ends):  # the ends are as exact as this, and nothing else is
+                return False, None
+        return False, None
+
+    def _takes(self, way, low: float, high: float) -> bool:
+        """Whether all values of a piece are proved not to be passive, by what takes energy there."""
+        found = cover_of(self.loop, self.path)(way.witness(low, high), [[low], [high]], FEW)
+        return found is not None and not len(found.open)
+
+    def _frequency(self, p: float) -> float:
+        drawn = self.loop.changed({self.path: p}).drawn()
+        angle = max(way.angle(p) for way in self.ways)
+        return angle / float(np.real(drawn.period) * drawn.ticks)
+
+
+def cover_of(loop: HeldLoop, path: str) -> Covering:
+    """What covers boxes of a number of the loop, and of an angle; a box with a loop that has no solution has no cover."""
+
+    def cover(functions, box, most):
+        bounds, sides = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1), [Side(path), *[Side()] * (len(box[0]) - 1)]
+        try:
+            bounds[:, 0] = domain(loop.drawing, loop.values, path, (box[0][0], box[1][0]))
+            return positive(functions, box, bounds, most, Resolution(loop.drawing, loop.values, sides))
+        except IllPosedLoopError:
+            return None
+
+    return cover

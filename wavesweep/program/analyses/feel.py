@@ -1,0 +1,146 @@
+"""What the hand feels at rest, and over frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache, partial
+
+import numpy as np
+
+from wavesweep.engine.errors import WavesweepError
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.steady import respond, static_response
+from wavesweep.program.analyses.spec_loops import loop_at_hand
+from wavesweep.program.spec import Spec
+
+BAND_HZ = (1.0, 3.0, 10.0)  # of a hand that explores a wall
+LOWEST_HZ, HIGHEST_HZ, POINTS, FINE = 1e-4, 100.0, 481, 81
+TENTH = 0.1  # of the stiffness at rest, what another may differ by and count as the same
+SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
+FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
+NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
+ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
+LARGE = 300  # states; of more, hundreds of frequencies take minutes, and `bode` has those that are asked for
+SURE = 1e-6  # relative error of an impedance that is shown
+
+
+def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
+    """What the hand feels of the wall over frequency as a JSON-able dict; None without a wall that can be taken away.
+
+    It is what the wall adds to free motion: the impedance less that of the same loop whose wall has the stiffness and damping
+    0. So neither a mass counts nor a brake. loop: that of the spec at the hand. stiffness: that at rest, N/m.
+    hz; at each impedance (N/m), its size, and free (N/m), the size of that of free motion, both missing if they are not known.
+    holds_to_hz: the frequency up to which the size is within a tenth of that at rest, None if it is so up to `HIGHEST_HZ`, or
+    half the fast rate. outweighed_bands_hz: [from, to] in which free motion has more than the wall adds; to is None of one that
+    goes on; outweighed_hz: where the first begins, None without. They are looked for at 80 frequencies a decade from 1e-4 Hz
+    on, and located to a thousandth; a resonance that is narrower may be missed.
+    """
+    try:
+        free = loop_at_hand(spec.with_values(dict.fromkeys(spec.wall, 0.0))) if spec.wall else None
+    except WavesweepError:  # a drawing that divides by a number of its wall
+        free = None
+    if free is None:
+        return None
+    most = min(HIGHEST_HZ, 0.499 * loop.port.rate)
+    hertz = np.array([each for each in BAND_HZ if each <= most])
+    *sizes, sure = _added(loop, free, hertz)
+    found = {
+        name: [float(each) if ok else None for each, ok in zip(size, sure, strict=True)]
+        for name, size in zip(("impedance", "free"), sizes, strict=True)
+    }
+    rest = stiffness - np.nan_to_num(static_response(free)[1].ravel()[0].real)
+    whole = np.geomspace(LOWEST_HZ, most, POINTS)
+    added = cache(lambda *ends: _added(loop, free, whole if not ends else np.geomspace(*ends, FINE)))
+    changed = _runs(whole, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
+    found["holds_to_hz"] = next((before for before, *_ in changed), None)
+    bands = [band for _, *band in _runs(whole, lambda *ends: np.greater(*added(*ends)[1::-1]))]
+    return {"hz": hertz.tolist(), **found, "outweighed_hz": bands[0][0] if bands else None, "outweighed_bands_hz": bands}
+
+
+def _runs(grid, so):
+    """Yield the runs of frequencies at which something is so: the last one before, the first and the last of it.
+
+    so(): at all of the grid; so(low, high): at FINE frequencies between two of it. The last is None of one that goes on.
+    """
+    for first, beyond in np.flatnonzero(np.diff(so(), prepend=False, append=False)).reshape(-1, 2).tolist():
+        begin, end = (grid[max(first - 1, 0)], grid[first]), grid[beyond - 1 : beyond + 1]
+        fine, at = np.geomspace(*begin, FINE), int(np.argmax(so(*begin)))
+        last = np.geomspace(*end, FINE)[np.flatnonzero(so(*end)).max(initial=0)].item() if end.size > 1 else None
+        yield float(fine[max(at - 1, 0)]), float(fine[at]), last
+
+
+def _added(loop, free, hertz):
+    """The sizes of what the wall adds to the impedance and of that of free motion, and whether they are known, at each Hz."""
+    found, without = respond(loop, hertz), respond(free, hertz)
+    with np.errstate(all="ignore"):
+        added = np.abs(found.impedance - without.impedance)
+        off = sum(np.abs(each.impedance) * each.impedance_error for each in (found, without))
+        return added, np.abs(without.impedance), off <= SURE * added
+
+
+def sizes_in_words(band: Mapping[str, object] | None) -> list[str]:
+    """Texts: what is felt at each frequency at which free motion has no more than the wall adds."""
+    pairs = zip(band["hz"], band["impedance"], strict=True) if band else ()
+    return [
+        f"{'not known' if size is None else f'{size:.4g}' if size < 1e4 else f'{size:.0f}'} at {hz:g} Hz"
+        for hz, size in pairs
+        if not any(low <= hz and (high is None or hz <= high) for low, high in band["outweighed_bands_hz"])
+    ]
+
+
+def outweighed_in_words(band: Mapping[str, object]) -> str:
+    """Where free motion has more than the wall adds; empty if it has nowhere."""
+    bands = []
+    for low, high in band["outweighed_bands_hz"]:
+        start = "up " if low == LOWEST_HZ and high else f"from {low:.3g} "
+        bands.append(start + ("Hz on" if high is None else f"to {high:.3g} Hz"))
+    said = " and ".join(filter(None, [", ".join(bands[:-1]), *bands[-1:]]))
+    return f"free motion outweighs it {said}" if said else ""
+
+
+def felt_at_rest(spec: Spec, loop) -> dict | None:
+    """Stiffness and damping of the wall as the hand feels it towards 0 Hz; None without a hand.
+
+    `felt_over_band` is beside them if the loop has up to LARGE states.
+    """
+    if loop is None:
+        return None
+    admittance, stiffness = (part.ravel()[0].real for part in static_response(loop)[:2])
+    if admittance == 0:
+        return {"stiffness": None, "damping": None, "rigid": True}
+    damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
+    small = loop.order <= LARGE
+    band = felt_over_band(spec, loop, stiffness) if stiffness > 0 and small else None
+    stiffness, damping = (float(each) if np.isfinite(each) else None for each in (stiffness, damping))
+    return {"stiffness": stiffness, "damping": damping, "rigid": False, "over_band": band}
+
+
+def _damping(response, low):
+    """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to ROUGHLY.
+
+    It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow mode does less, and rounding
+    more: a pair is as good as it agrees with one next to it, and its own rounding allows. Pairs above a slow mode may agree
+    better than those below it, so the best is looked for among those that agree with the lowest good one, and nothing is known
+    if one further down differs by more than its rounding. response: of frequencies.
+    """
+    frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
+    found = response(frequency.ravel())
+    impedance, error = (part.reshape(frequency.shape) for part in (found.impedance, found.impedance_error))
+    with np.errstate(all="ignore"):
+        values, unsure = impedance.imag / (2 * np.pi * frequency), error * np.abs(impedance) / (2 * np.pi * frequency)
+        damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
+        apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
+        off = np.fmin(apart[:-1], apart[1:]) + rounding
+        off = np.where(np.isnan(off), np.inf, off)
+        good = np.flatnonzero(off <= ROUGHLY * np.abs(damping))
+        if good.size:
+            alike = np.abs(damping - damping[good[-1]]) <= ROUGHLY * np.abs(damping[good[-1]])
+            off = np.where(alike, off, np.inf)
+        best = np.argmin(off)
+        below = np.abs(damping[best + 1 :] - damping[best]) > rounding[best + 1 :] + off[best]
+        if below.any():
+            return np.nan
+        if off[best] <= ROUGHLY * np.abs(damping[best]):
+            return damping[best]
+        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low
+        return 0.0 if nothing else np.nan

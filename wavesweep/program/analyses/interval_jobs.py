@@ -1,0 +1,293 @@
+"""The job of stable intervals along an axis."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import lru_cache, partial
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.batch import Loops, items_of
+from wavesweep.engine.loops.dead_time import breaks, timing
+from wavesweep.engine.loops.domain import domain, unsuitable
+from wavesweep.engine.search.interval_records import RECORD, ends_of, loop_by_loop
+from wavesweep.engine.search.interval_search import Search, Searches
+from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.engine.stability.certificate import words
+from wavesweep.engine.stability.radii import drift_of, frames, frames_of
+from wavesweep.program.analyses.spec_loops import refuse_singular
+from wavesweep.program.columns import Columns
+from wavesweep.program.reading.tables import Asked
+from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
+from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, make_grid, own_loop
+from wavesweep.program.sweep.job import (
+    CHECKED,
+    MOST,
+    MOST_DRAWN,
+    MOST_SLOW,
+    Chunk,
+    Chunks,
+    Job,
+    Kind,
+    cut_up,
+    resolve_all,
+    some_loops,
+)
+
+# Seconds per slice and squared order, measured: one polynomial per slice; dominance, along any
+# parameter but the wall, and for crowded poles of high order.
+BY_POLYNOMIAL, BY_DOMINANCE = 0.2e-6, 15e-6
+CROWDED = 24  # states
+VARIED = 1.001  # times its own value, another one of a number that varies
+STRUCTURES = 8  # of a sweep's loops, whose way is looked for
+MOST_TICKS = 64  # pieces of a range, up to which one is a sample
+
+
+class Way(Enum):
+    """How the intervals along a number are found: from a cut, where it is one scalar gain of a frame, by dominance, or both."""
+
+    CUT = "cut"
+    DOMINANCE = "dominance"
+    BOTH = "both"
+
+
+class Guarantee:
+    """Intervals that hold for more than the spec's own loop, such as for hands; a frozen dataclass of a capability is one.
+
+    kind: the word of its rows. dtype: of its records, which have the fields of RECORD and those of its own columns. method: how
+    they are found, in a line. own_ticks: whether forces are held over the ticks of the spec, which are then not divided out. Of
+    those for hands, word: what --for-hands has for it; order: of the rows in a table; replaces:
+    whether other hands are in the place of the spec's operator.
+    """
+
+    __slots__ = ()
+    kind: str
+    dtype: np.dtype
+    method: str
+    word = ""
+    order = 0
+    replaces = False
+    own_ticks = False
+
+    def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
+        """The intervals of one loop along a number, as records of slice 0."""
+        raise NotImplementedError
+
+    def notices(self, job: Job) -> Iterable[str]:  # noqa: ARG002
+        """What a user should know beforehand about these rows of a job."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """What is asked of the loops: their stable intervals along `axis`, found in that way.
+
+    guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. require: of
+    every mode, in place of stability alone.
+    """
+
+    axis: Axis
+    way: Way = Way.DOMINANCE
+    guarantee: "Guarantee | None" = None
+    require: Asked | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The range of the axis."""
+        return float(self.axis.start), float(self.axis.stop)
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """What the records depend on besides the spec."""
+        along = {"along": self.axis.name} | ({"require": self.require.written()} if self.require else {})
+        return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
+
+
+def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: Along) -> Job:
+    """The job of what is asked; guarantees have records of their own."""
+    dtype = RECORD if asked.guarantee is None else asked.guarantee.dtype
+    return Job(INTERVALS, grid, chunks, resolved, dtype, asked.identity, asked)
+
+
+def _task(job, chunk):
+    asked, path = job.asked, job.asked.axis.path
+    if asked.guarantee is None:
+        return searches_of(job, chunk).records
+    changes = job.loop_values(chunk)
+    own = "" if job.grid.spec.drawing and asked.guarantee.own_ticks else path
+    parts = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=own))
+    return partial(loop_by_loop, parts, path, asked.span, asked.guarantee)
+
+
+def searches_of(job: Job, chunk: Chunk) -> Searches:
+    """The searches for the intervals of the loops of a chunk."""
+    changes, known = job.loop_values(chunk), job.grid.loops <= CHECKED
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=True)
+
+
+def _columns(job, combination, records):
+    """The axes, `along`, and the fields of the records."""
+    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+    found["doubt"] = words(found["doubt"])
+    found |= ends_of(records, set_by=bool(job.asked.require and job.asked.require.bound.gain))
+    along = np.full(records.size, job.asked.axis.name, dtype=object)
+    return job.grid.axis_columns(combination) | {"along": along} | found
+
+
+def _sample(job):
+    """The job in one of the pieces into which dead times of other whole ticks cut its range, and the times it is of that."""
+    spec, axis = job.grid.spec, job.asked.axis
+    if not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
+        return job, 1
+    ends = breaks(*own_loop(spec, axis.path), axis.path, job.asked.span)
+    middle = (len(ends) - 1) // 2
+    at = min(middle, MOST_TICKS)
+    longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
+    piece = replace(axis, start=ends[at], stop=ends[at + 1])
+    return replace(job, asked=replace(job.asked, axis=piece)), (len(ends) - 1) * longer
+
+
+# Some slices have several intervals. Bytes of a row: 130 in the CSV and 30 in the Parquet file, measured on millions of rows.
+INTERVALS = Kind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
+
+
+def _searches(
+    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=False
+) -> Searches:
+    """The searches for the intervals of `size` loops of the spec.
+
+    changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
+    factors of it. felt, checked, prove: see `Search`.
+    """
+    parts: dict = {}
+    path, require = asked.axis.path, asked.require
+    for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)):
+        bound = require and require.bound.over(frames_of(loops))
+        parts.setdefault((loops.drawing, bound), []).append((members, loops.read))
+    searches = []
+    for (drawing, bound), alike in parts.items():
+        drawn = drawing.tied(path, ties) if ties else drawing
+        groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
+        searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prove, bound))
+    return Searches(tuple(searches))
+
+
+def _varied(spec, path, require):
+    """The path along which loops are made, see `drawn_groups`; none if a gain of a drawing is asked for, in its own ticks."""
+    return "" if spec.drawing and require and require.bound.gain else path
+
+
+def job_of(spec: Spec, along: str | None = None) -> Job:
+    """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
+    axis, others = sweep_axes(spec, along)
+    return job_over(make_grid(spec, others, axis.path), axis, require=spec.require)
+
+
+def job_over(grid: Grid, axis: Axis, *, require: Asked | None = None) -> Job:
+    """The job of a grid; require: see `Along`. Errors: UsageError or SpecError if it cannot be done."""
+    spec, asked = grid.spec, Along(axis, require=require)
+    if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
+        raise UsageError(no_axis(spec, axis.name))
+    resolved = resolve_all(grid, rates=True)
+    for end in asked.span:
+        wrong = spec.drawing and unsuitable(spec.drawing, {**spec.values, axis.path: np.array([end])}).any()
+        if wrong or spec.uneven or axis.path == FAST:
+            spec.with_values({axis.path: end})
+    if spec.drawing:
+        refuse_singular(spec, spec.drawing)
+    index = some_loops(grid)
+    changes = grid.loop_values(index)
+    own = _varied(spec, axis.path, require)
+    parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=own)]
+    for loops in parts:
+        if require and name_of(axis.path) in loops.drawing.rating:
+            require.bound.refuse_rates(axis.name)
+        domain(*loops, axis.path, asked.span)
+    orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
+    way = ways[0] if len({*ways}) == 1 else Way.BOTH
+    cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
+    most = MOST_SLOW if way is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
+    return interval_job(grid, cut_up(grid.loops, 1, cost, most), resolved, replace(asked, way=way))
+
+
+def guaranteed(job: Job, guarantee: Guarantee) -> Job:
+    """The job of the intervals that are guaranteed for hands or numbers."""
+    return interval_job(job.grid, job.chunks, job.resolved, replace(job.asked, guarantee=guarantee))
+
+
+@lru_cache(maxsize=64)
+def _order_of_drawing(drawing, path, items):
+    """States of a loop, and the way along the number."""
+    loops = Loops(drawing, {path: np.array(v) if isinstance(v, tuple) else v for path, v in items})
+    cut = exact_cut(loops, name_of(path))
+    if cut is not None:
+        return cut.order, Way.CUT
+    return frames(loops, drift_of(loops)).shape[-1], Way.DOMINANCE
+
+
+def expected_cost(order: int, way: Way) -> float:
+    """Seconds that a slice of a loop with `order` states takes, roughly.
+
+    A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was stopped.
+    """
+    share = BY_POLYNOMIAL if way is Way.CUT and order <= CROWDED else BY_DOMINANCE
+    return share * max(order, 2) ** 2
+
+
+def cost_of(spec: Spec, axis: Axis) -> tuple[float, Way]:
+    """Expected s per slice of the spec along the axis, and its way."""
+    order, way = _order_of(spec, own_loop(spec, axis.path), axis)
+    return expected_cost(order, way), way
+
+
+def _order_of(spec, loops, axis):
+    return _order_of_drawing(loops.drawing, axis.path, items_of(_like_own(spec, loops)))
+
+
+def _like_own(spec, loops):
+    """The values of loops, those of the spec in place of others of the same sign, which have the same structure as a rule.
+
+    A compiled loop is asked about other values again and again.
+    """
+    kept, found = {path_of(name) for name in loops.drawing.shaping}, dict(loops.values)
+    for path, value in loops.values.items():
+        own, one = spec.values.get(path), value[0] if np.ndim(value) else value
+        if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
+            found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
+    return found
+
+
+def at_points(
+    spec: Spec,
+    axis: Axis,
+    points: Mapping[str, np.ndarray],
+    ties: tuple[str, ...] = (),
+    felt: bool = True,
+    require: Asked | None = None,
+) -> Columns:
+    """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
+
+    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
+    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise. require: see
+    `Along`.
+    """
+    count = len(next(iter(points.values())))
+    records = _searches(spec, Along(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
+    found = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+    return found | ends_of(records, set_by=False)
+
+
+CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
+DOMINANCE = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
+
+
+def method(asked: Along) -> str:
+    """How the intervals are found, in a line."""
+    found = {
+        Way.CUT: CUT,
+        Way.DOMINANCE: DOMINANCE,
+        Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {DOMINANCE}, in others",
+    }[asked.way]
+    return asked.require.bound.method(found) if asked.require else found

@@ -1,0 +1,112 @@
+"""The numbers of a spec's own design: stability, the feel at rest, and its slowest and least damped modes."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.keys.key import LARGEST
+from wavesweep.engine.search.lines_of_loops import lines_in_loops
+from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
+from wavesweep.engine.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of
+from wavesweep.program.analyses.assumptions import FAVOURABLE, assumes
+from wavesweep.program.analyses.feel import felt_at_rest
+from wavesweep.program.analyses.poles import ON_CIRCLE, leading, named_modes
+from wavesweep.program.analyses.required_words import where_nothing_decides
+from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
+
+FAR = 10.0  # factor up to which a number is followed
+USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
+SAME = 1e-9  # distance of two eigenvalues, up to which they are of one mode
+
+
+def searched(spec: Spec, name: str, path: str) -> tuple[float, float]:
+    """The range about the value of a number in which its stable intervals are looked for, and that of [sweep] with it."""
+    value, wall = spec.values[path], spec.wall
+    usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
+    start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
+    ends = [start, float(np.clip(FAR * (value or usual), -LARGEST, LARGEST))]
+    ends += [end for axis in spec.sweep if axis.path == path for end in axis.values or (axis.start, axis.stop)]
+    return min(ends), max(ends)
+
+
+@np.errstate(all="ignore")  # of numbers that overflow
+def own_design(spec: Spec, loop=None) -> dict:
+    """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
+
+    stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
+    only_oscillates (of a radius of 1: whether all modes are pairs on the circle, as those of a loop that conserves energy),
+    period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
+    feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
+    `felt_over_band`; slowest: time constant (s), damping ratio from frame to frame and, at the strongest line that a spectrum
+    of the states shows of it (see `lines_of`), the frequency (rad/s) of the slowest mode, the second line (Hz) if it has more
+    than a third of the energy, and the states that take part most; least_damped: the same of the mode with the lowest damping
+    ratio, if it is another one. A drawn loop is felt at the hand's port if it has one.
+    loop: the one prepared for responses, if it is known already.
+    """
+    own = own_loop(spec)
+    refuse_singular(spec, own.drawing)
+    (E, hidden), drawn, drift = frames_with_reliability(own), own.drawn(), drift_of(own)
+    radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
+    found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
+    found["assumes"] = assumes(spec, nominal=True)
+    if radius == 1:
+        z = 1 + eigenvalues(E)[0].ravel()
+        z = z[np.abs(z) > ON_CIRCLE]  # the others are over after one frame
+        found["only_oscillates"] = bool(((np.abs(np.abs(z) - 1) <= ON_CIRCLE) & (np.abs(z.imag) > ON_CIRCLE)).all())
+    modes = []
+    if loop is None and not (spec.drawing and spec.drawing.hand is None):
+        loop = loop_at_hand(spec)
+    if found["stable"]:
+        names, (delta, shares) = named_modes(E, drawn, drift)
+        modes = [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)]
+        modes = modes or [(-1 + 0j, [])]  # without a state
+    slowest = modes[0] if modes else None
+    ratios = [np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0 for mode, _ in modes]
+    damped = modes[int(np.argmin(ratios))] if modes else None
+    another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
+    named = {"slowest": slowest, "least_damped": damped if another else None}
+    described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
+    return found | {"felt": felt_at_rest(spec, loop), **described}
+
+
+def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
+    """Yield whether the design is stable, in a line or two, and what it assumes if that decides what it is: see `is_first`.
+
+    found: see `own_design`.
+    """
+    radius = found["spectral_radius"]
+    known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
+    said = "stable" if found["stable"] else "UNSTABLE" if known else "not known whether it is stable"
+    why = "numbers overflow, or rounding hides them"
+    if radius is not None:
+        why = (
+            f"spectral radius {radius:.6g} per frame of {1e3 * found['period_s']:.6g} ms{'' if known else ', but for rounding'}"
+        )
+    yield f"{spec.name}, {spec.kind}: {said} ({why})"
+    if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
+        yield f"  {hint}"
+    if is_first(spec, found):
+        yield f"  assumes: {found['assumes']}"
+
+
+def is_first(spec: Spec, found: Mapping[str, Any]) -> bool:
+    """Whether what is assumed is said with the verdict: what a drawn loop means, or defaults by which alone it is better."""
+    return bool(spec.drawing and found["assumes"]) or FAVOURABLE in found["assumes"]
+
+
+def _mode(spec, mode, states, period):
+    """Of a mode: s per factor e, damping ratio, rad/s of its strongest line, Hz of a second one, and the states."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
+        s = np.log1p(mode)
+        hz, second = lines_in_loops(own_loop(spec), np.array([[s]]))[0].tolist()
+        s = complex(s.real / period, 2 * np.pi * hz)
+        ratio = float(damping_ratio(mode))  # from frame to frame, as requirements and wishes mean it
+        found = {"time_constant_s": -1 / s.real, "damping_ratio": ratio, "omega": s.imag, "second_hz": second}
+    return {name: _number(value) for name, value in found.items()} | {"states": states}
+
+
+def _number(value):
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,91 @@
+"""The closed-loop poles of a spec's own loop, or over a number, with frequency, damping and the states that take part."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.search.lines_of_loops import lines_in_loops
+from wavesweep.engine.stability.modes import Modes, modes_of
+from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
+from wavesweep.engine.stability.spectrum import NEIGHBOURHOOD, count_outside, damping_ratio
+from wavesweep.program.analyses.spec_loops import refuse_singular
+from wavesweep.program.columns import Columns, joined
+from wavesweep.program.spec import Axis, Spec
+from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
+
+ON_CIRCLE = 1e-6  # distance from the unit circle, up to which a pole is on it: it is known to rounding
+MOST = 3  # states that are named of a mode
+LEAST = 0.05  # share of a mode, below which a state is not named
+
+
+@np.errstate(divide="ignore", invalid="ignore")  # of a pole of 0 or of 1
+def poles(spec: Spec, axis: Axis | None = None) -> Columns:
+    """The columns of all poles per frame, the slowest first, of the spec's own loop or of those over the values of an axis.
+
+    What drifts is left out. frequency_hz: as it is seen once a frame; shown_hz: the strongest line that a spectrum of the
+    states shows; second_hz: the next one, if it has more than a third of the energy. doubt: "rounding" of poles that rounding
+    could move across the circle, "overflow" of a row without numbers for a loop whose frame is not known.
+
+    Errors: SpecError for a loop without a solution.
+    """
+    refuse_singular(spec, own_loop(spec).drawing)
+    grid, parts = make_grid(spec, (axis,) if axis else ()), {}
+    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
+        found = _of_batch(loops.read, members.size)
+        axes = grid.axis_columns(members)
+        for place, (at, columns) in enumerate(zip(members.tolist(), found, strict=True)):
+            parts[at] = {name: np.full(len(columns["doubt"]), axes[name][place]) for name in axes} | columns
+    return joined(parts[at] for at in sorted(parts))
+
+
+def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the columns of each loop of a batch."""
+    drawn, drift = loops.drawn(), drift_of(loops)
+    kept, period = len(drift.kept), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    E, hidden = frames_with_reliability(loops)
+    E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
+    finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
+    named = [named_modes(each, drawn, drift) for each in E]
+    all_delta = np.stack([each.delta if each.delta.size else np.full(kept, -0.5 + 0j) for _, each in named])
+    lines = [lines_in_loops(loops, np.log1p(all_delta[:, [k]])) for k in range(kept)]
+    for at, (names, (delta, shares)) in enumerate(named):
+        near = np.abs(np.abs(1 + delta) - 1) <= NEIGHBOURHOOD
+        doubted = np.full(delta.shape, not clear[at]) & (near | ~near.any())
+        s, (hz, second) = np.log1p(delta) / period[at], np.array([each[at] for each in lines]).reshape(-1, 2).T[:, : delta.size]
+        numbers = {
+            "z_re": 1 + delta.real,
+            "z_im": delta.imag,
+            "radius": np.abs(1 + delta),
+            "s_re": s.real,
+            "s_im": s.imag,
+            "frequency_hz": np.abs(s.imag) / (2 * np.pi),
+            "damping_ratio": damping_ratio(delta),
+            "time_constant_s": -1 / s.real,
+            "states": np.array([", ".join(leading(names, each)) for each in shares], object),
+            "shown_hz": hz,
+            "second_hz": second,
+            "shown_damping_ratio": -s.real / np.abs(s.real + 2j * np.pi * hz),
+            "stable": (np.abs(1 + delta) < 1) & ~doubted,
+            "doubt": np.where(doubted, "rounding", "").astype(object),
+        }
+        if kept and not finite[at]:
+            unknown = {"states": np.array([""], object), "stable": np.zeros(1, bool), "doubt": np.array(["overflow"], object)}
+            numbers = {name: unknown.get(name, np.full(1, np.nan)) for name in numbers}
+        yield {
+            name: np.where(np.isfinite(each), each, np.nan) if each.dtype == float else each for name, each in numbers.items()
+        }
+
+
+def named_modes(E, drawn: MultirateLoop, drift: TickDrift) -> tuple[list[str], Modes]:
+    """The names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
+    labels, kept = drawn.labels(), len(drift.kept)
+    return [labels[drift.states[index]] for index in drift.kept], modes_of(E[:kept, :kept])
+
+
+def leading(names: list[str], shares: np.ndarray) -> list[str]:
+    """The names of the states that take part most in a mode, those with the largest share first."""
+    order = np.argsort(-shares, kind="stable")[:MOST]
+    return [names[index] for index in order if shares[index] >= LEAST]

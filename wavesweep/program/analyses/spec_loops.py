@@ -1,0 +1,58 @@
+"""The loops of a spec: their radii over axes, the port of its own loop, and what has no solution."""
+
+import numpy as np
+
+from wavesweep.engine.drawing.conditions import OF_PLANT
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.keys.checking import show
+from wavesweep.engine.loops.batch import items_of
+from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.loops.from_drawing import POSITION
+from wavesweep.engine.response.at_hand import port_of_loops
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.port import NoPositionError, Port
+from wavesweep.engine.stability.radii import blocks_without_solution, frames_of, radii_of
+from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
+
+
+def refuse_singular(spec, drawing: Drawing) -> None:
+    """Raise SpecError if a loop of direct terms has no solution with the spec's own numbers."""
+    blocks = blocks_without_solution(drawing, items_of(spec.values))
+    if blocks is not None:
+        path = f"block.{blocks[0]}" if blocks else "wire"
+        found = f"one without, or with none that double precision can find, through {', '.join(blocks)}"
+        raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)])
+
+
+def radius_over(spec, axes) -> np.ndarray:
+    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest.
+
+    The radius of a controller whose frame is a single tick, as that of direct coupling, is counted per frame of its spec.
+    """
+    grid = make_grid(spec, axes)
+    radii = np.empty(grid.loops)
+    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
+        if spec.drawing:
+            refuse_unsuitable(*loops)
+        with np.errstate(over="ignore"):
+            radii[members] = radii_of(loops.read, members.size) ** frames_of(loops)
+    return radii[grid.slice_of(np.arange(grid.size))]
+
+
+def port_at_hand(spec) -> Port:
+    """The port of the spec's own loop. Errors: SpecError if it names no hand, or a position that no plant has in every tick."""
+    if missing := spec.without_hand():
+        raise SpecError(missing)
+    loop = own_loop(spec)
+    try:
+        refuse_unsuitable(*loop)
+        return port_of_loops(loop.one(0))
+    except NoPositionError:
+        found = spec.tables()["ports"]["hand"]["displacement"]
+        raise SpecError([spec.mistake(POSITION, OF_PLANT, show(found))]) from None
+
+
+def loop_at_hand(spec) -> Lifted:
+    """The spec's own loop over a frame as its hand feels it. Errors: as for `port_at_hand`."""
+    return Lifted.of(port_at_hand(spec))

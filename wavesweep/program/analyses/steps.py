@@ -1,0 +1,42 @@
+"""Step responses of a spec's own loop: of an output to an input of [ports], or of a signal to a step that is added to it."""
+
+from dataclasses import replace
+
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.response.at_hand import Route, ports_of_batch
+from wavesweep.engine.response.port import port_between
+from wavesweep.engine.response.step import MOST, Step, step_of
+from wavesweep.engine.stability.radii import drift_of, named_loops
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
+
+ADDED = "the step"  # no signal of a spec can be called so
+
+
+def routes_of(spec: Spec) -> list[Route]:
+    """Each input of [ports] with each output."""
+    drawing = spec.drawing
+    return [(name, output) for name, *_ in drawing.inputs for output, *_ in drawing.outputs] if drawing else []
+
+
+def step_between(spec: Spec, route: Route, most: int = MOST) -> Step:
+    """The response of an output to a step of an input, route, both of [ports]. most, errors: see `step_of`."""
+    _, port = next(ports_of_batch(own_loop(spec), 1, route))
+    return step_of(port, most)
+
+
+def step_at(spec: Spec, signal: str, most: int = MOST) -> Step:
+    """The response of a signal, "block.port", to a step of 1 that is added to it wherever it is read.
+
+    The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `step_of`.
+    """
+    own = own_loop(spec)
+    wires = tuple(
+        (port, (*terms, *((ADDED, gain) for name, gain in terms if name == signal))) for port, terms in own.drawing.wires
+    )
+    loop = Loops(replace(own.drawing, wires=wires, inputs=(*own.drawing.inputs, (ADDED, ADDED, "1"))), own.values)
+    refuse_unsuitable(*loop)
+    drawn = loop.drawn()
+    with named_loops(drawn):
+        return step_of(port_between(drawn, ADDED, signal, drift_of(loop, watched=(signal,))), most)

@@ -1,0 +1,26 @@
+"""Bundled examples and programs: in a checkout beside the package, in a wheel inside it."""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from wavesweep.engine.errors import UsageError
+
+
+def bundled(folder: str) -> Path:
+    """Give a folder of the checkout, e.g. "sweeps/examples". Errors: UsageError if it does not exist."""
+    package = Path(__file__).resolve().parents[1]
+    places = [root / folder for root in (package / "_bundled", package.parent)]
+    for place in places:
+        if place.is_dir():
+            return place
+    raise UsageError(f"{folder}: expected it in {' or '.join(map(str, places))}, found neither; a checkout of wavesweep has it")
+
+
+def program(folder: str) -> ModuleType:
+    """Import the package that is a folder of the checkout, e.g. "benchmarks/bench", by its own name."""
+    place = bundled(folder)
+    if str(place.parent) not in sys.path:
+        sys.path.insert(0, str(place.parent))
+    return import_module(place.name)

@@ -1,0 +1,293 @@
+"""Results to files or stdout, with notices and summaries."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.file_places import own_folder, refuse_inputs
+from wavesweep.program.cli.messages import progress, say, show_json, where
+from wavesweep.program.cli.options import Options
+from wavesweep.program.cli.talk import talk
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.tables.kind import Line
+    from wavesweep.program.tables.table import Table
+
+INTERVALS = ("zwidth", "stability-region", "zwidth-specs")  # commands that sweep all axes of [sweep]
+FOR_ALL = ("zwidth", "stability-region", "design")  # commands that hold for all of [for_all]
+HANDS = "-hands"  # what the name of a table of intervals for hands ends in
+NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
+MOST_CHANGES = 5  # of a spec that are listed
+
+
+def produce(
+    kinds: Sequence[str],
+    sources: Sequence[str],
+    options: Options,
+    compute: Callable[..., list[Table]],
+    asked: Callable[[Spec], Spec] = lambda spec: spec,
+    less: str = "fewer values in [sweep] take less",
+) -> None:
+    """Load the specs, compute their tables, write all of them to files or the first one to stdout, and summarise them.
+
+    kinds: every table that the command can write, the main one first. compute: a function (specs, jobs=, backend=,
+    scheduler=, progress=, checkpoint=, force=) that returns the tables of this run, in the same order. asked: a function
+    from a loaded spec to the one whose digest the results carry. less: what would take less time.
+    """
+    from wavesweep.program import results, spec
+    from wavesweep.program.tables.table import digest_of
+
+    started = time.perf_counter()
+    specs = [asked(spec.load(source, options.overrides)) for source in sources]
+    directory = folder_of(specs, options)
+    place = results.place_of(sources, directory)
+    written = [options.file] if options.file else [directory / name for kind in kinds for name in results.names_of(kind)]
+    refuse_inputs((file for each in specs for file in each.files), *(() if options.to_stdout else written))
+    if options.formats:
+        from wavesweep.program import plots
+
+        plots.refuse_settings()
+    marks = {}
+    if any(each.measured for each in specs):
+        from wavesweep.program.plots.figure_marks import facts_of_marks
+
+        marks = facts_of_marks(specs, kinds[0])
+    with alone(kinds, directory, options):
+        # Before the work as well as after it: a refusal should not cost a long run.
+        for kind in kinds if options.to_folder and not options.overwrite else ():
+            results.refuse_other_spec(kind, directory, digest_of(specs), place)
+        prepare_work(options)
+        kept = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
+        with progress(options.quiet, less=less) as report:
+            tables = compute(specs, **options.work, progress=report, checkpoint=kept)
+        before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
+        run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": shlex.join(["wavesweep", *talk().words])}
+        tables = [replace(table, facts={**table.facts, "spec_place": place, **marks, **run}) for table in tables]
+        try:
+            finished = _written(tables, directory, options)
+        except BaseException as error:
+            if kept is not None and kept.is_file():
+                error.add_note(f"All that was computed is kept in {kept}; the same command goes on from there.")
+            raise
+        for kind in set(kinds) - {table.kind for table in tables} if options.to_folder else ():
+            results.discard(kind, directory)  # another spec's, which would pass for one of this run
+    changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
+    _report(kinds[0].removesuffix(HANDS), specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+
+
+def _written(tables: Sequence[Table], directory: Path, options: Options) -> list[Finished]:
+    """Write the tables, with a bar if that takes long."""
+    rows = max(table.rows for table in tables)
+    if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
+        say(f"writing {rows:,} rows{' and the figure' if options.formats else ''}")
+    with progress(options.quiet, "writing"):
+        finished = [_finish(table, directory, options, table is tables[0]) for table in tables]
+    if not options.to_folder and not options.quiet:
+        for table in tables[1:]:
+            say(f"the table {table.kind} is left out, since --out {options.out} takes one; --out DIR writes it")
+    return finished
+
+
+def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractContextManager[None]:
+    """Be the only run that writes these tables, from before the work on, if they go to files; see `results.at_work`."""
+    from wavesweep.program import results
+
+    if options.to_stdout:
+        return nullcontext()
+    busy = (lambda _: None) if options.quiet else partial(say, warning=True)
+    return results.at_work(kinds, directory, options.wait, busy)
+
+
+def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Iterator[str]:
+    """Yield a notice for each number that --set gives a value although the command sweeps it, and one for a spec with
+    [for_all] if the command analyses only the spec's own numbers."""
+    from wavesweep.program.spec import SYMBOLS
+
+    table = "bode" if command == "bode" else "sweep"
+    swept = {axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS}
+    swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
+    if spec.drawing and spec.drawing.channels:
+        if command not in (*FOR_ALL, "simulate"):
+            others = "zwidth, stability-region and check"
+            yield f"{spec.name}: {command} has all messages in time; {others} say what holds if some are late or lost"
+    elif spec.members and command not in (*FOR_ALL, "margins"):  # which says itself what it cannot hold for
+        others = "zwidth, stability-region, margins, check and design"
+        yield f"{spec.name}: {command} is of the spec's own numbers; {others} look at all of {spec.members}"
+    for each in overrides if command in (*INTERVALS, "bode", "passivity") else ():
+        name = each.partition("=")[0].strip()
+        key = spec.names.find(name)
+        if key is not None and key.path in swept:
+            axis = swept[key.path]
+            yield f"--set {each} has no effect here: {axis} is swept; --set {table}.{axis}=... changes its values"
+
+
+def _report(
+    command: str,
+    specs: Sequence[Spec],
+    options: Options,
+    facts: Mapping[str, Any],
+    finished: Sequence[Finished],
+    changed: Sequence[str],
+    seconds: float,
+) -> None:
+    """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
+    from wavesweep.program.analyses.assumptions import unusual
+    from wavesweep.program.store.checkpoint import SUFFIX
+
+    said = [line for each in specs for line in (*unusual(each), *_without_effect(command, each, options.overrides))]
+    notices = [*dict.fromkeys(said), *(notice for each in finished for notice in each.notices)]
+    if options.as_json:
+        show_json(
+            {
+                "command": command,
+                "specs": [spec.name for spec in specs],
+                "spec_sha256": facts["spec_sha256"],
+                "assumes": facts.get("assumes", ""),
+                "notices": notices,
+                "tables": {each.kind: each.numbers for each in finished},
+                "files": [str(path) for each in finished for path in each.paths],
+                "changed": list(changed),
+                "seconds": round(seconds, 3),
+            }
+        )
+    if options.quiet or options.as_json:
+        return
+    from wavesweep.program.analyses.assumptions import FAVOURABLE
+
+    assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
+    lines = [(line, False) for line in dict.fromkeys(said)]
+    lines += [line for each in finished for line in (*((notice, False) for notice in each.notices), *each.lines)]
+    for line, warning in [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]:
+        say(line, warning)
+    for left in sorted(folder_of(specs, options).glob(f".{command}-*{SUFFIX}")) if not options.to_stdout else ():
+        say(f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed")
+    if changed:
+        shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
+        say(f"replaced the results of this spec; changed: {', '.join(shown)}")
+    for each in finished:
+        if each.paths:
+            say(where(each.paths, seconds))
+
+
+def produce_intervals(
+    kind: str,
+    source: str,
+    options: Options,
+    along: str | None = None,
+    for_hands: Sequence[str] = (),
+) -> None:
+    """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
+
+    along: axis of the intervals, the spec's own by default. for_hands: words for guarantees, which go with the intervals of the
+    loop itself into a table KIND-hands.
+    """
+    from wavesweep.program import results
+    from wavesweep.program.tables.hand_rows import hands_of
+    from wavesweep.program.tables.interval_table import intervals
+
+    hands = None
+    if for_hands:
+        hands, kind = hands_of(for_hands), kind + HANDS
+
+    def compute(specs: list[Spec], **work: Any) -> list[Table]:
+        if hands and not options.to_stdout and not options.overwrite:
+            results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
+        loud = not (talk().quiet or talk().as_json)
+        if loud and along is None and specs[0].wall and specs[0].names.find(specs[0].along).path == specs[0].wall[0]:
+            say(f"along {specs[0].along} this is the table of `wavesweep zwidth`")
+        return [replace(intervals(specs[0], along=along, hands=hands, **work), kind=kind)]
+
+    produce([kind], [source], options, compute)
+
+
+def checkpoint_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
+    """Return the file for the finished chunks of a run.
+
+    Its name has the digest of the specs: if a spec is edited after a run of it was interrupted, the new run begins anew, and
+    the old one goes on if the edit is undone.
+    """
+    from wavesweep.program.store.checkpoint import SUFFIX
+    from wavesweep.program.tables.table import digest_of
+
+    return folder_of(specs, options) / f".{name}-{digest_of(specs)[:12]}{SUFFIX}"
+
+
+def prepare_work(options: Options) -> None:
+    """Keep freed memory for the work, and say if fewer workers are used than `--jobs` names.
+
+    Raises UsageError if the backend or stdout cannot be used.
+    """
+    from wavesweep.program.platform_compat import keep_memory
+    from wavesweep.program.sweep.workers import excess, refuse_backend
+
+    refuse_backend(options.backend)
+    keep_memory()
+    if options.to_stdout:
+        try:
+            os.write(sys.stdout.fileno(), b"")
+        except OSError as error:
+            if error.errno == errno.EBADF:  # and no stream without a number, as a program that calls this one may have
+                raise UsageError("--out -: expected a place to write the table to, found stdout closed") from error
+    fewer = excess(options.jobs, options.backend)
+    if fewer and not options.quiet:
+        say(fewer, warning=True)
+
+
+def folder_of(specs: Sequence[Spec], options: Options) -> Path:
+    """Return the folder for the results, or that of the only file."""
+    if options.file:
+        return options.file.parent
+    return Path(options.out or own_folder((each.name for each in specs), options.overrides))
+
+
+class Finished(NamedTuple):
+    """A table that was written: its kind, notices, summary as numbers and as lines, and the paths of its files."""
+
+    kind: str
+    notices: list[str]
+    numbers: Mapping[str, Any]
+    lines: list[Line]
+    paths: list[Path]
+
+
+def _finish(table: Table, directory: Path, options: Options, main: bool) -> Finished:
+    """Write a table to files, or to stdout if it is the main one, and summarise it."""
+    from wavesweep.program import results
+    from wavesweep.program.tables import kind_named
+
+    kind, paths, notices = kind_named(table.kind), [], [str(notice) for notice in table.facts.get("notices", ())]
+    tally = kind.tally(table)
+    if options.formats and (main or options.to_folder):
+        from wavesweep.program.plots import drawn
+
+        table = drawn(table, notices.append)
+    if options.file and main:
+        paths = [results.save(table.watched(tally.add), options.file)]
+    elif options.to_folder:
+        rows = options.partition if main else None
+        paths = results.publish(table.watched(tally.add), directory, options.overwrite, options.formats, True, rows)
+    elif options.to_stdout and main:
+        try:
+            results.stream(table.watched(tally.add), sys.stdout.buffer)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, error.filename or "stdout") from error
+    else:
+        tally.add(table.columns)
+    # The rows are written, so the checkpoint is not needed any more.
+    table.forget()
+    warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
+    numbers = tally.numbers(table.facts)
+    return Finished(table.kind, notices, numbers, [*warnings, *kind.lines(numbers)], paths)

@@ -1,0 +1,96 @@
+"""`wavesweep plot`."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path
+
+import click
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.options import FORMATS, folder, is_given
+from wavesweep.program.cli.talk import talk
+
+
+def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
+    """Have the figure drawn in this width or style, until the command ends."""
+    if text is not None and not context.resilient_parsing:
+        from wavesweep.program.plots.figure_options import style_of, width_of
+        from wavesweep.program.plots.style import as_asked
+
+        asked = {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
+        context.with_resource(as_asked(**asked))
+    return text
+
+
+@click.command("plot")
+@click.argument("table")
+@click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    type=click.Choice(FORMATS),
+    default=["png"],
+    show_default=True,
+    help="Format of the figure. May be repeated.",
+)
+@click.option(
+    "--width",
+    metavar="SIZE",
+    expose_value=False,
+    callback=_as_asked,
+    help="Width of the figure, e.g. 3.5in or 89mm for a journal's column; a number alone is in inches.",
+)
+@click.option(
+    "--style",
+    metavar="STYLE",
+    expose_value=False,
+    callback=_as_asked,
+    help="A style of matplotlib over that of the program: a name such as ggplot, or a file with settings, e.g. "
+    "'font.family: serif'. Colours that tell curves apart stay.",
+)
+@folder(
+    "Folder for the figure, or a file that ends in .png, .svg, .pdf or .eps [default: the folder of the table].", or_file=True
+)
+def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
+    """Draw the figure of a table again, as PNG, SVG, PDF or EPS.
+
+    TABLE is a Parquet file of another command, or a CSV with its data package beside it. The spec is in either, so the
+    figure is the one that the command itself draws. A figure that is there already is replaced.
+    """
+    from wavesweep.program import plots, results
+    from wavesweep.program.cli.file_places import refuse_other_things
+    from wavesweep.program.cli.messages import say
+    from wavesweep.program.columns import whose_column
+    from wavesweep.program.plots.figure_files import save_all
+    from wavesweep.program.plots.style import about_figure
+    from wavesweep.program.tables.row_kinds import COMPUTED, row_kinds
+
+    plots.refuse_settings()
+    path = Path(table)
+    directory, stem = path.parent if out is None else Path(out), path.stem
+    if out is not None and directory.suffix[1:] in FORMATS and not directory.is_dir():
+        if is_given("formats"):
+            raise click.UsageError(f"--format: expected a folder for --out, found the file {out}, whose name says its format")
+        directory, stem, formats = directory.parent, directory.stem, (directory.suffix[1:],)
+    results.refuse_unusable(directory)
+    refuse_other_things(*(directory / f"{stem}.{form}" for form in formats))
+    # A run that replaces the table meanwhile would be given this figure. Without a table there is nothing to hold.
+    busy = (lambda _: None) if talk().quiet else partial(say, warning=True)
+    with results.at_work([path.stem], directory, wait=True, say=busy) if path.exists() else nullcontext():
+        kind, columns, facts = results.read_table(path)
+        if by := facts.get("drawn_by"):
+            expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
+            raise UsageError(f"{path}: {expected}")
+        known = {*COMPUTED, *row_kinds()} if (whose := whose_column(columns)) in ("guarantee", "hand") else ()
+        if known and (foreign := set(columns[whose].tolist()) - known):
+            expected = f"expected the capability that makes rows of {', '.join(sorted(foreign))}, found that it is not there"
+            raise UsageError(f"{path}: {expected}; plot the table where it is")
+        figure = plots.figure_of(kind)(columns, facts)
+        written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
+        package = directory / f"{path.stem}.datapackage.json"
+        if package.exists() and directory.resolve() == path.parent.resolve():
+            results.add_figures(package, kind, written)
+    if not talk().quiet:
+        say(f"Wrote {', '.join(map(str, written))}")

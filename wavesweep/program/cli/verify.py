@@ -1,0 +1,53 @@
+"""`wavesweep verify`."""
+
+import click
+
+from wavesweep.engine.errors import MOST_LINES
+from wavesweep.program.cli.talk import talk
+
+
+def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:
+    del context, option
+    if prove is not None and not (prove.isdecimal() and int(prove)):
+        raise click.UsageError(f"--prove: expected a number of slices from 1 on, or none behind DIR, found {prove}")
+    return int(prove or 0)
+
+
+@click.command("verify")
+@click.argument("directory", metavar="DIR")
+@click.option(
+    "--prove",
+    is_flag=False,
+    flag_value="20",
+    metavar="[N]",
+    callback=_count,
+    help="Also prove N certified slices of each table of intervals (20 without N) again in ball arithmetic, spread evenly over "
+    "it, and say how many that confirms, refutes or cannot settle. It stands behind DIR.",
+)
+def command(directory: str, prove: int) -> int:
+    """Hold results against their data packages, and compute a sample of the rows again.
+
+    DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared, and some of its rows with
+    what the spec gives now. The exit code is 1 if anything differs, or if a proof refutes a certified row.
+
+    \b
+    Examples:
+      wavesweep verify results/mine
+      wavesweep verify results/mine --prove
+    """
+    from wavesweep.program.cli.messages import printable, progress, say, show_json
+    from wavesweep.program.results.verification import verify
+
+    with progress(talk().quiet, "computing rows again", "--prove with fewer slices takes less") as report:
+        found = verify(directory, prove=prove, progress=report)
+    if talk().as_json:
+        summary = {"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences}
+        show_json(summary | ({"proved": found.proved} if prove else {}))
+    else:
+        if found.checked and not talk().quiet:
+            click.echo(printable("\n".join(found.checked)))
+        for difference in found.differences[:MOST_LINES]:
+            say(f"differs: {difference}", warning=True)
+        if (more := len(found.differences) - MOST_LINES) > 0:
+            say(f"and {more} more differences", warning=True)
+    return 1 if found.differences else 0

@@ -1,0 +1,35 @@
+"""Columns of a table, and those of complex numbers."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+Columns = Mapping[str, np.ndarray]  # of a table, by their names
+
+
+def complex_columns(name: str, values) -> dict[str, np.ndarray]:
+    """Return the columns `name_re`, `name_im`, `name_abs` (in the unit of the values) and `name_deg` of complex numbers.
+
+    A number that is not known, or beyond double precision, is NaN in all four.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        known = np.where(np.isfinite(np.abs(values)), values, complex(np.nan, np.nan))
+        parts = {"re": known.real, "im": known.imag, "abs": np.abs(known), "deg": np.degrees(np.angle(known))}
+    return {f"{name}_{part}": column for part, column in parts.items()}
+
+
+def joined(blocks: Iterable[Columns]) -> Columns:
+    """Blocks of rows as one table."""
+    parts = list(blocks)
+    return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:
+    """Return the names of the axes of a table, which are its columns before `end`."""
+    names = list(columns)
+    return names[: names.index(end)]
+
+
+def whose_column(columns: Columns) -> str:
+    """Return the column that says for whom, or of which spec, a row of intervals is, if the table has one."""
+    return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")

@@ -1,0 +1,116 @@
+"""The library: a loop drawn in Python, whose methods return DataFrames and arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.capabilities import library_names, of_library
+from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import Ports
+from wavesweep.engine.monodromy.drift import TickDrift, drift_of_drawn, frame_with_reliability
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.port import port_of
+from wavesweep.engine.response.steady import respond
+from wavesweep.engine.stability.radii import named_loops
+from wavesweep.engine.stability.spectrum import radius_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnLoop:
+    """A loop drawn in Python as a `MultirateLoop`, which has no numbers to sweep; its arrays may be a batch of loops."""
+
+    drawn: MultirateLoop
+    drift: TickDrift
+
+    if not TYPE_CHECKING:  # which reads the methods of capabilities in wavesweep/__init__.pyi
+
+        def __getattr__(self, name):
+            return of_library(f"DrawnLoop.{name}", dir(DrawnLoop)).__get__(self)
+
+        def __dir__(self):
+            return [*object.__dir__(self), *library_names("DrawnLoop")]
+
+    def spectral_radius(self) -> np.ndarray:
+        """Largest eigenvalue modulus per frame, without drift.
+
+        Returns
+        -------
+        ndarray
+            Of the shape of the batch. It is infinite after overflow, and NaN if rounding hides it.
+        """
+        with named_loops(self.drawn):
+            return radius_of(*frame_with_reliability(self.drawn, self.drift))
+
+    def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:
+        """Admittance and impedance at a port.
+
+        Parameters
+        ----------
+        frequency_hz : float or array of shape (n,)
+            In Hz, from 0 (the static limit) up to half the tick's rate.
+        force : str
+            The input of the drawing (N).
+        position : str
+            A plant's position (m).
+        reaction : str, optional
+            The signal of the force against the hand (N), if any; without it the impedance is force over position.
+
+        Returns
+        -------
+        DataFrame
+            A row per frequency: frequency_hz (Hz), the complex admittance (m/N) and impedance (N/m), NaN if not known, and
+            bounds on their relative errors, admittance_error and impedance_error.
+
+        Raises
+        ------
+        UsageError
+            For a batch of loops, other frequencies, or a signal that does not fit.
+        """
+        from pandas import DataFrame
+
+        drawn = self.drawn
+        if force not in drawn.inputs or is_batch(drawn):
+            raise UsageError(
+                f"response: expected a single loop with the input {force!r}, found inputs {drawn.inputs}, or a batch"
+            )
+        given = real_numbers(frequency_hz)
+        frequency = np.array([np.nan]) if given is None else given.astype(float).ravel()
+        half = 0.5 / float(np.ravel(drawn.period)[0])
+        if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
+            raise UsageError(
+                f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the tick's rate, found {frequency_hz!r:.60}"
+            )
+        known = {f"{each.block.name}.{port}" for each in drawn.placed for port in each.block.outputs} | {*drawn.sums}
+        if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in known]:
+            raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
+        ports = Ports(force, position, reaction)
+        found = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
+        return DataFrame({"frequency_hz": frequency, **{f.name: getattr(found, f.name) for f in fields(found)}})
+
+
+def refuse_infinite(drawn: MultirateLoop) -> None:
+    """Raise UsageError for a block or a wire of a drawing with a number that is missing or not finite."""
+    for each in drawn.placed:
+        parts = (each.block.E, each.block.B, each.block.C, each.block.D)
+        if not all(np.isfinite(part).all() for part in parts):
+            raise UsageError(f"block {each.block.name}: expected finite numbers, found an entry that is not finite")
+    for port, terms in drawn.sums.items():
+        for signal, gain in terms.items():
+            given = real_numbers(gain)
+            if given is None or not np.isfinite(given).all():
+                raise UsageError(f"wire {port}: expected a finite gain of {signal}, found {gain!r:.60}")
+
+
+def is_batch(drawn: MultirateLoop) -> bool:
+    """Whether a block or a gain has an array of values, for a batch of loops."""
+    gains = (gain for terms in drawn.sums.values() for gain in terms.values())
+    return any(each.block.batch for each in drawn.placed) or any(np.ndim(gain) for gain in gains)

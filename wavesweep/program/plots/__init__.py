@@ -1,0 +1,88 @@
+"""Figures of tables. Each kind of table has a function of (columns, facts) that gives a matplotlib `Figure`.
+
+A function is imported at its first use, so a run without a figure imports none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wavesweep.capabilities import modules
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.bundled import program
+from wavesweep.program.tables import HOMES, kind_named
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.tables.table import Table
+
+IN_MEMORY = 300_000  # rows of a table that are drawn at once
+
+
+def __getattr__(name):
+    kind = name.replace("_", "-")
+    if kind in HOMES:
+        return figure_of(kind)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def figure_of(kind: str) -> Callable[..., Any]:
+    """The function that draws the tables of a kind from columns and facts."""
+    if kind == "bench":
+        return program("benchmarks/bench").draw
+    home, _, name = kind_named(kind).figure.rpartition(".")
+    return import_module(home).__dict__[name]
+
+
+def diagram(spec: Spec) -> Any:
+    """The picture of the loop of a spec, which a capability draws. Errors: UsageError if none does."""
+    for each in modules("diagram"):
+        return each.diagram(spec)
+    raise UsageError("the picture of a loop: expected the capability picture, found that it is not there")
+
+
+def refuse_settings() -> None:
+    """Raise UsageError if the current folder has settings that matplotlib, which reads them when imported, cannot read."""
+    try:
+        Path("matplotlibrc").read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"matplotlibrc: expected text in UTF-8, found other bytes ({error.reason}); matplotlib reads it from the "
+            "current folder, so remove it, or leave the figure out (--no-plot)"
+        ) from error
+    except OSError:
+        return
+
+
+def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
+    """The table with its figure, for which a long table is read in blocks.
+
+    say: called with a sentence if the figure of responses leaves some of them out.
+    """
+    if table.figure is not None:
+        return table
+    more = {"say": say} if "bode" in table.kind else {}
+
+    def draw() -> Any:
+        rows = table.blocks if table.rows > IN_MEMORY else table.columns
+        return figure_of(table.kind)(rows, table.facts, **more)
+
+    return with_figure(table, draw)
+
+
+def with_figure(table: Table, draw: Callable[[], Any]) -> Table:
+    """The table with the figure that `draw` returns, drawn once for any number of formats."""
+    made = cache(draw)
+
+    def write(path: Path) -> None:
+        from wavesweep.program.plots.figure_files import save
+        from wavesweep.program.plots.style import about_figure
+
+        save(made(), path, about_figure(table.kind, table.facts))
+
+    return replace(table, figure=write)

@@ -1,0 +1,76 @@
+"""Figures as files: PNG, SVG, PDF and EPS, the same bytes for the same drawing."""
+
+import re
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from wavesweep.program.atomic_files import scratch
+from wavesweep.program.plots.style import DOTS_PER_INCH, style
+
+MOST_MARKS, PRINTED = 500, 400  # marks of a line in an SVG, of which more are an image with so many dots per inch
+
+
+def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
+    """Write a figure by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
+
+    The same drawing gives the same bytes: there is no date in the file.
+    """
+    from matplotlib.lines import Line2D
+
+    with style():
+        if path.suffix == ".png":
+            path.write_bytes(png(canvas, about))
+        elif path.suffix == ".svg":
+            words = {"Title": about["Title"], "Creator": about["Software"], "Date": None, "Description": _lines(about)}
+            for line in canvas.findobj(Line2D):  # each mark would be an element: megabytes of them
+                line.set_rasterized(line.get_linestyle() == "None" and len(line.get_xdata()) > MOST_MARKS)
+            canvas.savefig(path, format="svg", metadata=words, dpi=PRINTED)
+        elif path.suffix == ".eps":
+            file, title = BytesIO(), f"%%Title: {about['Title']}\n".encode("ascii", "replace")
+            canvas.savefig(file, format="eps", metadata={"Creator": f"{about['Software']}; {_lines(about)}"})
+            path.write_bytes(re.sub(rb"%%CreationDate: .*\n", lambda _: title, file.getvalue(), count=1))
+        else:
+            words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
+            canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
+
+
+def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
+    """Write a figure in several formats, each whole or not at all, into a folder, which is created; returns the paths.
+
+    about: see `save`.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
+    with scratch(directory) as folder:
+        for each in written:
+            try:
+                save(canvas, folder / each.name, about)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror or str(error), str(each)) from error
+        for each in written:
+            (folder / each.name).replace(each)
+    return written
+
+
+def _lines(about):
+    return "; ".join(f"{name}: {text}" for name, text in about.items() if name not in ("Title", "Software"))
+
+
+def png(canvas: Any, about: Mapping[str, str]) -> bytes:
+    """A figure as PNG with a palette; about: see `save`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image, PngImagePlugin
+
+    with style():
+        agg = FigureCanvasAgg(canvas)
+        agg.draw()
+    pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
+    # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
+    palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    texts, file = PngImagePlugin.PngInfo(), BytesIO()
+    for name, text in about.items():
+        texts.add_text(name, text)
+    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
+    return file.getvalue()

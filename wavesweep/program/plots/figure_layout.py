@@ -1,0 +1,189 @@
+"""The roles of a table's axes in the figure of its intervals, and a note on the values that are not shown."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence, Sized
+from dataclasses import dataclass
+from itertools import product
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.stability.certificate import FELT_ALIKE
+from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.tables.row_kinds import COMPUTED, row_kinds
+
+# What a person can still read in one figure.
+MOST_MEMBERS = 8
+MOST_PANELS = 6
+MOST_BARS = 8
+MOST_COMBINATIONS = 16  # of several axes, as bars of one panel
+_PAIR = 2  # values, which are compared and not joined
+MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The roles of a table's axes.
+
+    x        the axis along the figure; None if no axis is long enough, so that bars are drawn
+    points   the values of x that are drawn
+    panels   the axis with a panel for each value, None if there is one panel; `panel_values` those drawn
+    family   the axis whose values are lines (or bars) of one panel, None if there are none; `members` those drawn
+    beside   further axes and their values, if each combination of them and the family is a bar
+    fixed    the value at which each remaining axis is held
+    left_out note on the values that the figure does not show; empty if it shows all of them
+    """
+
+    x: str | None
+    points: tuple[float, ...]
+    panels: str | None
+    panel_values: tuple[float, ...]
+    family: str | None
+    members: tuple[float, ...]
+    beside: Mapping[str, tuple[float, ...]]
+    fixed: Mapping[str, float]
+    left_out: str
+
+    @property
+    def bars(self) -> list[dict[str, float]]:
+        """The values of the axes of each bar, or of each line of a family."""
+        axes = ({self.family: self.members} if self.family else {}) | dict(self.beside)
+        return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
+
+    def shows(self, columns: Columns) -> np.ndarray:
+        """Flags of the rows that the figure shows."""
+        roles = ((self.x, self.points), (self.panels, self.panel_values), (self.family, self.members))
+        wanted = {axis: values for axis, values in roles if axis is not None}
+        return having(columns, wanted | {axis: (value,) for axis, value in self.fixed.items()})
+
+
+def having(columns: Columns, wanted: Mapping[str, Sequence[float]]) -> np.ndarray:
+    """Flags of the rows with these values of the axes, or whose loop does not read an axis (NaN)."""
+    flags = np.ones(len(next(iter(columns.values()))), bool)
+    for axis, values in wanted.items():
+        flags &= np.isin(columns[axis], values) | np.isnan(columns[axis])
+    return flags
+
+
+def where(columns: Columns, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Some of the rows, by flags or numbers."""
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def rows_with(columns: Columns, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """The rows with one value of each of these axes."""
+    return where(columns, having(columns, {axis: (value,) for axis, value in values.items()}))
+
+
+def lay_out(
+    axes: Mapping[str, Sequence[float]],
+    best: Mapping[str, float],
+    hands: bool = False,
+    smooth: Collection[str] = (),
+    dampings: Sequence[str] = (),
+) -> Layout:
+    """Give the axes (name -> values) their roles: along the figure (B_VE or K_VE if possible), a family of lines, panels.
+
+    The family is the first axis that fits into one panel, or the first of all. best: the values of the best design, which
+    the figure always shows. hands: the members are hands or specs, so no axis is a family. smooth: axes along which further
+    columns can be computed; a single one of these is along the figure however few values it has.
+    dampings: the names of the damping of walls in drawn loops.
+    """
+    several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
+    x = along_the_figure(several, dampings)
+    if x is None and len(several) == 1 and not hands:
+        x = next((name for name in several if name in smooth and len(several[name]) > _PAIR), None)
+    rest = [name for name in several if name != x]
+    fitting = [name for name in rest if len(several[name]) <= MOST_MEMBERS]
+    family = None if hands else next(iter([*fitting, *rest]), None)
+    panels, *held = [*(name for name in rest if name != family), None]
+    points = evenly(several, x, MOST_POINTS, best)
+    panel_values = evenly(several, panels, MOST_PANELS, best)
+    members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS, best)
+    beside = {name: several[name] for name in held if name}
+    if x is not None or hands or len(members) * prod(map(len, beside.values())) > MOST_COMBINATIONS:
+        beside = {}
+    fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name and name not in beside}
+    shown = ((x, points), (panels, panel_values), (family, members))
+    said = what_is_shown([(n, v, several[n]) for n, v in shown if n] + [(n, (v,), several[n]) for n, v in fixed.items()])
+    return Layout(x, points, panels, panel_values, family, members, beside, fixed, said)
+
+
+def what_is_shown(axes: Iterable[tuple[str, Sequence[float], Sized]]) -> str:
+    """A sentence on axes some values of which are not shown, empty without any; axes: name, values that are shown, and all."""
+    cut = [(name, some, len(every)) for name, some, every in axes if len(some) < len(every)]
+    one, several = "{0} at {1[0]:g} alone, of {2} values", "{3} of {2} values of {0}"
+    parts = [(one if len(some) == 1 else several).format(name, some, n, len(some)) for name, some, n in cut]
+    return f"Shown: {'; '.join(dict.fromkeys(parts))}." if parts else ""
+
+
+def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[str] = ()) -> str | None:
+    """Return the axis along the figure, one of the wall's if possible; None if all axes are short. dampings: of drawn walls."""
+    for wall in ("B_VE", "K_VE", *dampings):
+        if wall in several:
+            return wall
+    # A handful of values makes bars; a line needs more of them.
+    longest = max(several, key=lambda name: len(several[name]), default=None)
+    return longest if longest is not None and len(several[longest]) > MOST_BARS else None
+
+
+def evenly(
+    several: Mapping[str, Sequence[float]], name: str | None, most: int, through: Mapping[str, float] | None = None
+) -> tuple[float, ...]:
+    """Return up to `most` values of an axis, about equally spaced in its list, with both ends and the value in `through`."""
+    if name is None:
+        return ()
+    values = np.asarray(several[name])
+    if len(values) <= most:
+        return tuple(values.tolist())
+    chosen = np.linspace(0, len(values) - 1, most).round().astype(int)
+    if through and name in through:
+        at = int(np.argmin(np.abs(values - through[name])))
+        if at not in (0, len(values) - 1):
+            inner = np.arange(1, most - 1)
+            chosen[inner[np.argmin(np.abs(chosen[inner] - at))]] = at
+    return tuple(values[chosen].tolist())
+
+
+def best_row(columns: Columns) -> dict[str, Any]:
+    """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable.
+
+    If there are any, rows of what is promised, for all numbers or for hands, come first, then certified ones, then those with a
+    known stiffness felt. Besides its columns it has `value`, the end of the interval that is the best one, `merit`, by which it
+    is, and `largest`, the largest high end of the rows that are promised and certified alike.
+    """
+    rows = columns["intervals"] > 0
+    if not rows.any():
+        return {}
+    merit, value, known = columns["high"], columns["high"], np.ones(rows.size, bool)
+    if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
+        low, high = columns["felt_low"], columns["felt_high"]
+        known = ~np.isnan(high)
+        falls = low > high + FELT_ALIKE * np.abs(high)
+        merit = np.where(known, np.where(falls, low, high), merit)
+        value = np.where(known & falls, columns["low"], value)
+    whose, kinds = whose_column(columns), list(row_kinds())
+    promise = np.zeros(rows.size, int)
+    if whose in ("guarantee", "hand"):
+        promise = np.array([0 if word in COMPUTED else len(kinds) - kinds.index(word) for word in columns[whose].tolist()])
+    ranks, largest = (promise, columns["certified"], known), 0.0
+    for rank in ranks:
+        largest = columns["high"][rows].max() if rank is known else largest
+        rows = rows & (rank == rank[rows].max())
+    merit = np.where(rows, merit, -np.inf)
+    most = merit.max()
+    row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
+    best = {name: column[row] for name, column in columns.items()}
+    more = {"value": value[row], "merit": merit[row], "largest": largest}
+    return best | more | {"rank": tuple(int(rank[row]) for rank in ranks)}
+
+
+def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The best of the best rows of some blocks, the first of those that are alike but for rounding."""
+    candidates = [row for row in rows if row]
+    first = max((row["rank"] for row in candidates), default=())
+    largest = max((row["largest"] for row in candidates if row["rank"][:2] == first[:2]), default=0.0)
+    candidates = [row for row in candidates if row["rank"] == first]
+    most = max((row["merit"] for row in candidates), default=0.0)
+    alike = (row for row in candidates if row["merit"] >= most - FELT_ALIKE * abs(most))
+    return next(({**row, "largest": largest} for row in alike), {})

@@ -1,0 +1,15 @@
+"""Points next to the curves of a figure, which capabilities offer in their module `marks`."""
+
+from collections.abc import Iterable
+from typing import Any
+
+from wavesweep.capabilities import modules
+from wavesweep.program.spec import Spec
+
+
+def facts_of_marks(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
+    """What the points in the figure of a table of that kind are, as facts of the run. Errors: UsageError.
+
+    They are stored with the table, so that `plot` draws the points of the run.
+    """
+    return {name: fact for each in modules("marks") for name, fact in each.facts_of(specs, kind).items()}

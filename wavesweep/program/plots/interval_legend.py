@@ -1,0 +1,158 @@
+"""The legend of the figure of stable intervals: its members, and its marks in words."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.stability.certificate import FELT_ALIKE
+from wavesweep.program.plots.labels import unit, valued
+from wavesweep.program.plots.member_panels import Member, look_of
+from wavesweep.program.plots.region_figures import (
+    BAR,
+    BEYOND,
+    CARET,
+    DOWN,
+    FELT,
+    FELT_LINE,
+    LADDER,
+    LEFT,
+    RIGHT,
+    UP,
+    handles_of,
+)
+from wavesweep.program.plots.shown import Shown
+from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
+from wavesweep.program.tables.planes import incomplete
+from wavesweep.program.tables.row_kinds import COMPUTED, row_kinds
+
+_BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
+NOT_KNOWN, REFUTED = "not known", "refuted from here"
+_SMALL = 7  # points, of a legend above a figure of one column
+BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
+OWN = BEST | {"marker": "x", "markeredgewidth": 1.4}
+LIMIT = {"color": "0.35", "linewidth": 0.8}
+LIMITS = {
+    "holds_to": ("friction holds an encoder step, $2 f_c/D$", (0, (6, 1, 1, 1, 1, 1))),
+    "passive_to": ("passive by damping, without $B_{VE}$", (0, (1, 2))),
+}
+
+
+def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """The entries of the legend: the members of a family, the hands or the specs, and the marks.
+
+    drawn: the axes of the panels. What is not in them has no entry.
+    """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    members, layout, entries = shown.members(shown.columns), shown.layout, []
+    plane = layout.x is not None
+    if plane and (shown.whose or layout.family is not None):  # bars have their names
+        names = [member.name for member in members]
+        if not shown.whose:  # the first has name and unit, the others the value
+            values = layout.members
+            names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
+        names = [name + _extent(shown, member) for name, member in zip(names, members, strict=True)]
+        entries = handles_of(names, [member.look for member in members], [member.at_values for member in members])
+    artists = [each for axes in drawn for each in (*axes.lines, *axes.patches, *axes.collections)]
+    ladders = [each for each in artists if each.get_label() == LADDER]
+    if ladders or any(each.get_hatch() == UNKNOWN["hatch"] for each in artists if hasattr(each, "get_hatch")):
+        entries.append(Line2D([], [], **BAR, color=UNKNOWN["edgecolor"]) if ladders else Patch(**UNKNOWN))
+        entries[-1].set_label(NOT_KNOWN)
+    markers = [each.get_marker() for each in artists if isinstance(each, Line2D)]
+    carets = [each for each in markers if each in (RIGHT, UP, LEFT, DOWN)]
+    if carets:
+        entries.append(Line2D([], [], marker=carets[-1], **CARET, label=REFUTED))
+    return entries, _marks(shown, members, panels, artists)
+
+
+def _extent(shown: Shown, member: Member) -> str:
+    """What the legend says of a region that has no boundary, since no line shows it."""
+    rows, bottom = member.rows, np.nanmin(shown.columns["low"], initial=np.inf)
+    if not rows["intervals"].any():
+        return ": none"
+    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
+    return ": whole range" if whole.all() else ""
+
+
+def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]) -> list[Any]:
+    """The entries of the legend for single points and for lines that no member has alone; artists: what is drawn."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    certain = all(member.rows["certified"].all() for member in members)
+    hatches = {each.get_hatch() for each in artists if hasattr(each, "get_hatch")}
+    handles = []
+    if any(each.get_label() == FELT for each in artists):
+        alone = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
+        handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
+    if shown.best:
+        handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
+    if shown.own_design(panels)[0]:
+        handles.append(Line2D([], [], **OWN, label="nominal design"))
+    dashed = {"linestyle": "--", "label": "not certified"}
+    if UNPROVED["hatch"] in hatches:
+        handles.append(Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed))
+    elif any(_is_red(each) for each in artists):
+        handles.append(Line2D([], [], color=DOUBTFUL, **dashed))
+    if BEYOND["hatch"] in hatches:
+        handles.append(Patch(**BEYOND, label="beyond the swept range"))
+    limits = [LIMITS[name] for name in shown.limits_of_walls()]
+    handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
+    for each in shown.walls:
+        handles += each.handles(shown.layout.points, shown.view)
+    return handles
+
+
+def _is_red(artist: Any) -> bool:
+    """Whether lines are drawn in the colour of what is not certified."""
+    from matplotlib.colors import same_color, to_rgba
+
+    if not hasattr(artist, "get_segments"):
+        return False
+    colours = artist.get_colors() if len(artist.get_segments()) else ()
+    return any(same_color(to_rgba(each), DOUBTFUL) for each in colours)
+
+
+def _best_in_words(shown: Shown, sure: str) -> str:
+    """The largest value and, of a wall, the stiffness felt; sure: what to say of it if others are in doubt."""
+    best, facts = shown.best, shown.facts
+    kind = row_kinds()[best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else ""]
+    sure = sure if best["certified"] and not kind.proved else ""
+    sure += f", {kind.legend}" * (shown.whose == "hand")
+    end = "low" if best["value"] == best["low"] else "high"
+    title, over = kind.largest, "over " if np.isnan(best[f"{end}_omega"]) and not kind.proved else ""
+    felt, value = best["merit"], f"{over}{best['value']:.5g}"
+    alike = abs(felt - best["value"]) <= 0.005 * best["value"]
+    if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):
+        start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
+        return f"{title}{sure}: {value} {unit(shown.along, facts)}".rstrip() + start
+    title = title.replace("largest", "stiffest felt") + (sure and ",") * (not sure.startswith(",")) + sure
+    return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {value} N/m"
+
+
+def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
+    """The members above the only panel, and the marks above these; or all beside several panels, or above them."""
+    if beside and members + marks:
+        canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
+        return
+    width = canvas.get_figwidth()
+    if grid.size > 1:
+        members, marks = [], members + marks
+    above = {"columnspacing": 0.8, "handlelength": 2.5, "handletextpad": 0.5, "fontsize": _SMALL}
+    if members:
+        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
+        grid[0, 0].legend(handles=members, ncols=_in_a_row(members, width), **above, **place)
+    if marks:
+        canvas.legend(handles=marks, loc="outside upper center", ncols=_in_a_row(marks, width), **above)
+
+
+def _in_a_row(entries: Sequence[Any], width: float) -> int:
+    """How many entries are side by side above the panels of a figure of this width, inches."""
+    return fitting([entry.get_label() for entry in entries], width - _BESIDE, _SMALL)
+
+
+def rows_of(entries: Sequence[Any], width: float) -> int:
+    """How many rows of a legend these entries take above a figure of this width, inches."""
+    return -(-len(entries) // _in_a_row(entries, width)) + max((entry.get_label().count("\n") for entry in entries), default=0)

@@ -1,0 +1,109 @@
+"""Names, units and sentences as a paper prints them."""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from wavesweep.engine.keys.key import RATIO
+from wavesweep.program.reading.keys import readable
+from wavesweep.program.results import fields
+from wavesweep.program.tables.columns import at_port, unlike_units
+
+LONGEST_NAME = 48  # letters of a spec in a legend
+_FILTERS = ("lp1", "hp", "lp2")
+_SYMBOLS = {
+    "K_VE": r"$K_\mathrm{VE}$",
+    "B_VE": r"$B_\mathrm{VE}$",
+    "K_LM": r"$K_\mathrm{LM}$",
+    "B_LM": r"$B_\mathrm{LM}$",
+    "Kp": r"$K_p$",
+    "K_VC": r"$K_\mathrm{VC}$",
+    "B_VC": r"$B_\mathrm{VC}$",
+    "b": r"$b$",
+    "rates.fast_hz": "fast rate",
+    "rates.slow_hz": "slow rate",
+    "rates.tick_hz": "rate of the ticks",
+    "rates.ratio": "ratio of the rates",
+    "environment.delay": "delay",
+    "device.delay": "delay of the amplifier",
+    "device.dead_time": "dead time of the amplifier",
+    "local_model.delay": "delay of the local model",
+    **{
+        f"filters.{name}.{part}_hz": f"{name.upper()} {part}"
+        for name in _FILTERS
+        for part in ("cutoff", "passband", "stopband")
+    },
+    **{f"filters.{name}.order": f"{name.upper()} order" for name in _FILTERS},
+}
+
+
+def symbol(name: str) -> str:
+    """The name of an axis as a paper prints it; a number of a drawn loop as its spec has it, but for gains such as Ki."""
+    if name in _SYMBOLS:
+        return _SYMBOLS[name]
+    if re.fullmatch("[A-Z][a-z]", name):
+        return f"${name[0]}_{name[1]}$"
+    return name.replace(".", " ").replace("_", " ") if "." in name else name
+
+
+def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
+    """The unit of an axis as a paper prints it, empty if it has none; facts: see `label`."""
+    return printed([next(field.unit for field in fields("zwidth", [name], facts=facts) if field.name == name)])
+
+
+def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
+    """The name of an axis with its unit. facts: of a run, which describe the numbers of a drawn loop."""
+    return with_unit(symbol(name), printed(unlike_units(facts).get(name, ())) or unit(name, facts))
+
+
+def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:
+    """The name of an axis with a value and its unit; facts: see `label`."""
+    each = unit(name, facts)
+    digits, _, power = f"{value:.6g}".partition("e")
+    said = f"{digits}·10$^{{{int(power)}}}$" if power else digits
+    return f"{symbol(name)} = {said} {'ticks' if each == 'tick' and value != 1 else each}".rstrip()
+
+
+def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) -> str:
+    """The name of a quantity at the hand with its unit. unit: of a hand that slides, which "m" before it makes a thousandth."""
+    thousandth = "m" * (unit in ("mm", "mm/N"))
+    units = unlike_units(facts).get(column) or [at_port(unit.removeprefix(thousandth), facts)]
+    across = "\n" if len(units) > 1 else " "
+    return f"{text}{across}({printed(thousandth + each for each in units)})"
+
+
+def with_unit(text: str, printed_unit: str) -> str:
+    """The text with a printed unit behind it, if there is one."""
+    return f"{text} ({printed_unit})" if printed_unit else text
+
+
+def printed(units: Iterable[str]) -> str:
+    """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
+    texts = [
+        re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(readable(each)).replace("*", "·"))
+        if each not in ("1", RATIO)
+        else ""
+        for each in units
+    ]
+    return texts[0] if len(texts) == 1 else " or ".join(each or "no unit" for each in texts)
+
+
+def as_it_stands(text: str) -> str:
+    """A text of a user, such as the name of a spec, without a meaning for the program that sets it."""
+    return text.replace("$", r"\$")
+
+
+def shortened(name: str) -> str:
+    """The name of a spec as a legend has it, without the middle of a long one."""
+    return as_it_stands(name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME // 2]}...{name[3 - LONGEST_NAME // 2 :]}")
+
+
+def assumption(facts: Mapping[str, Any]) -> str:
+    """The sentence on wall, delay and velocity that a run is for; empty if there is none."""
+    said = assumed(facts)
+    return f"Assumes: {said}." if said else ""
+
+
+def assumed(facts: Mapping[str, Any]) -> str:
+    """What a run assumes of wall, delay and velocity, with the names of specs; empty if it assumes nothing."""
+    return as_it_stands(str(facts.get("assumes") or ""))

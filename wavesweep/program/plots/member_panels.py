@@ -1,0 +1,177 @@
+"""What a panel of stable intervals shows: the members of a family, hands or specs, as curves or as bars."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+
+from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.plots.figure_layout import rows_with, where
+from wavesweep.program.plots.labels import shortened, valued
+from wavesweep.program.plots.style import DOUBTFUL, LINES, UNKNOWN, UNPROVED, Look, distinct_look, family_looks, paler
+from wavesweep.program.tables.planes import KNOWN, Curve, View, columns_of, curves_of, open_spans
+from wavesweep.program.tables.row_kinds import COMPUTED, RowKind, row_kinds
+
+HALF_BAR = 0.32  # of the distance between two bars
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """One of the sets of intervals that a panel has: a value of the family, a hand, or a spec.
+
+    name: in a legend, or at a bar. facts: with the spec from which columns between its rows are computed. guarantee: the word
+    of a hand, or of [for_all]; empty for others.
+    """
+
+    name: str
+    look: Look
+    rows: Columns
+    facts: Mapping[str, Any]
+    guarantee: str = ""
+
+    @property
+    def at_values(self) -> bool:
+        """Whether its intervals are known at the swept values alone, and nothing can be computed between them."""
+        return self.guarantee not in ("", *COMPUTED)
+
+    @property
+    def proved(self) -> bool:
+        """Whether its intervals are what is proved."""
+        return row_kinds()[self.guarantee].proved
+
+
+def members_of(
+    columns: Columns, facts: Mapping[str, Any], bars: Sequence[Mapping[str, float]], specs: Sequence[str]
+) -> list[Member]:
+    """The members of a panel, whose rows these are.
+
+    bars: the values of the axes of each member of a family. specs: all specs of a comparison, in the order of their looks.
+    """
+    whose = whose_column(columns)
+    if whose == "spec":
+        tables = specs_of(facts)
+        rows = {name: where(columns, columns["spec"] == name) for name in specs}
+        return [
+            Member(shortened(name), distinct_look(at), rows[name], {"spec": tables.get(name, {})})
+            for at, name in enumerate(specs)
+            if len(rows[name]["spec"])
+        ]
+    if whose:
+        rows = {hand: where(columns, columns[whose] == hand) for hand in row_kinds()}
+        present = {hand: as_drawn(hand, each) for hand, each in rows.items() if len(each["along"])}
+        members = []
+        for hand, each in present.items():
+            kind = row_kinds()[hand]
+            name = kind.legend + " (operator)" * (kind.of_operator and "operator" in present)
+            if kind.searched and "settled" in columns:
+                name += " (settled)" if each["settled"].all() else " (searched)"
+            members.append(Member(name, look_of(kind), each, facts, hand))
+        return members
+    members = []
+    for look, values in zip(family_looks(len(bars)), bars, strict=True):
+        name = ", ".join(valued(name, value, facts) for name, value in values.items())
+        name = name if len(values) > 1 else "".join(f"{value:g}" for value in values.values())
+        members.append(Member(name, look, rows_with(columns, values), facts))
+    return members
+
+
+def look_of(kind: RowKind) -> Look:
+    """The look of the rows of a kind, the same whichever are there."""
+    return Look(kind.colour, LINES[kind.line])
+
+
+def as_drawn(hand: str, rows: Columns) -> Columns:
+    """The rows of a hand. What is proved for all has an end wherever a counterexample or nothing is known beyond it; what is
+    searched for is as good as certified where it is settled.
+    """
+    if row_kinds()[hand].searched and "settled" in rows:
+        return {**rows, "certified": rows["settled"]}
+    if not row_kinds()[hand].proved:
+        return rows
+    ends = {
+        omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
+        for omega, fails in (("low_omega", "fails_below"), ("high_omega", "fails_from"))
+    }
+    return {**rows, **ends}
+
+
+def over_one_damping(columns: Columns, facts: Mapping[str, Any]) -> Columns:
+    """The columns with the dampings of all walls in that of the first spec which sweeps its own; another has its own value."""
+    names, values = {}, {}
+    for spec, tables in specs_of(facts).items():
+        name = damping_of(tables)
+        names[spec] = name or "B_VE"
+        values[spec] = tables["numbers"][name]["value"] if name else tables.get("environment", {}).get("B_VE", np.nan)
+    x = next((name for name in names.values() if name in columns), None)
+    if x is None or set(names.values()) == {x}:
+        return columns
+    merged = columns[x].astype(float)
+    for spec, name in names.items():
+        rows = (columns["spec"] == spec) & np.isnan(merged)
+        merged[rows] = columns[name][rows] if name in columns else values[spec]
+    others = {name: column for name, column in columns.items() if name == x or name not in names.values()}
+    return others | {x: merged}
+
+
+def damping_of(tables: Mapping[str, Any]) -> str | None:
+    """The number of a drawn loop that is the damping of its wall."""
+    return tables.get("ports", {}).get("wall", {}).get("damping")
+
+
+def specs_of(facts: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    """The tables of all specs of a comparison, by their names."""
+    return facts.get("specs") or {facts.get("spec_name", ""): facts.get("spec", {})}
+
+
+def member_curves(members: Sequence[Member], view: View, span: tuple[float, float]) -> list[Curve]:
+    """The curves of all members; those of one family in a batch."""
+    if not any(member.guarantee for member in members) and len({id(member.facts) for member in members}) == 1:
+        return curves_of([member.rows for member in members], view, members[0].facts)
+    curves, dampings = [], {"B_VE", *(damping_of(member.facts.get("spec", {})) for member in members)}
+    for member in members:
+        rows, x = member.rows, member.rows[view.x]
+        if member.at_values:
+            curves.append(Curve(columns_of(rows, x)))
+        elif np.isnan(x).all():  # a loop that does not read it has the same intervals everywhere
+            (column,) = columns_of(rows, np.zeros(len(x))).values()
+            curves.append(Curve(dict.fromkeys(span, column), {span: KNOWN}))
+        else:
+            own = (damping_of(member.facts.get("spec", {})) or "B_VE") if view.x in dampings else view.x
+            renamed = {own if name == view.x else name: column for name, column in rows.items()}
+            curves += curves_of([renamed], replace(view, x=own), member.facts)
+    return curves
+
+
+def draw_bars(axes: Any, members: Sequence[Member]) -> None:
+    """Draw a bar per stable interval, a line of bars per member, named at the left.
+
+    An end of the stable set is marked by a stroke; if the swept range ends the bar, there is none.
+    """
+    family = family_looks(1)[0].colour
+    for place, member in enumerate(members):
+        rows, colour = member.rows, member.look.colour if member.guarantee or "spec" in member.rows else family
+        stable, unknown = np.flatnonzero(rows["intervals"] > 0), [span for spans in open_spans(rows) for span in spans]
+        for low, high in unknown:
+            if np.isinf(low):
+                axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
+            else:
+                axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **UNKNOWN | {"zorder": 3})
+        if not stable.size:
+            nothing = "nothing known to be stable" if unknown else "nowhere stable"
+            said = "nothing proved" if member.proved else nothing
+            at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
+            axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
+        for row in stable.tolist():
+            low, high = rows["low"][row], rows["high"][row]
+            certified = rows["certified"][row]
+            area = {"facecolor": paler(colour, 0.25), "linewidth": 0} if certified else {**UNPROVED, "edgecolor": colour}
+            axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **area)
+            edge, style = (colour, "-") if certified else (DOUBTFUL, "--")
+            ends = [rows[end][row] for end in ("low", "high") if not np.isnan(rows[f"{end}_omega"][row])]
+            if ends:
+                axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, colors=edge, linestyles=style)
+    names = [fill(member.name, 14) if member.guarantee else member.name for member in members]
+    axes.set_yticks(range(len(members)) if any(names) else [], names if any(names) else [])
+    axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))

@@ -1,0 +1,274 @@
+"""The common style of all figures: sizes for a paper, fonts, colours for the colour-blind, notes, and names of axes."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise, product
+from pathlib import Path
+from threading import RLock
+from typing import Any
+
+from wavesweep.engine.errors import UsageError
+
+ONE_COLUMN = 3.5  # inches: the column of a two-column paper
+TWO_COLUMNS = 7.0
+NARROW_BELOW = 5.0  # inches: panels of a narrower figure stand one below the other; its texts have the same size
+DOTS_PER_INCH = 200
+NOTE = 16  # letters of a note in an inch
+NARROW, APART = 1.5, 8.0  # points, at least, between two numbers below a panel, and below neighbouring ones
+IDEAL = "black"
+DOUBTFUL = "#d62728"
+FAINT = 0.35  # share of its colour that the curve of an unstable loop has
+UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
+UNPROVED = {"facecolor": "white", "hatch": "ooo", "linewidth": 0}  # stable, but not certified; in the colour of its region
+GRID = {"visible": True, "color": "0.9", "linewidth": 0.5}
+LINES = ("-", (0, (7, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (3, 1)), (0, (8, 1.2, 1, 1.2, 1, 1.2)), (0, (1.5, 0.8)))
+
+# Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
+_DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+_STYLE = {
+    "font.size": 8,
+    "axes.labelsize": 8,
+    "axes.titlesize": 8,
+    "axes.linewidth": 0.6,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.title_fontsize": 8,
+    "legend.frameon": False,
+    "legend.handlelength": 2.8,  # a whole period of the dashes
+    "lines.linewidth": 1.2,
+    "figure.constrained_layout.h_pad": 0.03,
+    "figure.constrained_layout.w_pad": 0.03,
+    "hatch.linewidth": 0.5,
+    "ps.fonttype": 42,
+    "pdf.fonttype": 42,  # TrueType: journals refuse Type 3
+    "svg.fonttype": "none",  # texts that can be searched, and changed by hand
+    "svg.hashsalt": "wavesweep",
+}
+_COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
+_ALONE = RLock()  # held while the settings are those of a figure
+_ASKED: ContextVar[tuple[float | None, Mapping[str, Any]]] = ContextVar("asked", default=(None, {}))
+_INTO: ContextVar[Any] = ContextVar("into", default=None)  # axes or a part of a figure, in whose place the next one is drawn
+
+
+@contextmanager
+def as_asked(width: float | None = None, settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw figures this wide (inches), and with these settings of matplotlib over those of the common style."""
+    before = _ASKED.set((width or _ASKED.get()[0], settings or _ASKED.get()[1]))
+    try:
+        yield
+    finally:
+        _ASKED.reset(before)
+
+
+def wide(width: float) -> float:
+    """The width of a figure, inches: the one that was asked for, or else `width`."""
+    return _ASKED.get()[0] or width
+
+
+def is_narrow() -> bool:
+    """Whether a figure of two columns has to fit into one."""
+    return wide(TWO_COLUMNS) < NARROW_BELOW
+
+
+def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
+    """The figure that `draw` makes or, with `ax`, that of these axes, in whose place it is drawn as a `SubFigure`.
+
+    ax: a `SubFigure` is drawn in. Errors: UsageError for axes that are not part of a grid of panels.
+    """
+    if ax is None:
+        return draw()
+    part = hasattr(ax, "add_subfigure")
+    if not part and (not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None):
+        raise UsageError(f"ax: expected axes of a grid, as matplotlib.pyplot.subplots gives them, found {ax!r:.60}")
+    before = _INTO.set(ax)
+    try:
+        draw()
+    finally:
+        _INTO.reset(before)
+    return ax.figure
+
+
+@contextmanager
+def figure(width: float, height: float) -> Iterator[Any]:
+    """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
+
+    A width that was asked for, see `as_asked`, is taken in place of `width`; a wider figure is higher too. The figure belongs
+    to no window, and leaves no settings behind. A notebook shows it. Within `drawn_into` it is a part of another.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from wavesweep.program.plots.figure_files import png
+
+    with style():
+        if (part := _INTO.get()) is not None:
+            if not hasattr(part, "add_subfigure"):
+                part.set_axis_off()
+                part = part.figure.add_subfigure(part.get_subplotspec())
+            # A part lacks some methods of a figure: its size and layout are those of the whole.
+            part.get_figwidth, part.get_figheight = (lambda: part.bbox.width / part.dpi), (lambda: part.bbox.height / part.dpi)
+            part.set_figheight = part.set_layout_engine = lambda *_: None
+            yield part
+            return
+        height *= max(1.0, wide(width) / width) ** 0.5
+        canvas = Figure(figsize=(wide(width), height), dpi=DOTS_PER_INCH, layout="constrained")
+        FigureCanvasAgg(canvas)
+        yield canvas
+        _settle(canvas)
+    canvas._repr_png_ = partial(png, canvas, {})  # the name that notebooks ask a value for
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """The settings of every figure, with those that were asked for. No matplotlibrc is read, so that it looks alike everywhere.
+
+    The settings are those of the process, so one thread after the other draws, and the user's are there again afterwards.
+    """
+    import matplotlib
+    from matplotlib.font_manager import fontManager
+
+    if not any(font.name == "DejaVu Sans" for font in fontManager.ttflist):  # its stored list of fonts is empty
+        for path in Path(matplotlib.get_data_path(), "fonts", "ttf").glob("*.ttf"):
+            fontManager.addfont(path)
+    with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, **_ASKED.get()[1], "backend": "agg"}):
+        yield
+
+
+def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:
+    """The texts of a figure's metadata: title, program, command, and the spec with its digest."""
+    texts = {"Title": f"wavesweep {kind}", "Software": f"wavesweep {facts.get('tool_version', '')}".rstrip()}
+    texts["Command"] = f"wavesweep {_COMMANDS.get(kind, kind)}"
+    if "spec_name" in facts:
+        texts |= {"Title": f"{kind} of {facts['spec_name']}", "Spec": str(facts["spec_name"])}
+    if "spec_sha256" in facts:
+        texts["Spec SHA-256"] = str(facts["spec_sha256"])
+    return texts
+
+
+def _settle(canvas: Any) -> None:
+    """Lay the figure out and round the positions of its panels.
+
+    A panel whose axes have the same unit gets its shape when it is drawn, so that the texts around it are then placed anew. The
+    layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
+    """
+    canvas.draw_without_rendering()
+    again = [axes for axes in canvas.axes if _thinned(axes) or _cut_off(axes) or axes.get_aspect() != "auto"]
+    if close := _closest(canvas.axes) < APART * canvas.dpi / 72:
+        canvas.get_layout_engine().set(w_pad=_STYLE["figure.constrained_layout.w_pad"] + APART / 2 / 72)
+    if again or close:
+        canvas.draw_without_rendering()
+    canvas.set_layout_engine("none")
+    for axes in canvas.axes:
+        axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
+
+
+def _closest(panels: Sequence[Any]) -> float:
+    """The least distance (pixels) between the numbers below a panel and those below the next one beside it; else infinite."""
+    spans = []
+    for axes in panels:
+        boxes = [each.get_window_extent() for each in axes.get_xticklabels() if each.get_visible() and each.get_text()]
+        boxes = [box for box in boxes if axes.bbox.x0 - 1 <= (box.x0 + box.x1) / 2 <= axes.bbox.x1 + 1]
+        spans += [(axes.bbox.y0, axes.bbox.x0, min(box.x0 for box in boxes), max(box.x1 for box in boxes))] if boxes else []
+    pairs = product(spans, repeat=2)
+    return min((b[2] - a[3] for a, b in pairs if abs(a[0] - b[0]) < 1 and a[1] < b[1]), default=float("inf"))
+
+
+def _cut_off(axes: Any) -> bool:
+    """Whether the name of a panel's axis sticks out, as the panel's new size has given it wider numbers; these stay then."""
+    out = bool(axes.get_ylabel()) and bool(axes.yaxis.label.get_window_extent().x0 < 0)
+    if out:
+        for each in axes.figure.axes:
+            each.set_yticks([tick for tick in each.get_yticks() if min(each.get_ylim()) <= tick <= max(each.get_ylim())])
+    return out
+
+
+def _thinned(axes: Any) -> bool:
+    """Whether the numbers below a panel touched each other; there are fewer then."""
+    boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_visible() and label.get_text()]
+    boxes = sorted((box.x0, box.x1) for box in boxes)
+    narrow = NARROW * axes.figure.dpi / 72
+    crowded = axes.get_xscale() == "linear" and any(right[0] < left[1] + narrow for left, right in pairwise(boxes))
+    if crowded:
+        axes.locator_params(axis="x", nbins=max(1, len(boxes) // 2))
+    return crowded
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour and style of a line; the style makes it out in grey as well."""
+
+    colour: Any
+    line: Any = "-"
+
+
+def paler(colour: Any, share: float) -> tuple[float, ...]:
+    """The colour that shows if this share of it covers white. No part of a figure is transparent, as EPS has none."""
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - share * (1 - part) for part in to_rgb(colour))
+
+
+def family_looks(number: int) -> list[Look]:
+    """Return the looks of an ordered family, dark to light; the yellow end of the map is left out, as it is faint on white."""
+    if number == 1:
+        return [Look(_DISTINCT[0])]
+    colours = family_map()
+    return [Look(colours(index / (number - 1)), LINES[index % len(LINES)]) for index in range(number)]
+
+
+def family_map() -> Any:
+    """The map of the colours of families, without its yellow end."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["viridis"]([0.85 * index / 255 for index in range(256)]))
+
+
+def distinct_colour(index: int) -> str:
+    """Return the colour number `index` of a set without an order; colours repeat after six."""
+    return _DISTINCT[index % len(_DISTINCT)]
+
+
+def distinct_look(index: int) -> Look:
+    """Return that colour with a style of line of its own."""
+    return Look(distinct_colour(index), LINES[index % len(LINES)])
+
+
+def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
+    """Write notes below the panels, and above them the name of an axis that they share. The figure grows with the lines.
+
+    The notes are lines of the label of an axis, below an empty one: the layout makes room for that, and for nothing that is
+    placed by hand.
+    """
+    from textwrap import wrap
+
+    width = int(NOTE * canvas.get_figwidth())
+    lines = [line for text in sentences for part in text.splitlines() for line in wrap(part, width)]
+    if axis or lines:
+        lines = [axis, *([""] if lines else []), *lines] if axis else lines
+        canvas.set_figheight(canvas.get_figheight() + 0.12 * (len(lines) - bool(axis)))
+        canvas.supxlabel("\n".join(lines), fontsize=8 if axis else 7)
+
+
+def warn_above(canvas: Any, text: str) -> None:
+    """Write a warning above the panels."""
+    from textwrap import fill
+
+    if text:
+        canvas.suptitle(fill(text, int(NOTE * canvas.get_figwidth())), fontsize=8, color=DOUBTFUL)
+
+
+def fitting(texts: Sequence[str], width: float, size: float = 8.0) -> int:
+    """How many columns a legend with these texts, of `size` points, has room for in `width` inches, with rows of about the same
+    number.
+    """
+    letters = [max(map(len, re.sub(r"\\mathrm|[$_{}^\\]", "", text).split("\n"))) for text in texts]
+    *_, second, longest = sorted([0, 0, *letters])
+    column = [size * (5 + 0.52 * letters) for letters in (second, longest)]
+    most = max(1, 1 + int((72 * width - column[1]) / column[0]))
+    return -(-len(texts) // -(-len(texts) // most)) if texts else 1

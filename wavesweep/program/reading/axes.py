@@ -1,0 +1,110 @@
+"""The axes of a sweep: the values or the span of each key, and their spacing."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from wavesweep.engine.keys.checking import Mistakes, Rejected, check, show
+from wavesweep.engine.keys.key import Key, Names
+from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.program.reading.keys import AXIS_KEYS, BUILT_IN
+from wavesweep.program.reading.tables import study_keys
+
+
+def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
+    """Return the values of `numpy.linspace(start, stop, num)`, bit for bit; both ends are exact."""
+    if num == 1:
+        return (start,)
+    step = (stop - start) / (num - 1)
+    return (*(i * step + start for i in range(num - 1)), stop)
+
+
+def logarithmic(start: float, stop: float, num: int) -> tuple[float, ...]:
+    """Return the values of `numpy.geomspace(start, stop, num)`, for 0 < start <= stop; both ends are exact.
+
+    Accuracy: the two differ by the rounding of exponents, a few ulp times `log(10)*|log10(value)|`, because numpy has
+    logarithms and powers of its own.
+    """
+    if num == 1:
+        return (start,)
+    exponents = linear(math.log10(start), math.log10(stop), num)[1:-1]
+    return (start, *(min(max(10.0**exponent, start), stop) for exponent in exponents), stop)
+
+
+SPACINGS = {"linear": linear, "log": logarithmic}
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One axis: `values` in order (empty if only the span is given), `start` and `stop` the span or the extremes.
+
+    `name` is the name in the spec, and that of the column; `path` is the path of the key. If `structural` is true, a value
+    has to go through `Spec.with_values`; otherwise an array of floats may replace `values[path]`.
+    """
+
+    name: str
+    path: str
+    values: tuple[float | int, ...]
+    start: float | int
+    stop: float | int
+    structural: bool
+    scale: str | None = None
+    place: Place = field(default=Place(), repr=False, compare=False)
+
+    def written(self) -> list | dict:
+        """Return the axis as a spec could give it: a list, or a table of start, stop, num and scale."""
+        if self.scale is None:
+            return list(self.values)
+        span = {"start": self.start, "stop": self.stop}
+        return {**span, "num": len(self.values), "scale": self.scale} if self.values else span
+
+
+def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mistakes, names: Names = BUILT_IN) -> Axis | None:
+    """Return the axis given by the parts of one key of a study, or None and add its mistakes."""
+    key = names.find(name) or study_keys()[f"{study}.{name}"]
+    label, before = f"{study}.{name}", len(mistakes)
+    if not key.numeric:
+        found = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
+        mistakes.refuse(next(iter(parts.values())), label, "a numeric key", found)
+    elif "" in parts:
+        values = mistakes.check_list(key, parts[""], label, "a list of numbers or { start, stop, num }")
+        if len(mistakes) == before:
+            return Axis(name, key.path, tuple(values), min(values), max(values), key.structural, None, parts[""].place)
+    else:
+        span = _span(label, key, parts, mistakes)
+        if len(mistakes) == before:
+            return Axis(name, key.path, *span, axis_place(parts))
+    return None
+
+
+def axis_place(parts: Mapping[str, Leaf]) -> Place:
+    """Return the place of the axis with these parts."""
+    part, leaf = next(iter(parts.items()))
+    return leaf.place.parent() if part else leaf.place
+
+
+def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:
+    """Return values, start, stop, whether the axis is structural, and the scale; a part that is unknown is reported already."""
+    keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
+    numbers = {part: mistakes.check(keys[part], leaf, f"{label}.{part}") for part, leaf in parts.items() if part in keys}
+    if not {"start", "stop"} <= set(parts):
+        mistakes.refuse(axis_place(parts), label, "both start and stop", "only " + ", ".join(parts))
+    if len(mistakes) > before:
+        return ()
+    start, stop, num = (numbers.get(part) for part in ("start", "stop", "num"))
+    scale = numbers.get("scale") or AXIS_KEYS["scale"].default
+    for part, expected, wrong in (
+        ("stop", f"a number > start = {start!r}", start > stop or (start == stop and num != 1)),
+        ("num", "a whole number >= 2, start and stop being two values", num == 1 and start < stop),
+        ("start", "a number > 0 for the log scale", scale == "log" and not start > 0),
+    ):
+        if wrong:
+            mistakes.refuse(parts[part], f"{label}.{part}", expected, show(parts[part].value), of_key=False)
+            return ()
+    values = SPACINGS[scale](start, stop, num) if num else ()
+    try:
+        if key.type == "integer":
+            values = tuple(check(key, value) for value in values)
+    except Rejected as error:
+        mistakes.refuse(parts["num"], f"{label}.num", "so many values that all are whole numbers", error.found, of_key=False)
+    return values, start, stop, key.structural, scale

@@ -1,0 +1,241 @@
+"""Reading: from a file, a dict or `--set` arguments to tables, with the place of each value.
+
+tomllib keeps no positions. They are searched for only if a mistake is reported, in a text that is known to be valid TOML. Lists
+are skipped as a whole: their elements have the position of the list.
+"""
+
+from __future__ import annotations
+
+import codecs
+import os
+import re
+import stat
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+
+from wavesweep.engine.errors import Mistake, SpecError, UsageError
+from wavesweep.engine.keys.key import FORMULA, VALUE_WORDS
+from wavesweep.engine.keys.places import Place
+from wavesweep.program.platform_compat import READ
+from wavesweep.program.reading.keys import SYMBOLS
+from wavesweep.program.reading.toml_errors import syntax_mistake
+
+# Patterns are compiled where they are used: most runs report no mistake.
+DEEPEST = 16  # inline tables nested deeper than any key are stepped over
+MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
+UTF_8 = "text in UTF-8 (save the file in this encoding)"
+MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
+
+PASSED = r"-|/dev/stdin|/dev/fd/(\d+)"  # files that are open already
+_STRING = (
+    r'"""(?:\\.|[^\\])*?"""(?:"{0,2})'
+    r"|'''.*?'''(?:'{0,2})"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'[^'\n]*'"
+)
+_TOKEN = rf"(?s)(?P<name>{_STRING}|[A-Za-z0-9_-]+)|#[^\n]*|[ \t]+|."
+_LONG_KEY = rf"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){{{MOST_NAMES}}}"
+
+
+@dataclass(frozen=True, slots=True)
+class TomlPlace(Place):
+    """Place in a TOML text, whose line is searched for only if it is needed; name: of the file."""
+
+    text: str = ""
+
+    def location(self, of_key: bool = False) -> str:
+        """Return `file:line:column` of the value here or of its key."""
+        line, column = locate(self.text, self.path, of_key)
+        return f"{self.name}:{line}:{column}"
+
+    def inside(self, offset: int) -> str:
+        """Return `file:line:column` of the character at that offset of the text that is the value here."""
+        if not self.exact:
+            return self.location()
+        line, column = locate(self.text, self.path)
+        rest = self.text.split("\n")[line - 1][column - 1 :]
+        one_line = rest[:1] in ("'", '"') and rest[:3] not in ("'''", '"""')
+        return f"{self.name}:{line}:{column + 1 + offset if one_line else column}"
+
+
+def read_file(path: str) -> tuple[dict, Place]:
+    """Return the tables of a TOML file and its place.
+
+    Errors: UsageError if the file cannot be read or is too large, SpecError if it is not text in UTF-8 or not TOML.
+    """
+    content = read_bytes(path, MOST_BYTES)
+    try:
+        text = content.removeprefix(codecs.BOM_UTF8).decode().replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start]
+        line, column = before.count(b"\n") + 1, len(before[before.rfind(b"\n") + 1 :].decode()) + 1
+        raise SpecError([Mistake(f"{path}:{line}:{column}", "", UTF_8, f"byte {error.object[error.start]:#04x}")]) from error
+    if match := re.search(_LONG_KEY, text):
+        line = text.count("\n", 0, match.start()) + 1
+        raise SpecError([Mistake(f"{path}:{line}:1", "", f"at most {MOST_NAMES} names in a key", "more")])
+    try:
+        return tomllib.loads(text), TomlPlace(path, text=text)
+    except RecursionError as error:
+        raise SpecError([Mistake(path, "", "a TOML file", "values nested too deeply")]) from error
+    except ValueError as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits
+        raise SpecError([syntax_mistake(text, str(error), path)]) from error
+
+
+def read_bytes(path: str | os.PathLike, most: int) -> bytes:
+    """Return the content of a file of at most `most` bytes; never wait for a pipe, and never read a device.
+
+    Errors: UsageError naming the path.
+    """
+    try:
+        if passed := re.fullmatch(PASSED, os.fspath(path)):
+            content = _passed(int(passed[1] or 0), most)
+        else:
+            # Without blocking: to open a named pipe waits for somebody who writes to it.
+            descriptor = os.open(path, READ)
+            try:
+                mode = os.fstat(descriptor).st_mode
+                if not stat.S_ISREG(mode):
+                    what = "folder" if stat.S_ISDIR(mode) else "pipe or a device"
+                    raise UsageError(f"{path}: expected a file, found a {what}")
+                # Not by the size that the system names, which is 0 for files of /proc.
+                with os.fdopen(descriptor, "rb", closefd=False) as stream:
+                    content = stream.read(most + 1)
+            finally:
+                os.close(descriptor)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # a path that no file can have
+        raise UsageError(f"{path!r}: cannot be read: {error}") from error
+    if len(content) > most:
+        raise UsageError(f"{path}: expected at most {most / 1e6:g} MB, found more")
+    return content
+
+
+@cache
+def _passed(number: int, most: int) -> bytes:
+    """Return the content of a file that is open already, stdin or what a shell passes for `<(...)`; it can be read once."""
+    with os.fdopen(number, "rb", closefd=False) as stream:
+        return stream.read(most + 1)
+
+
+def read_dict(tables: Mapping) -> dict:
+    """Return nested tables as plain dicts, lists and Python numbers."""
+    return {str(key): plain(value) for key, value in tables.items()}
+
+
+def plain(value: object) -> object:
+    """Return one value, or a table of them, as plain Python types, without tuples, ranges, numpy types and other mappings."""
+    if isinstance(value, Mapping):
+        return read_dict(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, range) and len(value[: MOST_BYTES + 1]) <= MOST_BYTES:  # a longer one is no list of a spec
+        return list(value)
+    return value
+
+
+def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tuple[str, ...], object, Place]:
+    """Return path, value and place of `controller.b=40`, `b=40` or `sweep.b=[20, 40]`.
+
+    The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs no quotes. symbols: short
+    names of paths.
+    """
+    place = Place("--set " + " ".join(typed.split()))
+    name, equals, value = (part.strip() for part in typed.partition("="))
+    path, table = [], None if "\n" in name else _loads_or_none(f"{name} = 0")
+    while isinstance(table, dict) and len(table) == 1:
+        segment, table = table.popitem()
+        path.append(segment)
+    if table != 0:  # no key that TOML could have; a later stage says so, with the names that it could have been
+        path = name.split(".") if name else []
+    if not equals or not path:
+        raise SpecError([Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")])
+    path = symbols.get(path[0], path[0]).split(".") if len(path) == 1 else path
+    table = _loads_or_none(f"value = {value}")
+    return tuple(path), table["value"] if isinstance(table, dict) and set(table) == {"value"} else value, place
+
+
+def _loads_or_none(text: str) -> dict | None:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
+def file_stem(path: str) -> str:
+    """Return the file's name without folder and suffix: the spec's name, which is a label in tables and folders.
+
+    Errors: UsageError for a name that a spreadsheet would run as a formula, that readers of tables take for a missing number or
+    another value, or that cannot be printed.
+    """
+    if passed := re.fullmatch(PASSED, path):
+        return f"fd{passed[1]}" if passed[1] else "stdin"
+    stem = os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - pathlib takes half of the time of loading
+    if stem.startswith(FORMULA) or not stem.isprintable() or stem.lower() in VALUE_WORDS:
+        expected = (
+            "a name that is printable, does not begin with = + - @, which spreadsheets run as formulas, and is no value, as "
+            "nan, inf, none, null, na, true and false are to readers of tables"
+        )
+        raise UsageError(f"the spec's file name: expected {expected}, found {stem!a}; rename the file")
+    return stem
+
+
+@lru_cache(maxsize=1)
+def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:  # noqa: C901 - a machine of three states, a branch for each step
+    """Return the offsets of every table, key and inline key of a valid TOML text, and of its value, by path.
+
+    The value of a table is its own name. Of a table that is written several times the first place counts.
+    """
+    positions: dict[tuple[str, ...], tuple[int, int]] = {}
+    table: tuple[str, ...] = ()
+    around, names, start, lists, part = [], [], 0, 0, "key"  # part: of a pair, "key", "=" or "value"
+
+    def record(value: int) -> None:
+        for length in range(1, len(names) + 1):  # also the tables that a dotted key makes on its way
+            if len(table) < DEEPEST:
+                positions.setdefault((*table, *names[:length]), (start, value if length == len(names) else start))
+
+    for token in re.finditer(_TOKEN, text):
+        word, at = token[0], token.start()
+        if (word.isspace() and word != "\n") or word[0] == "#":
+            continue
+        if lists:
+            lists += (word == "[") - (word == "]")
+        elif part == "=":
+            if word == "\n":
+                continue
+            record(at)
+            lists, part = int(word == "["), "value"
+            if word == "{":
+                around.append(table)
+                table, names, part = (*table, *names), [], "key"
+        elif part == "key" and token["name"]:
+            start = start if names else at
+            names.append(tomllib.loads(f"key = {word}")["key"] if word[0] in "\"'" else word)
+        elif part == "key" and word == "[":
+            table = ()
+        elif part == "key" and word == "]" and names:
+            record(start)
+            table, names = tuple(names), []
+        elif word == "=" and part == "key":
+            part = "="
+        elif word == "}" and around:
+            table, part = around.pop(), "value"
+        elif word == ("," if around else "\n"):
+            names, part = [], "key"
+    return positions
+
+
+def locate(text: str, path: tuple[str, ...], of_key: bool = False) -> tuple[int, int]:
+    """Return line and column, both from 1, of the value at `path` (or of its key), or of the nearest table above it."""
+    positions = scan(text)
+    for length in range(len(path), 0, -1):
+        if path[:length] in positions:
+            key, value = positions[path[:length]]
+            offset = key if of_key or length < len(path) else value
+            return text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
+    return 1, 1

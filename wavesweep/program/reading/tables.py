@@ -1,0 +1,154 @@
+"""The tables of a spec that belong to capabilities: each says in its module `keys`, as `TABLE`, what the core has to know."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from wavesweep.capabilities import TABLES, modules
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.key import Key
+from wavesweep.program.reading.devices import HapticDevice
+from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS
+
+
+class Asked:
+    """The value of a table. What a class does not say itself is so by default.
+
+    files: that it names, relative to the spec's folder. given: paths of keys that a device could have given. hardware: what it
+    gives of the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. members: the name of a
+    table that answers can hold for, beside the spec's own numbers. changing: axes of numbers that may change in every frame.
+    """
+
+    __slots__ = ()
+    files: tuple[str, ...] = ()
+    given: Collection[str] = ()
+    hardware: Mapping[str, Any] = MappingProxyType({})
+    members: str = ""
+    changing: Collection[Any] = ()
+
+    def on(self, device: HapticDevice | None) -> Asked:
+        """Return the value with the numbers of a device, except for those that are given themselves."""
+        del device
+        return self
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        raise NotImplementedError
+
+    def refuse_stability_alone(self, name: str, what: str) -> None:
+        """Raise UsageError if the table asks for more than stability, which is all that `what` is about. name: of the spec."""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A table with axes by the names of numbers. own: keys beside the axes. parts: of an axis that is given as a table.
+
+    takes: a function that puts a leaf elsewhere, and says whether it did; see `sort_leaves`. dotted: whether names may be
+    written `"device.mass"` or `device.mass`.
+    """
+
+    own: tuple[str, ...] = ()
+    parts: Collection[str] = tuple(AXIS_KEYS)
+    takes: Callable[..., bool] | None = None
+    dotted: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table of a spec.
+
+    path: of the table, "design" or, in a table of the core, "sweep.require". build: from a `Request` to the value, adding all
+    mistakes; None if the spec does not have the table. keys: by path. sections: it itself or tables in it, which have axes.
+    spans: keys that may be given as a span. named: keys that are tables with names of the user's own. signals: keys that name
+    signals of a drawn loop. always: whether the table is part of every request; otherwise `demand` raises the mistakes that
+    keep it from being part of one, see `Spec.asking`. starts: whether `init` shows its keys. described: its tables with names
+    of the user's own, see `describing.named`. hint: a line about them. schema: from `schema.Shapes` to its JSON Schema.
+    """
+
+    path: str
+    build: Callable[..., Asked | None]
+    keys: Mapping[str, Key] = field(default_factory=dict)
+    sections: Mapping[str, Section] = field(default_factory=dict)
+    spans: tuple[str, ...] = ()
+    named: tuple[str, ...] = ()
+    signals: tuple[str, ...] = ()
+    always: bool = False
+    demand: Callable[[Any], None] | None = None
+    starts: bool = False
+    described: Mapping[str, dict[str, Any]] = field(default_factory=dict)
+    hint: str = ""
+    schema: Callable[[Any], dict] | None = None
+
+    @property
+    def name(self) -> str:
+        """The last name of its path, by which `Spec.asked` has its value."""
+        return self.path.rpartition(".")[2]
+
+
+@cache
+def tables() -> Mapping[str, Table]:
+    """Return the tables of the capabilities that there are by path, in the order in which messages list them."""
+    found = {each.TABLE.path: each.TABLE for each in modules("keys")}
+    return {path: found[path] for path in (*TABLES, *found) if path in found}
+
+
+def missing() -> dict[str, str]:
+    """Return the capabilities that are not installed by the paths of their tables."""
+    return {path: capability for path, capability in TABLES.items() if path not in tables()}
+
+
+def table_at(path: str) -> Table:
+    """Return the table of that path. Errors: UsageError that names its capability, if this is not installed."""
+    if path not in tables():
+        raise UsageError(
+            f"[{path}]: expected a table of what is installed, found one of the capability {TABLES[path]}, which is not"
+        )
+    return tables()[path]
+
+
+@cache
+def top_tables() -> tuple[str, ...]:
+    """Return the tables that the spec of a controller may have."""
+    return (*dict.fromkeys(path.split(".")[0] for path in KEYS), *study_tables())
+
+
+@cache
+def study_tables() -> tuple[str, ...]:
+    """Return the tables that any spec may have, a controller's or a drawn loop's."""
+    return ("sweep", "bode", *(path for path in tables() if "." not in path))
+
+
+@cache
+def study_keys() -> Mapping[str, Key]:
+    """Return the keys of these tables by path, which cannot be axes."""
+    return STUDY_KEYS | _keys(tables().values())
+
+
+@cache
+def flat_keys() -> Mapping[str, Key]:
+    """Return the keys of the loop, and those of tables of keys that any spec may have, by path."""
+    return {**KEYS, **_keys(table for table in tables().values() if "." not in table.path)}
+
+
+def _keys(some: Iterable[Table]) -> dict[str, Key]:
+    return {path: key for table in some for path, key in table.keys.items()}
+
+
+@cache
+def sections() -> Mapping[tuple[str, ...], Section]:
+    """Return the tables with axes by path; [bode] of a drawn loop alone has keys beside the frequencies."""
+    inner = (path.split(".") for path in tables())
+    found = {
+        ("sweep",): Section(("along", *(path[1] for path in inner if path[0] == "sweep"))),
+        ("bode",): Section(("from", "to")),
+    }
+    return found | {tuple(path.split(".")): each for table in tables().values() for path, each in table.sections.items()}
+
+
+def section_of(path: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the path of the section that a path is in, or is; empty if it is in none."""
+    return next((path[:depth] for depth in (1, 2) if path[:depth] in sections()), ())

@@ -1,0 +1,235 @@
+"""The Frictionless data package beside a table: its columns, the hashes of its files, and the facts of the run."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from wavesweep.program.atomic_files import open_file, write_file
+from wavesweep.program.tables.fields import Field, FieldKind
+
+_DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
+_MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", "eps": "application/postscript"}
+_HASH_BLOCK = 1 << 20
+OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
+OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
+BEST = "best"  # the folder of specs beside the table `design`
+LARGEST = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
+MOST_DIFFERENCES = 5  # that are named
+PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
+
+
+def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any], stem: Path, figures: Sequence[Path]) -> str:
+    """The package as JSON text, for the files as they are on disk; `facts` includes the timings.
+
+    stem: the CSV and the Parquet file, or the folder of Parquet files, without their suffixes.
+    """
+    schema = {"fields": [_field(field) for field in fields], "missingValues": [""]}
+    package = {
+        "profile": "data-package",
+        "name": kind,
+        "title": _title(kind, facts),
+        "resources": [
+            *_tables(kind, stem, schema),
+            *(_design(kind, design) for design in sorted((stem.parent / BEST).glob("*.toml")) if kind == "design"),
+            *(figure_resource(kind, facts, figure) for figure in figures),
+        ],
+        "wavesweep": facts,
+    }
+    return _as_text(package)
+
+
+def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The entries of the CSV and the Parquet file or, without a CSV, of each part of the folder of Parquet files."""
+    # Taken for a table, frictionless looks for the bytes of a text stream and finds none.
+    parquet = {"profile": "data-resource", "type": "file", "format": "parquet", "mediatype": "application/vnd.apache.parquet"}
+    whole = stem.with_suffix(".parquet")
+    if whole.is_dir():
+        return [
+            {
+                "name": f"{kind}-{part.stem}",
+                **parquet,
+                **file_facts(part),
+                "path": f"{whole.name}/{part.name}",
+                **({"schema": schema} if part.name == "part-00000.parquet" else {}),
+            }
+            for part in sorted(whole.iterdir())
+        ]
+    csv = {"profile": "tabular-data-resource", "format": "csv", "mediatype": "text/csv", "encoding": "utf-8"}
+    return [
+        {"name": f"{kind}-csv", **csv, "dialect": _DIALECT, **file_facts(stem.with_suffix(".csv")), "schema": schema},
+        {"name": f"{kind}-parquet", **parquet, **file_facts(whole), "schema": schema},
+    ]
+
+
+def _design(kind: str, design: Path) -> dict[str, Any]:
+    """The entry of a spec in the folder BEST."""
+    return {
+        "name": f"{kind}-{design.stem}".lower(),
+        "profile": "data-resource",
+        "type": "file",
+        "format": "toml",
+        "mediatype": "application/toml",
+        **file_facts(design),
+        "path": f"{BEST}/{design.name}",
+    }
+
+
+def loaded(package: Path) -> dict[str, Any]:
+    """Give the content of a data package. Raises OSError, also for a pipe or a device, or ValueError, also if too large."""
+    with open_file(package) as file:
+        text = file.read(LARGEST + 1)
+    if len(text) > LARGEST:
+        raise ValueError(f"expected at most {LARGEST} bytes, found more")
+    return json.loads(text)
+
+
+def packaged_parts(package: Path) -> int:
+    """Give the number of parts of the folder of Parquet files in a package, 0 if it is not readable or has none."""
+    return sum(re.fullmatch(PART, name.rpartition("/")[2]) is not None for name in packaged_files(package))
+
+
+def packaged_files(package: Path) -> list[str]:
+    """Give the paths of the files in a package, none if it is not readable."""
+    try:
+        return [str(entry["path"]) for entry in loaded(package)["resources"]]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return []
+
+
+def figure_resource(kind: str, facts: Mapping[str, Any], figure: Path) -> dict[str, Any]:
+    """The entry of a figure among the resources of a package."""
+    form = figure.suffix[1:]
+    return {
+        "name": f"{kind}-{form}",
+        "profile": "data-resource",
+        "type": "file",
+        "title": f"Figure: {_title(kind, facts)}",
+        "description": f"drawn by wavesweep {facts.get('tool_version', '')}".rstrip(),
+        "format": form,
+        "mediatype": _MEDIA[form],
+        **file_facts(figure),
+    }
+
+
+def _title(kind: str, facts: Mapping[str, Any]) -> str:
+    return f"{kind} of {facts['spec_name']}" if "spec_name" in facts else kind
+
+
+def packaged_facts(package: Path) -> dict[str, Any]:
+    """Give the facts of the run in a package, empty if it is no readable package of this program."""
+    try:
+        facts = loaded(package)["wavesweep"]
+        return dict(facts) if facts["spec_sha256"] else {}
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return {}
+
+
+def packaged_fault(csv: Path, package: Path) -> str:
+    """Give the reason why a CSV is not the table that the package beside it describes, empty if it is."""
+    if not packaged_facts(package):
+        found = "a damaged one; use the Parquet file, or compute the table again" if package.is_file() else "none"
+        return f"expected the data package of wavesweep, {package.name}, beside the table, found {found}"
+    described = loaded(package)["resources"][0]
+    here = file_facts(csv)
+    if here["hash"] == described.get("hash"):
+        return ""
+    expected = f"expected the {described.get('bytes')} bytes that {package.name} describes"
+    found = f"found {here['bytes']} other ones: the file is torn or was changed"
+    return f"{expected}, {found}; use the Parquet file, or compute the table again"
+
+
+def same_but_for_the_run(one: Path, other: Path) -> bool:
+    """Whether two packages are equal but for facts of the run that made them; false if one cannot be read."""
+    try:
+        packages = [loaded(each) for each in (one, other)]
+        for each in packages:
+            each.pop("hash", None)
+            each["wavesweep"] = {name: fact for name, fact in each["wavesweep"].items() if name not in OF_RUN}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return False
+    return packages[0] == packages[1] and not other.is_symlink()
+
+
+def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
+    """Enter figures in an existing data package, in place of older ones of the same format; another file is left as it is.
+
+    package: its path. kind: of the table. figures: paths of the files, beside the package. The caller is `at_work` there.
+    """
+    if not packaged_facts(package):
+        return
+    known = loaded(package)
+    new = [figure_resource(kind, known["wavesweep"], figure) for figure in figures]
+    names = {each["name"] for each in new}
+    known["resources"] = [each for each in known["resources"] if each["name"] not in names] + new
+    write_file(package, _as_text(known).encode())
+
+
+def _as_text(package: Mapping[str, Any]) -> str:
+    """The text of a package, with a hash of what is in it."""
+    content = {name: each for name, each in package.items() if name != "hash"}
+    digest = hashlib.sha256(json.dumps(content, indent=2, allow_nan=False).encode()).hexdigest()
+    return json.dumps(content | {"hash": f"sha256:{digest}"}, indent=2, allow_nan=False) + "\n"
+
+
+def package_differences(package: Path, kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any]) -> Iterator[str]:
+    """Yield where a package differs from the one that this program writes for the files beside it.
+
+    fields, facts: those in the Parquet file; what such a file does not have is held against the hash in the package.
+    Sizes and hashes of files are not compared. Raises OSError, ValueError, KeyError or TypeError if something cannot be read.
+    """
+    found, stem = loaded(package), package.with_name(kind)
+    own = {name: found["wavesweep"][name] for name in OWN_FACTS if name in found["wavesweep"]}
+    figures = [package.parent / each["path"] for each in found["resources"] if each.get("format") in _MEDIA]
+    figures = [figure for figure in figures if figure in {stem.with_suffix(f".{form}") for form in _MEDIA}]
+    text = package_text(kind, fields, {**facts, **own}, stem, figures)
+    expected = json.loads(text)
+    for each, entry in zip(expected["resources"], found["resources"], strict=False):
+        each |= {name: entry[name] for name in ("bytes", "hash") if name in entry}
+    expected.pop("hash")
+    given = {name: each for name, each in found.items() if name != "hash"}
+    places = list(_differences(given, expected, ""))
+    yield from places[:MOST_DIFFERENCES]
+    if not places and package.read_text(encoding="utf-8") not in (_as_text(found), json.dumps(given, indent=2) + "\n"):
+        yield "its text does not have the hash that it gives"
+
+
+def _differences(found: Any, expected: Any, place: str) -> Iterator[str]:
+    """Yield each place of a JSON value that is not as expected, and how."""
+    if isinstance(found, Mapping) and isinstance(expected, Mapping):
+        for name in {**expected, **found}:
+            at = f"{place}.{name}" if place else name
+            if name not in found or name not in expected:
+                yield f"{at} is {'missing' if name in expected else 'in it, and expected by nothing'}"
+            else:
+                yield from _differences(found[name], expected[name], at)
+    elif isinstance(found, list) and isinstance(expected, list) and len(found) == len(expected):
+        for number, (one, other) in enumerate(zip(found, expected, strict=True)):
+            yield from _differences(one, other, f"{place}[{number}]")
+    elif type(found) is not type(expected) or found != expected:
+        yield f"{place} is {json.dumps(found)[:60]}, not {json.dumps(expected)[:60]}"
+
+
+def packaged_kinds(csv: Path) -> dict[str, FieldKind]:
+    """Give the kind of each column of a CSV from the package beside it; empty without one of this program."""
+    package = csv.with_suffix(".datapackage.json")
+    if not packaged_facts(package):
+        return {}
+    schema = loaded(package)["resources"][0]["schema"]
+    return {field["name"]: field["type"] for field in schema["fields"]}
+
+
+def _field(field: Field) -> dict[str, Any]:
+    spelling = {"trueValues": ["1"], "falseValues": ["0"]} if field.kind == "boolean" else {}
+    return {"name": field.name, "type": field.kind, "unit": field.unit, "description": field.description, **spelling}
+
+
+def file_facts(path: Path) -> dict[str, Any]:
+    """Give the name of a file, its size in bytes and its SHA-256."""
+    digest = hashlib.sha256()
+    with open_file(path) as file:
+        while block := file.read(_HASH_BLOCK):
+            digest.update(block)
+    return {"path": path.name, "bytes": path.stat().st_size, "hash": f"sha256:{digest.hexdigest()}"}

@@ -1,0 +1,496 @@
+"""A table's rows as CSV and as Parquet, and back from both files to the same bits."""
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.engine.rows import different
+from wavesweep.program.atomic_files import open_file
+from wavesweep.program.platform_compat import memory
+from wavesweep.program.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
+from wavesweep.program.tables import kind_named, kinds
+from wavesweep.program.tables.columns import checked, fields_of, in_order, kind_of, kinds_by_name
+from wavesweep.program.tables.fields import Field, FieldKind
+
+# Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
+GROUP_ROWS = 131072
+SAMPLE = 256  # numbers that are looked at, whether they repeat
+WHOLE = 1e10  # from which on Arrow writes an exponent
+CSV_BLOCK = 1 << 24  # bytes that are read at once
+
+_NUMPY = {"double": np.float64, "int64": np.int64, "bool": np.bool_}  # kinds of columns in a file
+
+
+class ParquetFile:
+    """A Parquet file that is being written, a row group a call."""
+
+    def __init__(self, path: Path, fields: tuple[Field, ...], facts: Mapping[str, Any]) -> None:
+        import pyarrow.parquet
+
+        types = _types()
+        columns = [
+            pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
+        ]
+        text, units = json.dumps(facts, allow_nan=False), json.dumps({"units": {f.name: f.unit for f in fields}})
+        # pandas puts what it finds under its own key into `.attrs`.
+        self._path, self._schema = path, pyarrow.schema(columns, metadata={"wavesweep": text, "PANDAS_ATTRS": units})
+        self._writer: Any = None
+
+    def append(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Write checked columns as one row group."""
+        import pyarrow
+
+        if self._writer is None:
+            self._open(columns)
+        arrays = [_array(column) for column in columns.values()]
+        self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema), row_group_size=GROUP_ROWS)
+
+    def _open(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Open the file for columns like those of the first group: numbers that repeat are kept once, in a dictionary."""
+        import pyarrow.parquet
+
+        many = [name for name, each in columns.items() if each.dtype == np.float64 and different(each).size > len(each) // 2]
+        few = [name for name in columns if name not in many]
+        self._file = _opened(self._path, "wb")
+        self._writer = pyarrow.parquet.ParquetWriter(self._file, self._schema, compression="zstd", use_dictionary=few)
+
+    def close(self) -> None:
+        """Write the footer; without it the file cannot be read."""
+        if self._writer is None:
+            self._open({})
+        try:
+            self._writer.close()
+        finally:
+            self._writer.is_open = False  # if it failed, pyarrow would try again at some later time, and print a traceback
+            self._file.close()
+
+
+class ParquetParts:
+    """A folder of Parquet files with `rows` rows each, the last one with the rest: as for `ParquetFile`."""
+
+    def __init__(self, path: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], rows: int) -> None:
+        path.mkdir()
+        self._path, self._given, self._rows = path, (fields, facts), rows
+        self._number, self._left, self._part = 0, rows, ParquetFile(path / part_name(0), fields, facts)
+
+    def append(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Write checked columns, no more than fit into the part, as one row group."""
+        if not self._left:
+            self._part.close()
+            self._number, self._left = self._number + 1, self._rows
+            self._part = ParquetFile(self._path / part_name(self._number), *self._given)
+        self._part.append(columns)
+        self._left -= len(next(iter(columns.values())))
+
+    def close(self) -> None:
+        """Write the footer of the last part."""
+        self._part.close()
+
+
+def _opened(path: Path, mode: str) -> Any:
+    """A file of Arrow's, which takes a path for an address (s3:), and refuses one that is no UTF-8, unless it is bytes."""
+    import pyarrow
+
+    if mode == "rb":
+        open_file(path).close()  # or an error for a pipe, which would be waited for, and for a device, which has no end
+    return pyarrow.OSFile(os.fsencode(path), mode)
+
+
+def csv_header(fields: tuple[Field, ...]) -> bytes:
+    """The header line, encoded; no name of a column needs quotes."""
+    return (",".join(field.name for field in fields) + "\n").encode("utf-8")
+
+
+def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
+    """The rows of checked columns as a buffer; programs read the cells correctly without options.
+
+    Numbers are the shortest decimals that read back to the same bits, always with a point or an exponent; booleans are 1 and 0;
+    what is missing is an empty cell; texts have quotes if they need them. Arrow's own writer quotes all texts or none.
+    """
+    *others, last = (_cells(column) for column in columns.values())
+    return _joined([*others, _joined([last, _text("")], "\n")], ",").buffers()[2]
+
+
+def _cells(column: np.ndarray) -> Any:
+    """A column as texts; missing numbers are null. Repeated numbers, as those of axes, are written once."""
+    import pyarrow
+
+    if column.dtype == object:
+        return _quoted(_array(column))
+    if column.dtype != np.float64:
+        return _cast(_array(column.astype(np.int64)))
+    array, sample = _array(column), column[:: 1 + len(column) // SAMPLE]
+    if different(sample).size > len(sample) // 2:
+        return _decimals(array)
+    bits = _call("dictionary_encode", pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers()))  # 0 is not -0
+    each = pyarrow.Array.from_buffers(pyarrow.float64(), len(bits.dictionary), bits.dictionary.buffers())
+    return _call("take", _decimals(each), bits.indices)
+
+
+def _decimals(array: Any) -> Any:
+    """Doubles as decimals; Arrow writes whole numbers below WHOLE without a point."""
+    text, values = _cast(array), np.frombuffer(array.buffers()[1], np.float64, len(array))
+    whole = (values == np.trunc(values)) & (np.abs(values) < WHOLE)
+    if not whole.any():
+        return text
+    mask = _array(whole)
+    return _call("replace_with_mask", text, mask, _joined([_call("filter", text, mask), _text("0")], "."))
+
+
+def _quoted(texts: Any) -> Any:
+    """Texts in quotes, if these have a comma, a quote or the end of a line in them."""
+    from pyarrow._compute import MatchSubstringOptions, ReplaceSubstringOptions
+
+    words = texts.buffers()[2].to_pybytes()
+    if not any(mark in words for mark in (b",", b'"', b"\r", b"\n")):
+        return texts
+    quote, marked = _text('"'), _call("match_substring_regex", texts, options=MatchSubstringOptions(r'[,"\r\n]'))
+    doubled = _call("replace_substring", texts, options=ReplaceSubstringOptions('"', '""'))
+    return _call("if_else", marked, _joined([quote, doubled, quote], ""), texts)
+
+
+def _text(value: str) -> Any:
+    return _array(np.array([value], object))[0]
+
+
+def _cast(array: Any, kind: str = "string") -> Any:
+    import pyarrow
+    from pyarrow._compute import CastOptions
+
+    return _call("cast", array, options=CastOptions.safe(getattr(pyarrow, kind)()))
+
+
+def _joined(pieces: list[Any], between: str) -> Any:
+    """Arrays of texts, and texts, joined row by row; what is missing is an empty text."""
+    from pyarrow._compute import JoinOptions
+
+    return _call("binary_join_element_wise", *pieces, _text(between), options=JoinOptions("replace", ""))
+
+
+def _call(name: str, *arrays: Any, options: Any = None) -> Any:
+    """A function of Arrow's, without `pyarrow.compute`, whose import makes wrappers of all of them in 0.07 s."""
+    from pyarrow._compute import call_function
+
+    return call_function(name, list(arrays), options)
+
+
+def read(path: str | Path) -> dict[str, np.ndarray]:
+    """Give the columns of a CSV or Parquet table, or of a folder of Parquet parts, exactly as they were written.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the folder.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Columns of shape (rows,): numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object
+        arrays of str. The kind of a column of a CSV follows from its name, or from the data package beside it.
+
+    Raises
+    ------
+    UsageError
+        For a file of another kind, or one that is no table.
+    OSError
+        If it cannot be read.
+    """
+    if not isinstance(path, (str, os.PathLike)):
+        raise UsageError(f"expected the path of a CSV or Parquet file, found {path!r:.60}")
+    path = Path(path)
+    _refuse_other_suffix(path)
+    if path.suffix == ".parquet":
+        return _read_parquet(path)
+    import pyarrow.csv
+
+    with _as_table(path), _opened(path, "rb") as file:
+        return _columns(pyarrow.csv.read_csv(file, **_csv_options(path)))
+
+
+def _refuse_other_suffix(path: Path) -> None:
+    if path.suffix not in (".csv", ".parquet"):
+        raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
+
+
+@contextmanager
+def _as_table(path: Path) -> Iterator[None]:
+    """Have one error for all that Arrow raises for a damaged file: its own, ValueErrors, and OSErrors without a number."""
+    from pyarrow import ArrowException
+
+    try:
+        yield
+    except (ArrowException, ValueError, OSError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        said = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise UsageError(f"{path}: expected a whole table, found a file that cannot be read as one ({said})") from error
+
+
+def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:
+    """Give the kind of a table, its columns, and the facts of the run that made it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The CSV or Parquet file, or a folder of Parquet parts.
+
+    Returns
+    -------
+    kind : str
+        Of the table, e.g. "zwidth".
+    columns : dict of str to ndarray
+        As `read` gives them. Other programs may have added columns to a Parquet file, which are left out, or changed their
+        order, which is that of the program again.
+    facts : dict
+        Those of a CSV are in the data package beside it, those of a Parquet file in its schema.
+
+    Raises
+    ------
+    UsageError
+        For a file that is torn or changed, or no table of this program, before its rows are read if its columns show it.
+    OSError
+        If it cannot be read.
+    """
+    path = Path(path)
+    if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
+        tables = sorted(each.with_suffix("").with_suffix(".parquet").name for each in path.glob("*.datapackage.json"))
+        found = f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
+        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {found}")
+    package = path.with_suffix(".datapackage.json")
+    try:
+        fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
+        if fault:
+            raise UsageError(f"{path}: {fault}")
+        names, facts = _names_in(path), packaged_facts(package) if path.suffix == ".csv" else schema_facts(path)
+        if not facts:
+            raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
+        if not all(isinstance(facts.get(name, {}), Mapping) for name in ("spec", "linear_loop", "ticks", "unlike_units")):
+            raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
+        kind = kind_of(names, path.stem)
+        if kind in kinds() and (missing := set(kind_named(kind).names) - set(names)):
+            raise UsageError(f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}")
+        columns = in_order(kind, read(path), facts)
+        if kind not in kinds() or kind_named(kind).fields:  # the columns of a design study follow from its spec
+            checked(fields_of(kind, columns, facts), columns)
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError, WavesweepError) as error:
+        if isinstance(error, UsageError):
+            raise
+        said = str(error) if isinstance(error, WavesweepError) else f"{type(error).__name__}: {error}"
+        raise UsageError(f"{path}: expected a whole table, found columns or facts of another form ({said})") from error
+    if not len(next(iter(columns.values()), ())):
+        raise UsageError(f"{path}: expected the rows of a table, found none")
+    return kind, columns, facts
+
+
+def _names_in(path: Path) -> list[str]:
+    """The names of the columns of a table, of which no row is read."""
+    import pyarrow.parquet
+
+    _refuse_other_suffix(path)
+    if path.suffix == ".csv":
+        with open_file(path) as file:
+            return file.readline(CSV_BLOCK).decode().strip().split(",")
+    with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
+        return pyarrow.parquet.read_schema(file).names
+
+
+def schema_facts(path: Path) -> dict[str, Any]:
+    """The facts in the schema of a Parquet file, or of the first part of a folder; empty if it has none."""
+    import pyarrow.parquet
+
+    try:
+        with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
+            text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
+            return dict(json.loads(text))
+    except (TypeError, ValueError, RecursionError, OSError, WavesweepError):
+        return {}
+
+
+def schema_fields(path: Path) -> tuple[Field, ...]:
+    """The columns of a Parquet table with kind, unit and description, as its schema has them."""
+    import pyarrow.parquet
+
+    kinds = {str(arrow): kind for kind, arrow in _types().items()}
+    with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
+        schema = pyarrow.parquet.read_schema(file)
+    texts = [{name.decode(): text.decode() for name, text in (each.metadata or {}).items()} for each in schema]
+    return tuple(
+        Field(each.name, kinds[str(each.type)], text["unit"], text["description"])
+        for each, text in zip(schema, texts, strict=True)
+    )
+
+
+def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[str] | None = None) -> dict[str, np.ndarray]:
+    """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups.
+
+    Raises UsageError for a group larger than this program writes: a file of some MB could hold any number of rows.
+    """
+    import pyarrow.parquet
+
+    found: list[dict[str, np.ndarray]] = []
+    before = 0
+    for part in parts_of(path):
+        with _as_table(part), _opened(part, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
+            rows = file.metadata.num_rows
+            start, stop = max(first - before, 0), rows if end is None else min(end - before, rows)
+            if start < stop or not found:  # of the first part at least the columns
+                found.append(_rows_of(file, start, max(start, stop), columns))
+        before += rows
+        if end is not None and before >= end:
+            break
+    return _columns(pyarrow.concat_tables(found))
+
+
+def _rows_of(file: Any, first: int, end: int, columns: list[str] | None) -> Any:
+    """The same of an open Parquet file, as a table of Arrow."""
+    sizes = [file.metadata.row_group(number).num_rows for number in range(file.num_row_groups)]
+    if max(sizes, default=0) > GROUP_ROWS:
+        raise UsageError(f"expected groups of at most {GROUP_ROWS} rows, found one of {max(sizes)}, of another program")
+    borders = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    groups = [number for number in range(len(sizes)) if borders[number] < end and borders[number + 1] > first]
+    table = file.read_row_groups(groups, columns=columns)
+    return table.slice(first - (int(borders[groups[0]]) if groups else 0), end - first)
+
+
+def rows_in(path: Path) -> int:
+    """Give the number of rows of a Parquet table, which its metadata has."""
+    import pyarrow.parquet
+
+    rows = 0
+    for part in parts_of(path):
+        with _as_table(part), _opened(part, "rb") as file:
+            rows += pyarrow.parquet.ParquetFile(file).metadata.num_rows
+    return rows
+
+
+def part_name(number: int) -> str:
+    """The name of a part in the folder of a table."""
+    return f"part-{number:05d}.parquet"
+
+
+def parts_of(path: Path) -> list[Path]:
+    """The Parquet files of a table in their order: the file itself, or those of a folder of parts.
+
+    Raises UsageError if the folder has none, lacks one before the last, or lacks one of the data package beside it.
+    """
+    if not path.is_dir():
+        return [path]
+    names = sorted(part.name for part in path.iterdir() if re.fullmatch(PART, part.name))
+    package = path.with_suffix(".datapackage.json")
+    expected = packaged_parts(package) if package.exists() else len(names)
+    if not names or names != [part_name(number) for number in range(max(expected, len(names)))]:
+        raise UsageError(f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(names)} or others")
+    return [path / name for name in names]
+
+
+def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+    import pyarrow.parquet
+
+    found, cells = [], 0
+    for part in parts_of(path):
+        with _as_table(part), _opened(part, "rb") as file:  # `read_table` would import pandas
+            whole = pyarrow.parquet.ParquetFile(file)
+            rows = whole.metadata.num_rows
+            cells += rows * whole.metadata.num_columns
+            if 8 * cells > memory():
+                raise UsageError(f"{path}: expected a table that fits into memory, found {rows:,} rows in {part.name}")
+            found.append(whole.read())
+    return _columns(pyarrow.concat_tables(found))
+
+
+def csv_blocks(path: Path) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the columns of a CSV in blocks of rows, as `read` gives them at once."""
+    import pyarrow.csv
+
+    with _as_table(path), _opened(path, "rb") as file:
+        size = pyarrow.csv.ReadOptions(block_size=CSV_BLOCK)
+        for block in pyarrow.csv.open_csv(file, read_options=size, **_csv_options(path)):
+            yield _columns(pyarrow.Table.from_batches([block]))
+
+
+def _csv_options(path: Path) -> dict[str, Any]:
+    """Parse with the known kinds of the columns: 1 and 0 may be booleans or whole numbers."""
+    import pyarrow.csv
+
+    types, kinds = _types(), kinds_by_name() | packaged_kinds(path)
+    convert = pyarrow.csv.ConvertOptions(
+        column_types={name: types[kind] for name, kind in kinds.items()}, null_values=[""],
+        strings_can_be_null=False, true_values=["1"], false_values=["0"],
+    )  # fmt: skip
+    return {"parse_options": pyarrow.csv.ParseOptions(newlines_in_values=True), "convert_options": convert}
+
+
+def _columns(table: Any) -> dict[str, np.ndarray]:
+    return {name: _numpy(table.column(name)) for name in table.column_names}
+
+
+def _numpy(column: Any) -> np.ndarray:
+    """The values of a column. Arrow's own way imports pandas, which takes long, and drops a Ctrl-C that comes meanwhile."""
+    kind = str(column.type)
+    if kind == "string":
+        return np.array(column.to_pylist(), dtype=object)
+    if kind not in _NUMPY or (kind != "double" and column.null_count):  # of a file that another program wrote
+        import pandas  # noqa: F401 - here a Ctrl-C is not dropped
+
+        return column.to_numpy()
+    if kind == "bool":
+        column = _cast(column, "uint8")
+    elif column.null_count:
+        column = _call("coalesce", column, _made("float64", 1, None, np.array([np.nan]))[0])
+    held: Any = np.uint8 if kind == "bool" else _NUMPY[kind]
+    chunks: Any = (
+        np.frombuffer(each.buffers()[1], held, each.offset + len(each))[each.offset :] for each in column.chunks if each
+    )
+    return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
+
+
+def _types() -> dict[FieldKind, Any]:
+    import pyarrow
+
+    return {"number": pyarrow.float64(), "integer": pyarrow.int64(), "boolean": pyarrow.bool_(), "string": pyarrow.string()}
+
+
+def _array(column: np.ndarray) -> Any:
+    """Wrap a column's memory. `pyarrow.array` would do, but imports pandas, which costs more than a small run takes."""
+    if column.dtype == np.float64:
+        missing = np.isnan(column)
+        return _made("float64", len(column), _bits(~missing) if missing.any() else None, column)
+    if column.dtype == np.int64:
+        return _made("int64", len(column), None, column)
+    if column.dtype == np.bool_:
+        return _made("bool_", len(column), None, _bits(column))
+    return _made("string", len(column), None, *_encoded(column.tolist()))
+
+
+def _made(kind: str, length: int, *buffers: Any) -> Any:
+    import pyarrow
+
+    wrapped = [None if buffer is None else pyarrow.py_buffer(buffer) for buffer in buffers]
+    return pyarrow.Array.from_buffers(getattr(pyarrow, kind)(), length, wrapped)
+
+
+def _encoded(values: list) -> tuple[np.ndarray, bytes]:
+    """The offset of each text, and all texts in UTF-8 one behind the other; equal ones are encoded once."""
+    try:
+        texts = {value: str(value).encode("utf-8") for value in dict.fromkeys(values)}
+    except UnicodeEncodeError as error:
+        raise WavesweepError(f"a name in the table cannot be written as UTF-8 ({error}); rename the spec") from error
+    if len(texts) == 1:  # the usual case, and several times faster
+        (text,) = texts.values()
+        return np.arange(len(values) + 1, dtype=np.int32) * np.int32(len(text)), text * len(values)
+    rows = [texts[value] for value in values]
+    offsets = np.zeros(len(rows) + 1, dtype=np.int32)
+    np.cumsum(np.fromiter(map(len, rows), np.int32, len(rows)), out=offsets[1:])
+    return offsets, b"".join(rows)
+
+
+def _bits(flags: np.ndarray) -> np.ndarray:
+    """Arrow keeps eight flags in a byte, the first one lowest."""
+    return np.packbits(flags, bitorder="little")

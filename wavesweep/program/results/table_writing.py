@@ -1,0 +1,209 @@
+"""Tables into files or to a stream, block by block; all of a table's files appear whole, or none does."""
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, closing, nullcontext
+from itertools import chain
+from numbers import Integral
+from pathlib import Path
+from shutil import copyfileobj
+from tempfile import SpooledTemporaryFile, TemporaryDirectory
+from typing import Any, BinaryIO
+
+from wavesweep.engine.arguments import boolean
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.atomic_files import put, scratch, sync
+from wavesweep.program.columns import Columns, joined
+from wavesweep.program.results.folder import FIGURES, existing_facts, refuse_other_spec
+from wavesweep.program.results.lock import at_work
+from wavesweep.program.results.package import OWN_FACTS, package_text
+from wavesweep.program.results.placing import abandon, new_folder, put_in_place
+from wavesweep.program.results.table_files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
+from wavesweep.program.tables.columns import checked, fields_of
+from wavesweep.program.tables.fields import Field
+from wavesweep.program.tables.table import Table
+
+IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
+
+
+def publish(
+    table: Table,
+    directory: str | Path,
+    overwrite: bool = False,
+    formats: Iterable[str] = ("png",),
+    locked: bool = False,
+    partition: int | None = None,
+) -> list[Path]:
+    """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
+
+    Everything is written in a temporary folder beside the results and put in place at the end, the package last (see
+    `placing`); a figure that another spec left behind is removed. How the rows are cut into blocks leaves no trace in the
+    bytes.
+
+    table      its facts need `spec_sha256`; those of OWN_FACTS stay out of the Parquet file, so that equal runs give equal
+               bytes in any folder
+    directory  made if it is missing
+    overwrite  replace results of another spec; those of the same file (`spec_place`) are replaced in any case
+    formats    of the figure: png, svg, pdf, eps
+    locked     the caller is `at_work` on this table; if not, the call waits until no other run is
+    partition  rows of each file of a folder `KIND.parquet`, which then takes the place of both files; None: both files
+
+    Raises UsageError if the directory holds results of another spec or `partition` is no number of rows, WavesweepError if the
+    columns do not fit the fields or a number is infinite, OSError if a file cannot be written.
+    """
+    overwrite, locked = boolean("overwrite", overwrite), boolean("locked", locked)
+    if partition is not None and not (isinstance(partition, Integral) and partition >= 1):
+        raise UsageError(f"partition: expected a whole number of rows >= 1, found {partition!r:.60}")
+    directory, facts = Path(directory), dict(table.facts)
+    fields, blocks = _opened(table)
+    with nullcontext() if locked else at_work([table.kind], directory, wait=True):
+        if not overwrite:
+            refuse_other_spec(table.kind, directory, facts["spec_sha256"], facts.get("spec_place", ""))
+        folder = new_folder(table.kind, directory)
+        try:
+            stem = folder / table.kind
+            _write_all(stem, table, fields, blocks, formats, partition)
+            if table.beside is not None:
+                table.beside(folder)
+            package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
+            stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
+            return put_in_place(table.kind, folder, directory)
+        except OSError as error:
+            raise _of_folder(error, directory) from error
+        finally:
+            abandon(folder)
+
+
+def _of_folder(error: OSError, directory: Path) -> OSError:
+    """The error with the folder in place of a temporary file's name, or of none; Arrow has the number in its text alone."""
+    found = re.search(r"\[errno (\d+)\] ([^\n]+)", str(error))
+    number, text = (int(found[1]), found[2]) if found else (error.errno, error.strerror or str(error))
+    return OSError(number, text, str(directory))
+
+
+def _write_all(
+    stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None, only: str = ""
+) -> None:
+    """Write the files of a table but its package; `stem` is their path without a suffix. only: the suffix of the one wanted."""
+    lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
+    place, csv = stem.with_suffix(".parquet"), None
+    parquet: Any = None
+    with ExitStack() as opened:
+        if partition is not None:
+            parquet = opened.enter_context(closing(ParquetParts(place, fields, lasting, partition)))
+        elif only in ("", ".parquet"):
+            parquet = opened.enter_context(closing(ParquetFile(place, fields, lasting)))
+        if partition is None and only in ("", ".csv"):
+            csv = opened.enter_context(stem.with_suffix(".csv").open("wb"))
+            csv.write(csv_header(fields))
+        _write_rows(_groups(fields, blocks, partition), parquet, csv)
+    draw: Any = table.figure
+    for form in formats if draw else ():
+        try:
+            draw(stem.with_suffix(f".{form}"))
+        except Exception as error:  # any: a style or a spec of the user's may make matplotlib fail in many ways; it goes on up
+            if not isinstance(error, OSError):
+                error.add_note("This happened in the figure; --no-plot writes the table without it.")
+            raise
+    if table.text is not None and not only:
+        stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
+
+
+def save(table: Table, path: Path) -> Path:
+    """Write a table as the only file `path`, the CSV, the Parquet file or the figure, by its suffix; give the path.
+
+    The file is there whole or not at all, and is left alone if it has these bytes already.
+    Raises UsageError if something else than a file is in its place, WavesweepError and OSError as `publish`.
+    """
+    fields, blocks = _opened(table)
+    if os.path.lexists(path) and not (path.is_file() and not path.is_symlink()):
+        raise UsageError(f"{path}: expected a file or none, found a link, a folder or a device; move it away")
+    suffix = path.suffix.lower()
+    try:
+        with scratch(path.parent) as folder:
+            _write_all(folder / table.kind, table, fields, blocks, [suffix[1:]] if suffix in FIGURES else (), None, suffix)
+            whole = folder / f"{table.kind}{suffix}"
+            sync(whole)
+            put(whole, path)
+        sync(path.parent)
+    except OSError as error:
+        raise _of_folder(error, path) from error
+    return path
+
+
+def stream(table: Table, out: BinaryIO) -> None:
+    """Write a table as CSV to the binary stream `out`, once all of it is there, so that no half-written table is left.
+
+    Raises WavesweepError before the first byte if rows are unfit.
+    """
+    fields, blocks = _opened(table)
+    with SpooledTemporaryFile(IN_MEMORY) as whole:
+        whole.write(csv_header(fields))
+        whole.writelines(csv_rows(group) for group in _groups(fields, blocks))
+        whole.seek(0)
+        copyfileobj(whole, out)
+    out.flush()
+
+
+def pictured(table: Table) -> tuple[bytes, str]:
+    """Give the CSV of a table that has a figure, and the figure as SVG, which is drawn from the rows of the CSV."""
+    from io import BytesIO
+
+    draw: Any = table.figure
+    stream(table, text := BytesIO())
+    with TemporaryDirectory() as folder:
+        draw(figure := Path(folder, "figure.svg"))
+        return text.getvalue(), figure.read_text(encoding="utf-8")
+
+
+def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
+    """Give the table's fields, and its blocks, the first of which is checked."""
+    blocks = iter(table.blocks())
+    first = next(blocks)
+    fields = table.fields or fields_of(table.kind, first, table.facts)
+    return fields, chain([checked(fields, first)], blocks)
+
+
+def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts | None, csv: BinaryIO | None) -> None:
+    """Write the groups to the open files, the CSV in this thread and Parquet in another one: Arrow lets both run at once."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as other:
+        for group in groups:
+            written = other.submit(parquet.append, group) if parquet else None
+            if csv:
+                csv.write(csv_rows(group))
+            if written:
+                written.result()
+
+
+def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:
+    """Yield checked columns in groups of a fixed number of rows, then the remaining rows; no group spans two parts."""
+    pending, waiting, rows = [], 0, 0
+    for block in blocks:
+        pending.append(checked(fields, block, rows))
+        length = len(pending[-1][fields[0].name])
+        rows, waiting = rows + length, waiting + length
+        if waiting < _rows_after(rows - waiting, partition):
+            continue
+        whole, start = joined(pending), 0
+        while waiting - start >= (size := _rows_after(rows - waiting + start, partition)):
+            yield {name: column[start : start + size] for name, column in whole.items()}
+            start += size
+        pending, waiting = [{name: column[start:] for name, column in whole.items()}], waiting - start
+    if waiting:
+        yield joined(pending)
+
+
+def _rows_after(rows: int, partition: int | None) -> int:
+    """The number of rows of the group that begins after so many rows."""
+    return GROUP_ROWS if partition is None else min(GROUP_ROWS, partition - rows % partition)
+
+
+def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:
+    """The figures of the table: the new ones, and those of the same spec that stay."""
+    same = (existing_facts(stem.name, directory) or {}).get("spec_sha256") == sha256
+    new, old = ([place.with_suffix(suffix) for suffix in FIGURES] for place in (stem, directory / stem.name))
+    found = [each if each.exists() else kept for each, kept in zip(new, old, strict=True) if each.exists() or same]
+    return [each for each in found if each.exists()]

@@ -1,0 +1,330 @@
+"""A folder of results held against its data packages, and a sample of its rows computed, or proved, again."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.capabilities import modules
+from wavesweep.engine.errors import UsageError, WavesweepError
+from wavesweep.program.columns import Columns
+from wavesweep.program.reproducibility import versions
+from wavesweep.program.results.folder import BEST, PACKAGE
+from wavesweep.program.results.package import file_facts, loaded, package_differences, packaged_facts
+from wavesweep.program.results.table_files import GROUP_ROWS, csv_blocks, read_rows, rows_in, schema_facts, schema_fields
+from wavesweep.program.tables import HOMES, kind_named
+from wavesweep.program.tables.kind import Recompute
+
+ROWS = 20
+SEED = 0
+CLOSE = 1e-9  # relative difference that counts as none if versions, or what is computed together, differ
+FAULTS = (WavesweepError, LookupError, TypeError, ValueError, AttributeError)  # of packages and schemas that were changed
+NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The result for a folder: sentences about the checks that were made, and about each difference that was found.
+
+    proved: for each table of which slices were proved again, its file and how many of them have each verdict of `ProvedAgain`.
+    """
+
+    checked: tuple[str, ...]
+    differences: tuple[str, ...]
+    proved: tuple[Mapping[str, str | int], ...] = ()
+
+
+def verify(
+    directory: str | Path,
+    rows: int = ROWS,
+    seed: int = SEED,
+    prove: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Verification:
+    """Compare each table in a folder with its data package (bytes, hashes, digest of the spec), and compute rows again.
+
+    Parameters
+    ----------
+    directory : str or Path
+        Folder of results.
+    rows : int, default 20
+        Of a table of intervals, so many combinations are drawn at random; the smaller tables of responses, passivity and
+        simulation are computed again as a whole.
+    seed : int, default 0
+        Of the draw.
+    prove : int, default 0
+        Of a table of intervals, so many certified slices, spread evenly over it, are proved again in ball arithmetic.
+    progress : callable, optional
+        Is called with the number of combinations of a table that are done, and of all that are computed, or proved, again.
+
+    Returns
+    -------
+    Verification
+        Sentences: `checked` of the checks that were made, `differences` of what was found; `proved` for each table of which
+        slices were proved again.
+
+    Raises
+    ------
+    UsageError
+        If the folder has no data package of this program, or if there is nothing that proves.
+
+    Notes
+    -----
+    Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
+    """
+    if prove and not any(modules("prover")):
+        raise UsageError("prove: expected the capability `prove`, whose ball arithmetic proves slices again, found it missing")
+    packages = sorted(Path(directory).glob(f"*{PACKAGE}"))
+    if not packages:
+        raise UsageError(f"{directory}: expected results with their data package, found none")
+    stems = {package.name.removesuffix(PACKAGE) for package in packages}
+    alone = (path for suffix in (".csv", ".parquet") for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
+    checked: list[str] = []
+    differences = [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in HOMES]
+    proved: list[Mapping[str, str | int]] = []
+    for package in packages:
+        for text, different in _of_package(package, rows, seed, prove, proved, progress or (lambda *_: None)):
+            (differences if different else checked).append(text)
+    return Verification(tuple(checked), tuple(differences), tuple(proved))
+
+
+def _of_package(
+    package: Path, rows: int, seed: int, prove: int, proved: list, progress: Callable[[int, int], None]
+) -> Iterator[tuple[str, bool]]:
+    """Yield (sentence, whether it is about a difference) for one table."""
+    facts = packaged_facts(package)
+    if not facts:
+        yield f"{package}: cannot be read as a data package of this program", True
+        return
+    damaged = list(_files(package)) or list(_described(package))
+    if not package.with_name(package.name.replace(PACKAGE, ".parquet")).is_dir():
+        damaged += _between(*(package.with_name(package.name.replace(PACKAGE, suffix)) for suffix in (".csv", ".parquet")))
+    yield from ((text, True) for text in damaged)
+    if not damaged:
+        yield f"{package}: the files have the bytes and hashes of the package", False
+    try:
+        again = _again(package, facts)
+    except FAULTS as error:
+        yield f"{package}: the spec in it makes no run: {error}", True
+        return
+    except OSError as error:  # of the table, which has the names of the specs
+        yield f"{package}: its rows cannot be computed again: {error}", True
+        return
+    if again is None:
+        yield f"{package}: its rows cannot be computed again from a spec", False
+        return
+    if again.sha256 != facts["spec_sha256"]:
+        yield f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…", True
+    yield from _rows(package, facts, again, rows, seed, progress)
+    if prove and again.provable:
+        yield from _proved_again(package.with_name(package.name.replace(PACKAGE, ".parquet")), again, prove, proved, progress)
+
+
+def _files(package: Path) -> Iterator[str]:
+    """Yield the differences of the files from their entries in the package."""
+    try:
+        entries = loaded(package)["resources"]
+        known = {str(entry["path"]): (entry["bytes"], entry["hash"]) for entry in entries}
+    except (ValueError, KeyError, TypeError):
+        yield f"{package}: its list of files cannot be read"
+        return
+    if len(known) < len(entries):
+        yield f"{package}: {len(entries) - len(known)} of its files are listed again"
+    stem = package.name.removesuffix(PACKAGE)
+    parts, here = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
+    if parts.is_dir():
+        here = {f"{parts.name}/{path.name}" for path in parts.iterdir()}
+    for name in sorted(here - set(known)):
+        yield f"{package}: {name} is not in its list of files"
+    for name, (size, digest) in known.items():
+        own = name.removeprefix(f"{parts.name}/").removeprefix(f"{BEST}/" if stem == "design" else "")
+        if own != Path(own).name:
+            yield f"{package}: {name} in its list of files is in another folder"
+            continue
+        path = package.parent / name
+        try:
+            found = file_facts(path)
+        except OSError as error:
+            yield f"{path}: {error.strerror}"
+            continue
+        if (found["bytes"], found["hash"]) != (size, digest):
+            bytes_, hash_ = found["bytes"], found["hash"]
+            yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
+
+
+def _described(package: Path) -> Iterator[str]:
+    """Yield what the package says otherwise than the Parquet file, or than this program says of such a table."""
+    kind = package.name.removesuffix(PACKAGE)
+    parquet = package.with_name(f"{kind}.parquet")
+    try:
+        for text in package_differences(package, kind, schema_fields(parquet), schema_facts(parquet)):
+            yield f"{package}: {text}"
+    except (*FAULTS, OSError) as error:
+        yield f"{package}: cannot be held against its Parquet file: {error}"
+
+
+def _between(csv: Path, parquet: Path) -> Iterator[str]:
+    """Yield the first difference of the two tables, whatever their package says of them."""
+    try:
+        difference = _compared(parquet, csv_blocks(csv), exact=True)
+    except (*FAULTS, OSError) as error:
+        yield f"{csv.with_suffix('')}.*: a table cannot be read: {error}"
+        return
+    if difference:
+        yield f"{parquet} and {csv.name}: {difference}"
+
+
+def _again(package: Path, facts: Mapping[str, Any]) -> Recompute | None:
+    """The way to compute the rows of this table again; None for a table that does not come from one spec."""
+    kind = package.name.removesuffix(PACKAGE)
+    return kind_named(kind).again(facts, partial(_stem, package)) if kind in HOMES else None
+
+
+def _stem(package: Path) -> str:
+    """The name of the spec file, which is in the rows but not in the spec. Raises OSError if these cannot be read."""
+    try:
+        column = read_rows(package.with_name(package.name.replace(PACKAGE, ".parquet")), 0, 1).get("spec", ["spec"])
+    except WavesweepError as error:
+        raise OSError(str(error)) from error
+    return str(column[0]) if len(column) else "spec"
+
+
+def _counted(items: Sequence[int], progress: Callable[[int, int], None]) -> Iterator[int]:
+    """The items, and a report before each."""
+    for done, item in enumerate(items):
+        progress(done, len(items))
+        yield item
+
+
+def _rows(
+    package: Path, facts: Mapping[str, Any], again: Recompute, rows: int, seed: int, progress: Callable[[int, int], None]
+) -> Iterator[tuple[str, bool]]:
+    """Yield the sentences about the rows that are computed again."""
+    parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), versions().items() <= facts.items()
+    how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
+    if exact and again.some is not None:
+        exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
+    try:
+        if again.rows not in (0, there := rows_in(parquet)):  # before a foreign package has millions of them computed
+            difference, extent = f"{there} rows and not {again.rows}", ""
+        elif again.some is None:
+            difference = _compared(parquet, again.whole(), exact)
+            extent = "all rows"
+        else:
+            difference = _sampled(parquet, again.some, again.combinations, rows, seed, exact, progress)
+            extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
+    except (WavesweepError, ValueError, OSError) as error:
+        yield f"{parquet}: its rows cannot be held against new ones: {error}", True
+        return
+    if difference:
+        yield f"{parquet}: computed again, {difference}", True
+    else:
+        yield f"{parquet}: {extent} computed again, equal {how}", False
+
+
+def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
+    """The first difference of a whole table from new rows in blocks."""
+    first = 0
+    for block in blocks:
+        end = first + len(next(iter(block.values())))
+        if difference := first_difference(read_rows(parquet, first, end), block, exact, first):
+            return difference
+        first = end
+    rows = rows_in(parquet)
+    return f"{rows} rows and not {first}" if rows != first else ""
+
+
+def _sampled(
+    parquet: Path,
+    some: Callable[[Iterable[int]], Iterator[Columns]],
+    combinations: int,
+    sample: int,
+    seed: int,
+    exact: bool,
+    progress: Callable[[int, int], None],
+) -> str:
+    """The first difference in a sample of the combinations."""
+    rows, starts = rows_in(parquet), _starts(parquet)
+    if starts is None:
+        return "no column interval"
+    if len(starts) != combinations:
+        return f"{len(starts)} combinations and not {combinations}"
+    picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(sample, len(starts)), replace=False))
+    ends = np.append(starts[1:], rows)
+    for number, new in zip(picked, some(_counted(picked.tolist(), progress)), strict=True):
+        first, wanted = int(starts[number]), len(new["interval"])
+        if ends[number] - first != wanted:
+            return f"row {first + 1}: {ends[number] - first} intervals and not {wanted}"
+        if difference := first_difference(read_rows(parquet, first, first + wanted), new, exact, first):
+            return difference
+    return ""
+
+
+def _starts(parquet: Path) -> np.ndarray | None:
+    """The first row of every combination, in which the column `interval` is 0; None if there is no such column."""
+    found = []
+    for first in range(0, rows_in(parquet), GROUP_ROWS):
+        numbers = read_rows(parquet, first, first + GROUP_ROWS, ["interval"]).get("interval")
+        if numbers is None:
+            return None
+        found.append(first + np.flatnonzero(numbers == 0))
+    return np.concatenate(found)
+
+
+def _proved_again(
+    parquet: Path, again: Recompute, most: int, proved: list, progress: Callable[[int, int], None]
+) -> Iterator[tuple[str, bool]]:
+    """Yield the sentences about certified slices that are proved again; their counts are appended to `proved`."""
+    try:
+        starts = _starts(parquet)
+        if starts is None or len(starts) != again.combinations:
+            return  # which is a difference already
+        certified = np.flatnonzero(read_rows(parquet, columns=["certified"])["certified"][starts[: again.provable]])
+        places = np.linspace(0, len(certified) - 1, min(most, len(certified))).round().astype(int)
+        picked, ends = certified[places].tolist(), np.append(starts, rows_in(parquet)).tolist()
+        claims = ((number, read_rows(parquet, ends[number], ends[number + 1])) for number in _counted(picked, progress))
+        verdicts = list(again.prove(claims)) if again.prove else []
+    except (WavesweepError, KeyError, ValueError, OSError) as error:
+        yield f"{parquet}: its rows cannot be proved again: {error}", True
+        return
+    counts = {name: sum(each.verdict == name for each in verdicts) for name in ("whole", "ends", "unsettled", "refuted")}
+    proved.append({"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts})
+    reasons = "; ".join(dict.fromkeys(each.why for each in verdicts if each.verdict == "unsettled"))
+    text = f"{parquet}: {len(picked)} of {len(certified)} certified slices proved again in ball arithmetic: {counts['whole']} "
+    text += f"confirmed on the whole range, {counts['ends']} at their ends and between them, {counts['refuted']} refuted, "
+    yield f"{text}{counts['unsettled']} not settled{f' ({reasons})' if reasons else ''}", False
+    fault = "unless the file was changed, this is a fault of wavesweep: please report it with the spec"
+    for number, each in zip(picked, verdicts, strict=True):
+        if each.verdict == "refuted":
+            yield f"{parquet}: row {ends[number] + 1} is certified, but ball arithmetic refutes it, {each.why}; {fault}", True
+
+
+def first_difference(found: Columns, expected: Columns, exact: bool = True, first_row: int = 0) -> str:
+    """The first difference of two tables as a text, empty for equal tables.
+
+    found, expected: columns. exact: to the bit; otherwise numbers may differ by CLOSE, relative. first_row: number of the
+    rows before these.
+    """
+    if sorted(found) != sorted(expected):
+        return f"columns {', '.join(found)} and not {', '.join(expected)}"
+    for name, column in found.items():
+        other = np.asarray(expected[name])
+        if len(column) != len(other):
+            return f"{len(column)} rows and not {len(other)}"
+        different = np.flatnonzero(~_equal(np.asarray(column), other, exact))
+        if different.size and (exact or name not in NOISE):
+            row = int(different[0])
+            return f"row {first_row + row + 1}, column {name}: {column[row]!s} and not {other[row]!s}"
+    return ""
+
+
+def _equal(found: np.ndarray, expected: np.ndarray, exact: bool) -> np.ndarray:
+    if found.dtype.kind != "f" or expected.dtype.kind != "f":
+        return found == expected
+    missing = np.isnan(found) & np.isnan(expected)
+    if exact:
+        return missing | (found.view(np.int64) == expected.astype(float).view(np.int64))
+    return missing | (np.abs(found - expected) <= CLOSE * np.maximum(np.abs(found), np.abs(expected)))

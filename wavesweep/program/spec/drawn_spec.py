@@ -1,0 +1,57 @@
+"""What a spec has beside a drawn loop: the names of its tables, and what these ask of the drawing."""
+
+from collections.abc import Mapping
+
+from wavesweep.engine.drawing.drawing_tables import TABLES, Surroundings
+from wavesweep.engine.keys.checking import Mistakes, nearest
+from wavesweep.engine.keys.places import Leaf, Path
+from wavesweep.program.reading.sorting import names_in_list, normal_path
+from wavesweep.program.reading.tables import section_of, study_tables, tables
+from wavesweep.program.spec.shipped_classes import shipped_classes
+
+
+def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
+    """Return what the other tables of a spec ask of its drawing."""
+    signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
+    asking = (leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves)
+    return Surroundings(
+        own_axes(leaves), {name: leaf for leaf in asking for name in names_in_list(leaf)}, tuple(shipped_classes())
+    )
+
+
+def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves of tables that a drawn loop has, and add a mistake for each other table.
+
+    An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
+    """
+    known, given, meant = ("type", *TABLES, *study_tables()), dict.fromkeys(path[0] for path in leaves), {}
+    expected = f"one of the tables {', '.join(known)}"
+    numbers = list(dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1))
+    for (name, *rest), leaf in leaves.items():
+        if name in known or name in meant:
+            continue
+        place, near, alone = leaf.place.under((name,)), nearest(name, known), not rest and leaf.value != {} and numbers
+        meant[name] = near if near not in given else ""
+        if name == "controller":
+            meant[name] = ""
+            mistakes.refuse(place, name, "either a controller or blocks", "both")
+        elif alone:  # of --set, which gives numbers by name
+            or_number = f"{', '.join(numbers)} of [numbers], or {expected}"
+            mistakes.refuse(place, name, or_number, "an unknown name", near or nearest(name, numbers))
+        else:
+            blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}
+            mistakes.refuse(place, name, expected, "an unknown table", f"block.{name}" if name in blocks else near)
+    named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
+    return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
+
+
+def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
+    """Return the paths of the keys of blocks that tables take for axes."""
+    blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}  # those of a class have two names
+    named = [path[len(section) :] for path in leaves if (section := section_of(path))]
+    along = leaves.get(("sweep", "along"))
+    if along and isinstance(along.value, str):
+        named.append(tuple(along.value.split(".")))
+    return frozenset(
+        ".".join(each[: 3 + (".".join(each[1:3]) in blocks)]) for each in named if len(each) > 2 and each[0] == "block"
+    )

@@ -1,0 +1,194 @@
+"""Loading: from a path or nested tables, and overrides, to a `Spec`."""
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from functools import lru_cache
+from itertools import islice
+
+from wavesweep.engine.drawing.block_classes import expanded, numbers_of_blocks
+from wavesweep.engine.drawing.drawing import MARKS, RATE, path_of
+from wavesweep.engine.errors import Mistake, SpecError, UsageError
+from wavesweep.engine.keys.checking import Mistakes
+from wavesweep.engine.keys.places import Leaf, Path, Place, leaves_of
+from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
+from wavesweep.program.reading.reading import file_stem, read_dict, read_file, read_override
+from wavesweep.program.reading.sorting import normal_path, sort_leaves
+from wavesweep.program.reading.tables import missing
+from wavesweep.program.spec.resolving import TWINS, Given, resolve
+from wavesweep.program.spec.shipped_classes import with_classes
+from wavesweep.program.spec.spec import Spec
+from wavesweep.program.spec.studies import Request, Studies, build_studies
+
+MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
+
+
+def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> Spec:
+    """Return the spec of a TOML file, or of the same nested tables as a dict.
+
+    Parameters
+    ----------
+    source : str, Path or dict
+        A path or the tables.
+    overrides : iterable of str, optional
+        Texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They replace values of the source
+        before anything is checked; `rates.ratio` also replaces the source's `rates.slow_hz`, and the other way round.
+
+    Returns
+    -------
+    Spec
+        With all its values.
+
+    Raises
+    ------
+    UsageError
+        If a file cannot be read.
+    SpecError
+        With all mistakes of source and overrides at once.
+    """
+    if isinstance(source, Mapping):
+        try:
+            name, path, tables, place = "spec", None, read_dict(source), Place()
+        except RecursionError:
+            raise UsageError("a spec: expected nested tables, found one that contains itself") from None
+    else:
+        try:
+            path = os.fsdecode(os.fspath(source))
+        except TypeError:
+            raise UsageError(f"a spec: expected a path, or nested tables as a dict, found {source!r:.60}") from None
+        tables, place = read_file(path)
+        name = file_stem(path)
+    mistakes = Mistakes()
+    leaves = _collect(tables, place, overrides, mistakes)
+    return _build(name, path, leaves, place, mistakes)
+
+
+def naming(spec: Spec, names: Iterable[object], signal: str | None = None) -> Spec:
+    """Return the spec in which these keys of blocks (`block.m.mass`) are numbers too, as those are that [sweep] names.
+
+    signal: of a drawn loop, which is an output too, as the one is that [bode] names. Other names, and keys that are not written
+    as a number, are left to the caller.
+    """
+    if spec.drawing is None:
+        return spec
+    of_blocks = (name for name in names if isinstance(name, str) and name.startswith("block.") and not spec.names.find(name))
+    return _naming(spec, tuple(of_blocks), signal if signal in spec.drawing.signals else None)
+
+
+@lru_cache(maxsize=64)
+def _naming(spec, names, signal):
+    if not names and signal is None:
+        return spec
+    tables = spec.tables()
+    written = {f"block.{block}.{key}": value for block, keys in tables["block"].items() for key, value in keys.items()}
+    new = {name: [written[name]] for name in names if isinstance(written.get(name), (int, float))}
+    tables |= {"sweep": tables["sweep"] | new, "bode": tables["bode"] | ({} if signal is None else {"to": signal})}
+    try:
+        return replace(load(tables), name=spec.name, source=spec.source)
+    except SpecError:  # a key that has a number and takes none that varies
+        return spec
+
+
+def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves of a source by path, with those of the overrides in their places."""
+    leaves: dict[Path, Leaf] = {}
+    given = [(normal_path(path), leaf) for path, leaf in islice(leaves_of(tables, place), MOST_KEYS + 1)]
+    if len(given) > MOST_KEYS:
+        mistakes.refuse(given[-1][1], "", f"at most {MOST_KEYS} keys", "more")
+        return leaves
+    for path, leaf in given:
+        if path in leaves:  # an axis written both as "device.mass" and as device.mass
+            mistakes.refuse(leaf, ".".join(path), "each key once", "the same key again")
+        leaves[path] = leaf
+    leaves = with_classes(leaves)
+    symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
+    symbols |= numbers_of_blocks(leaves)
+    source = dict(leaves)
+    for typed in overrides:
+        try:
+            path, value, where = read_override(typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS)
+        except SpecError as error:
+            mistakes += error.mistakes
+        else:
+            # A number that has a unit keeps it.
+            path = normal_path((*path, "value") if (*path, "value") in leaves else path)
+            if value == "" and not any(_alike(path, each) for each in (*source, *leaves)):
+                mistakes.refuse(where, ".".join(path), "a value, or a key of the spec to leave out", "neither")
+            leaves, twin = _override(leaves, path, value, where), tuple(TWINS.get(".".join(path), "").split("."))
+            if value != "" and twin in source and leaves.get(twin) is source[twin]:
+                del leaves[twin]
+    return leaves
+
+
+def _alike(one: Path, other: Path) -> bool:
+    """Whether one path is at, above or below the other."""
+    return all(a == b for a, b in zip(one, other, strict=False))
+
+
+def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Place) -> dict[Path, Leaf]:
+    """Replace everything at, above or below one path, in the same position, so that the order of axes is kept."""
+    new = (
+        {}
+        if value == ""
+        else {normal_path(path): leaf for path, leaf in leaves_of({replaced[-1]: value}, where, replaced[:-1])}
+    )  # without a text it is left out
+    result: dict[Path, Leaf] = {}
+    for path, leaf in leaves.items():
+        if _alike(path, replaced):
+            result.update(new)
+        else:
+            result[path] = leaf
+    return {**result, **new}
+
+
+def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
+    tables = {each[0] for each in leaves}
+    drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
+    leaves, names, drawing, wrong = _installed(leaves, mistakes), BUILT_IN, None, True
+    if drawn:
+        from wavesweep.engine.drawing.drawing_tables import read_drawing
+        from wavesweep.program.spec.drawn_spec import beside_drawing, with_corrected_names
+
+        leaves = expanded(with_corrected_names(leaves, mistakes), mistakes)
+        drawing, values, of_loop, names = read_drawing(leaves, place, mistakes, beside_drawing(leaves))
+        given, belongs = Given(of_loop, place), sort_leaves(leaves, mistakes, names)
+        hz = drawing.rate(values) if drawing else values.get(RATE)
+    else:
+        belongs = sort_leaves(leaves, mistakes)
+        given = Given({key: leaf for key, leaf in belongs.keys.items() if key in KEYS}, place)
+        values, wrong = resolve(given)
+        mistakes += wrong
+        hz = None if any(mistake.key.startswith("rates.") for mistake in wrong) else values["rates.fast_hz"]
+    known = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
+    studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **known))
+    if mistakes:
+        raise SpecError(_in_order(mistakes))
+    asked = {each.name: getattr(studies, each.name) for each in fields(Studies)}
+    return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **asked)
+
+
+def _installed(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves without tables of capabilities that are not installed, and add a mistake for each of these."""
+    for table, capability in missing().items():
+        path = tuple(table.split("."))
+        if inside := [each for each in leaves if each[: len(path)] == path]:
+            found = f"a table of the capability {capability}, which is not installed"
+            mistakes.refuse(leaves[inside[0]].place.under(path), f"[{table}]", "only tables of what is installed", found)
+            leaves = {each: leaf for each, leaf in leaves.items() if each not in inside}
+    return leaves
+
+
+def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
+    """Sort by line and column; mistakes without a place keep their order, at the end.
+
+    Of a value that should be a table, the keys below it are not reported as missing too.
+    """
+    none = tuple(mistake.key for mistake in mistakes if mistake.expected == "a table")
+    below = tuple(f"{key}." for key in none)
+    own = [each for each in mistakes if each.expected == "a table" or not (each.key in none or each.key.startswith(below))]
+
+    def position(mistake: Mistake) -> tuple[int, ...]:
+        numbers = mistake.location.rsplit(":", 2)[1:]
+        return tuple(map(int, numbers)) if len(numbers) == 2 and all(map(str.isdecimal, numbers)) else (10**9,)
+
+    return sorted(dict.fromkeys(own), key=position)

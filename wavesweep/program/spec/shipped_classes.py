@@ -1,0 +1,28 @@
+"""Classes of blocks that capabilities have: a spec may use them without drawing them."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path as File
+
+from wavesweep.capabilities import modules
+from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.keys.places import Leaf, Path, Place, leaves_of
+
+
+def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:
+    """Return the leaves with the classes that capabilities have, of those that blocks name and the spec does not draw."""
+    kinds = {path: leaf for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)}
+    own = {*TYPES, *(path[1] for path in leaves if path[0] == "type" and len(path) > 1)}
+    asked = {leaf.value: leaf for leaf in kinds.values() if isinstance(leaf.value, str) and leaf.value not in own}
+    shipped = shipped_classes() if asked else {}
+    found = dict(leaves)
+    for name in asked.keys() & shipped.keys():
+        tables = tomllib.loads(shipped[name].read_text(encoding="utf-8"))
+        found |= {path: replace(leaf, place=asked[name].place) for path, leaf in leaves_of(tables, Place(), ("type", name))}
+    return found
+
+
+def shipped_classes() -> dict[str, File]:
+    """Return the files of the classes that capabilities have, by their names."""
+    return {name: file for module in modules("classes") for name, file in module.CLASSES.items()}

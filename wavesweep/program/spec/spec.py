@@ -1,0 +1,302 @@
+"""A spec as a value: every key resolved and every axis complete, without any default left open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from types import MappingProxyType
+
+from wavesweep.engine.drawing.drawing import RATE, Drawing, path_of
+from wavesweep.engine.errors import Mistake, SpecError, UsageError
+from wavesweep.engine.keys.checking import Mistakes, nearest
+from wavesweep.engine.keys.key import BAND_EDGES, RATIO, TURNED, Names
+from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.program.reading.axes import Axis
+from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
+from wavesweep.program.reading.reading import plain
+from wavesweep.program.reading.tables import Asked, table_at, tables
+from wavesweep.program.spec.resolving import Given, is_frame, resolve, resolve_drawn
+from wavesweep.program.spec.studies import Studies, fitting, hardware_of, unknown_end
+from wavesweep.program.spec.writing import written
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
+class Spec(Studies):
+    """A request with all its values, made by `load`. Two specs are the same request if their `sha256` are equal.
+
+    The value of a capability's table is an attribute of the table's name; it is None if the spec has no such table.
+    """
+
+    name: str
+    source: str | None
+    _values: dict[str, float | int | str]
+    _given: Given  # the keys of the loop as given, with their places; `with_values` starts from them
+    parts: frozenset[str] = frozenset()  # names of tables that are part of this request and not of every one, see `asking`
+    drawing: Drawing | None = None  # of a spec that draws its loop; its values are the tick's rate and the numbers
+
+    def __getattr__(self, name: str) -> Asked | None:
+        """The value of the table of that name, with the numbers of the spec's device."""
+        asked = object.__getattribute__(self, "asked")
+        if name not in asked:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return None if asked[name] is None else asked[name].on(self._given.device())
+
+    def _asked(self) -> list[Asked]:
+        return [each for each in self.asked.values() if each is not None]
+
+    @property
+    def members(self) -> str:
+        """The name of the table that answers can hold for, beside the spec's own numbers; empty if they are of these alone."""
+        return next((each.members for each in self._asked() if each.members), "")
+
+    @property
+    def changing(self) -> tuple[Axis, ...]:
+        """The axes of numbers that may change in every frame."""
+        return tuple(axis for each in self._asked() for axis in each.changing)
+
+    @property
+    def values(self) -> Mapping[str, float | int | str]:
+        """The resolved value of every path (`environment.K_VE`), in the order and the units of `KEYS`; read-only."""
+        return MappingProxyType(self._values)
+
+    @property
+    def files(self) -> list[Path]:
+        """The file of the spec, and those that its tables name; none for a dict."""
+        own = [Path(self.source)] if self.source else []
+        return own + [Path(self.source or "").parent / name for each in self._asked() for name in each.files]
+
+    @property
+    def given(self) -> frozenset[str]:
+        """The paths of the keys of the loop and of its device that were given, or follow from a device preset that was.
+
+        Overrides by `--set` and values of `with_values` are given too. All others have their defaults. A swept key is given
+        only if it has a value of its own as well; a slow rate appears as `rates.slow_hz`, and a filter's band edges under
+        their own names.
+        """
+        device = self._given.device()
+        return self._own() | (device.numbers.keys() if device else frozenset())
+
+    def builds(self, path: str, changes: Iterable[str]) -> bool:
+        """Return whether a number decides how the loop is built, or others follow from it, so that it cannot vary smoothly.
+
+        The fast rate does if a ratio follows from it and a slow rate, or a filter from the edges of its band. path: of the
+        number. changes: paths that are given in addition to the spec's own.
+        """
+        given = (*self._given.leaves, *changes)
+        alone = not any(each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in given)
+        return self.names.keys[path].structural and not (path == "rates.fast_hz" and alone)
+
+    @property
+    def preset(self) -> str | None:
+        """The name of the device in `device.preset`, None without one; its numbers are in `values` and `hardware`."""
+        return str(self._given.leaves["device.preset"].value) if self._given.device() else None
+
+    @property
+    def assumed(self) -> frozenset[str]:
+        """The paths of the device preset's numbers that have no public source and that the spec does not give itself."""
+        device = self._given.device()
+        numbers = device.numbers.items() if device else ()
+        return frozenset(path for path, number in numbers if number.assumed and path not in self._own())
+
+    def _own(self) -> frozenset[str]:
+        return frozenset((*self._given.leaves, *(path for each in self._asked() for path in each.given)))
+
+    @property
+    def hardware(self) -> Mapping[str, float | None]:
+        """Friction, resolution and largest force of the device, as a table or else the device preset gives them."""
+        return hardware_of(self.asked, self._given.device())
+
+    def without_hand(self) -> list[Mistake]:
+        """The mistake of a drawn loop whose [ports] name no hand; empty for any other spec."""
+        if self.drawing is None or self.drawing.hand:
+            return []
+        return [self.mistake("ports", "hand = { force = ..., displacement = ... }, where the hand's force acts", "no hand")]
+
+    @property
+    def routes(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of an input and an output of a drawn loop whose responses [bode] asks for; empty if it asks for the hand's.
+
+        If it names neither end, they are those of a loop without a hand.
+        """
+        return self.routes_between(self.route.get("from"), self.route.get("to"))
+
+    def routes_between(self, source: str | None, output: str | None) -> tuple[tuple[str, str], ...]:
+        """The same for an input and an output, None for all. Errors: UsageError for an unknown name."""
+        drawing, asked = self.drawing, source is not None or output is not None
+        if drawing is None and asked:
+            raise UsageError("from, to: expected a drawn loop, found a controller, whose responses are those at the hand")
+        if drawing is None or (drawing.hand and not asked):
+            return ()
+        for end, name, ports in (("from", source, "inputs"), ("to", output, "outputs")):
+            if name is not None and (fault := unknown_end(drawing, name, ports)):
+                raise UsageError(str(Mistake("", end, *fault)))
+        names = ([each[0] for each in ports] for ports in (drawing.inputs, drawing.outputs))
+        return tuple(product(*(some if name is None else [name] for some, name in zip(names, (source, output), strict=True))))
+
+    def unit_between(self, source: str, output: str) -> str:
+        """The unit of the response from an input to an output, empty if one of their units is unknown."""
+        units = {name: unit for name, _, unit in (*self.drawing.inputs, *self.drawing.outputs)}
+        over, under = units[output], units[source]
+        if not (over and under):
+            return ""
+        if under in (over, "1"):
+            return RATIO if over == under else over
+        return f"{f'({over})' if '/' in over else over}/{f'({under})' if {'/', '*'} & {*under} else under}"
+
+    def mistake(self, path: str, expected: str, found: str) -> Mistake:
+        """Return a mistake about the key at `path`, at its place. expected, found: the two texts of it."""
+        return self._given.leaf(path).place.mistake(path, expected, found)
+
+    @property
+    def source_place(self) -> Place:
+        """The place of the whole source, from which a mistake finds its line."""
+        return self._given.source
+
+    @property
+    def names(self) -> Names:
+        """The keys that the spec's values have, and the symbols of some of them."""
+        return self.drawing.names if self.drawing else BUILT_IN
+
+    @property
+    def kind(self) -> str:
+        """The controller's name; "drawn" if the spec draws its loop."""
+        return "drawn" if self.drawing else self._values["controller.kind"]
+
+    @property
+    def tick_hz(self) -> float:
+        """The rate of the ticks, the fast rate, in Hz."""
+        return self.drawing.rate(self._values) if self.drawing else self._values["rates.fast_hz"]
+
+    @property
+    def wall(self) -> tuple[str, ...]:
+        """Paths of the wall's stiffness and damping; a drawn loop whose [ports] name no wall has none."""
+        if self.drawing is None:
+            return SYMBOLS["K_VE"], SYMBOLS["B_VE"]
+        return tuple(path_of(name) for name in self.drawing.wall or ())
+
+    @property
+    def units_felt(self) -> tuple[str, str]:
+        """Units of the stiffness and damping that are felt; a drawn loop whose wall has others may turn, and not slide."""
+        stiffness, damping, *_ = (*(self.names.keys[path].unit for path in self.wall), "", "")
+        return stiffness or self.at_port("N/m"), damping or self.at_port("N*s/m")
+
+    def at_port(self, unit: str) -> str:
+        """Return a unit at the hand's port, or its counterpart for torques and angles if the hand of a drawn loop turns."""
+        return TURNED[unit] if self.drawing and self.drawing.turns else unit
+
+    def own(self, path: str) -> float | int | str | None:
+        """Return the own value of the key `path`; None if others stand for it, as order and cutoff of a filter for its band."""
+        if path == "rates.slow_hz":
+            return self._values["rates.fast_hz"] / self._values["rates.ratio"]
+        return self._values.get(path)
+
+    @property
+    def delay_of_frame(self) -> bool:
+        """Whether slow results are in place with the next frame, however long the one before is."""
+        return is_frame(self._given)
+
+    @property
+    def step(self) -> str:
+        """Over what time the slow environment integrates where frames vary: "elapsed" or "nominal"."""
+        leaf = self._given.leaves.get("environment.step")
+        return str(leaf.value) if leaf else "elapsed"
+
+    def refuse_require(self, what: str) -> None:
+        """Raise UsageError if a table asks for more than stability, which is all that `what` is about."""
+        for each in self._asked():
+            each.refuse_stability_alone(self.name, what)
+
+    @property
+    def frequency_hz(self) -> tuple[float, ...]:
+        """The frequencies of the responses, in Hz."""
+        return self._frequencies.values
+
+    @property
+    def _frequencies(self) -> Axis:
+        return fitting(self.frequencies, self.bode, self.tick_hz, RATE if self.drawing else "rates.fast_hz")
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the fast rate is no whole multiple of the slow one; never so for a drawn loop, which has a common tick."""
+        return isinstance(self._values.get("rates.ratio"), float)
+
+    def asking(self, table: str) -> Spec:
+        """Return the spec with a table as part of the request, in `tables()` and `sha256`. table: its path.
+
+        Errors: UsageError or SpecError if the spec does not have it, or if it does not fit the loop.
+        """
+        table_at(table).demand(self)
+        return replace(self, parts=self.parts | {table})
+
+    def tables(self) -> dict[str, dict]:
+        """Return the resolved spec as nested tables that JSON can hold.
+
+        If a filter was given by its band edges, these are included along with the order and cutoff that follow from them. A
+        slow rate appears as the ratio if that is a whole number. Tables on which nothing depends are left out, see `asking`.
+        """
+        found: dict[str, dict] = {}
+        for (*parents, last), value in self._written().items():
+            table = found
+            for parent in parents:
+                table = table.setdefault(parent, {})
+            table[last] = value
+        along = {"along": self.along} if self.along else {}
+        inner, like_sweep, others = self._written_tables()
+        found["sweep"] = {**along, **inner, **{axis.name: axis.written() for axis in self.sweep}}
+        bode = (self._frequencies, *self.bode)
+        return found | like_sweep | {"bode": dict(self.route) | {axis.name: axis.written() for axis in bode}} | others
+
+    def _written_tables(self) -> tuple[dict, dict, dict]:
+        """The tables of capabilities: those in [sweep], those that hold axes as it does, and all others."""
+        found: tuple[dict, dict, dict] = {}, {}, {}
+        for table in sorted(tables().values(), key=lambda table: not table.always):  # the order decides the digest
+            value = getattr(self, table.name)
+            if value is not None and (table.always or table.name in self.parts) and (written := value.written()):
+                found[0 if "." in table.path else 1 if table.path in table.sections else 2][table.name] = written
+        return found
+
+    def _written(self) -> dict[tuple[str, ...], object]:
+        if self.drawing:
+            return written(self.drawing, self._values, self._given)
+        edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
+        known = {**edges, **self._values}
+        if self.uneven:
+            del known["rates.ratio"]
+            known["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
+        if self.delay_of_frame:
+            known["environment.delay"] = "frame"
+        for path in ("device.delay", "device.dead_time"):
+            if not known[path]:
+                del known[path]  # so that the digest of a spec without it is what it was
+        if "environment.step" in self._given.leaves:
+            known["environment.step"] = self.step
+        return {tuple(path.split(".")): known[path] for path in KEYS if path in known}
+
+    @property
+    def sha256(self) -> str:
+        """The SHA-256 of `tables()` as JSON without spaces, unsorted, because the order of the axes is that of the rows."""
+        import hashlib
+        import json
+
+        text = json.dumps(self.tables(), separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def with_values(self, changes: Mapping[str, float | int | str]) -> Spec:
+        """Return the spec with other values for some paths or symbols, resolved and checked anew.
+
+        `rates.ratio` replaces `rates.slow_hz`, and the other way round. Errors: SpecError with every mistake of the changes.
+        """
+        given, mistakes = self._given, Mistakes()
+        for name, value in changes.items():
+            if key := self.names.find(name):
+                given = given.replaced(key.path, Leaf(plain(value), Place()), changes)
+            else:
+                known = (*self.names.symbols, *self.names.keys)
+                mistakes.refuse(Place(), name, "a key of the spec", "an unknown key", nearest(name, known))
+        values, wrong = resolve_drawn(self.drawing, self._values, given) if self.drawing else resolve(given)
+        mistakes += wrong
+        if mistakes:
+            raise SpecError(mistakes)
+        return replace(self, _values=values, _given=given)

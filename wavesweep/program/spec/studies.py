@@ -1,0 +1,230 @@
+"""What the tables of a spec ask of the loop: the studies, checked in themselves and against the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from wavesweep.engine.drawing.drawing import RATE, Drawing
+from wavesweep.engine.errors import SpecError
+from wavesweep.engine.keys.checking import Mistakes, apart, nearest, show
+from wavesweep.engine.keys.key import BAND_EDGES, Names
+from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.program.reading.axes import Axis, axis_place, build_axis, logarithmic
+from wavesweep.program.reading.devices import HapticDevice
+from wavesweep.program.reading.keys import BUILT_IN, HARDWARE_KEYS, STUDY_KEYS
+from wavesweep.program.reading.sorting import Sorted
+from wavesweep.program.reading.tables import Asked, missing, table_at, tables
+from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit
+
+K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
+DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
+OF_PORTS = 1e-5, 0.49  # of the tick's rate, the usual frequencies of responses between inputs and outputs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False, eq=False)
+class Studies:
+    """What a spec asks for, with its axes in the order of the spec.
+
+    along: name of the axis whose stable intervals are wanted, as written. sweep: the axes of [sweep], that one among them.
+    bode: those of [bode] without the frequencies. route: the ends `from` and `to` of the responses that [bode] names. asked:
+    the values of tables of capabilities by name; None of a table that the spec does not have.
+    """
+
+    along: str
+    sweep: tuple[Axis, ...]
+    bode: tuple[Axis, ...]
+    frequencies: Axis
+    route: Mapping[str, str] = field(default_factory=dict)
+    asked: Mapping[str, Asked | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What a table is built from: its leaves, and the loop, as far as it is known.
+
+    drawing: of a drawn loop, None if it has mistakes. hz: the rate of the tick, None if it is not known. values: of a
+    controller's loop, None if they have mistakes. asked: the values of the tables before it. sweep: the axes of [sweep].
+    """
+
+    belongs: Sorted
+    given: Given
+    mistakes: Mistakes
+    names: Names = BUILT_IN
+    drawing: Drawing | None = None
+    hz: float | None = None
+    values: Mapping[str, float | int | str] | None = None
+    asked: dict[str, Asked | None] = field(default_factory=dict)
+    sweep: tuple[Axis, ...] = ()
+
+    @property
+    def drawn(self) -> bool:
+        """Whether the loop is drawn."""
+        return self.names is not BUILT_IN
+
+    @property
+    def rate(self) -> str:
+        """The path of the tick's rate."""
+        return RATE if self.drawn else "rates.fast_hz"
+
+    @property
+    def stepped(self) -> bool:
+        """Whether a step of an input is what the user of a drawn loop looks at, as there is no hand."""
+        return bool(self.drawing and self.drawing.hand is None and self.drawing.inputs)
+
+    def axes(self, section: str) -> list[Axis]:
+        """Return the axes of a section, and add their mistakes."""
+        axes, first = [], {}
+        for name, parts in self.belongs.axes[section].items():
+            path = getattr(self.names.find(name), "path", name)
+            path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
+            if path in first:
+                found = f"the key of the axis {first[path]} again"
+                self.mistakes.refuse(axis_place(parts), f"{section}.{name}", "each key once", found)
+            first.setdefault(path, name)
+            axis = build_axis(section, name, parts, self.mistakes, self.names)
+            axes += [axis] if axis else []
+        return axes
+
+    def refuse_other_edges(self, section: str, axes: Iterable[Axis], spared: bool = False) -> None:
+        """Add the mistakes of axes of a filter that is given in the other way. spared: whether edges of its band are none."""
+        for axis in axes:
+            table, _, last = axis.path.rpartition(".")
+            by_edges, edge = f"{table}.{BAND_EDGES[0]}" in self.given.leaves, last in BAND_EDGES
+            if table.startswith("filters.") and by_edges != edge and not (spared and edge):
+                expected = f"an axis that fits {table}, given by {'its band edges' if by_edges else 'order and cutoff_hz'}"
+                self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, axis.path)
+
+    def refuse_beyond_limits(self, section: str, axes: Iterable[Axis]) -> None:
+        """Add the mistakes of axes of a controller's loop that leave the range set by its other values.
+
+        Every combination of a section's axes is computed, so a cutoff has to suit the lowest swept rate. A delay along with a
+        swept ratio is left to `Spec.with_values`, which sees each combination.
+        """
+        if self.values is None:
+            return
+        swept = {axis.path: axis for axis in axes}
+        known = {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start} if "rates.fast_hz" in swept else self.values
+        for axis in axes:
+            if axis.path == "environment.delay" and set(LIMITS[axis.path]) & set(swept):
+                continue
+            if expected := exceeds_limit(axis.path, axis.stop, known):
+                self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, show(axis.stop))
+
+    def refuse_unknown_ends(self, path: str, names: Iterable[object], ports: str) -> None:
+        """Add the mistake of a key that names none of the `inputs` or `outputs` of the loop, if what it is is known."""
+        for name in names if self.drawing or not self.drawn else ():
+            if fault := unknown_end(self.drawing, name, ports):
+                self.mistakes.refuse(self.belongs.keys[path], path, *fault, of_key=False)
+
+
+def hardware_of(asked: Mapping[str, Asked | None], device: HapticDevice | None) -> dict[str, float | None]:
+    """Return the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. asked: as in `Studies`."""
+    found = {path.rpartition(".")[2]: key.default for path, key in HARDWARE_KEYS.items()}
+    found |= device.simulation() if device else {}
+    for value in asked.values():
+        found |= value.on(device).hardware if value is not None else {}
+    return found
+
+
+def build_studies(request: Request) -> Studies:
+    """Return the studies and add their mistakes."""
+    keys, mistakes = request.belongs.keys, request.mistakes
+    axes = {study: request.axes(study) for study in ("sweep", "bode")}
+    for study, some in axes.items():
+        request.refuse_other_edges(study, some)
+    for axis in axes["bode"]:
+        if not axis.values:
+            mistakes.refuse(axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span")
+    frequencies = next((axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path), DEFAULT_FREQUENCIES)
+    if request.stepped and request.hz and frequencies is DEFAULT_FREQUENCIES:
+        start, stop = (share * request.hz for share in OF_PORTS)
+        frequencies = replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
+    bode = tuple(axis for axis in axes["bode"] if axis.path != DEFAULT_FREQUENCIES.path)
+    if request.hz and frequencies.place != Place():  # defaults are not checked, since `bode` may never run
+        refuse_beyond_half(frequencies, bode, request.hz, request.rate, mistakes)
+    for name, ports in (("from", "inputs"), ("to", "outputs")):
+        request.refuse_unknown_ends(f"bode.{name}", [keys[f"bode.{name}"].value] if f"bode.{name}" in keys else (), ports)
+    along = _along(request, axes["sweep"])
+    request = replace(request, sweep=tuple(axes["sweep"]))
+    for study, some in (("sweep", request.sweep), ("bode", bode)):
+        request.refuse_beyond_limits(study, some)
+    for table in tables().values():
+        request.asked[table.name] = table.build(request)
+    return Studies(
+        along=along,
+        sweep=request.sweep,
+        bode=bode,
+        frequencies=frequencies,
+        route={name: str(keys[f"bode.{name}"].value) for name in ("from", "to") if f"bode.{name}" in keys},
+        asked=dict.fromkeys(path.rpartition(".")[2] for path in missing()) | request.asked,
+    )
+
+
+def _along(request: Request, axes: Iterable[Axis]) -> str:
+    """The name of the axis whose stable intervals are wanted; axes: of [sweep]."""
+    key, drawing, mistakes = STUDY_KEYS["sweep.along"], request.drawing, request.mistakes
+    leaf = request.belongs.keys.get(key.path)
+    along = mistakes.check(key, leaf) if leaf else None
+    if along is None and request.drawn:  # the only span, or the wall's stiffness
+        spans = [axis.name for axis in axes if not axis.values]
+        return spans[0] if len(spans) == 1 else (*((drawing and drawing.wall) or ()), "")[0]
+    if along and (fault := axis_fault(along, request.names)):
+        mistakes.refuse(leaf, key.path, "the name of a numeric key", *fault, of_key=False)
+    return key.default if along is None else along
+
+
+def value_of(path: str, keys: Mapping[str, object]) -> Asked:
+    """Return the value of a table of a capability that no spec has, as its keys give it by name.
+
+    Errors: SpecError with every mistake, UsageError if the capability is not installed.
+    """
+    table = table_at(path)
+    given = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {path: Leaf({}, Place())}
+    request = Request(belongs=Sorted(given), given=Given({}, Place()), mistakes=Mistakes())
+    value = table.build(request)
+    if request.mistakes:
+        raise SpecError(request.mistakes)
+    return value
+
+
+def unknown_end(drawing: Drawing | None, name: object, ports: str) -> tuple[str, str, str] | None:
+    """Return expected and found text and a suggestion if a name is none of the `inputs` or `outputs` of a loop, else None."""
+    known = [each for each, *_ in getattr(drawing, ports, ())]
+    if name in known:
+        return None
+    signals = drawing.signals if drawing and ports == "outputs" else ()
+    what = f"an {ports[:-1]} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
+    hint = nearest(name, (*known, *signals)) if isinstance(name, str) else ""
+    return f"{what} or a signal BLOCK.PORT" if signals else what, show(name), hint
+
+
+def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
+    """Return the text for "found" and a suggestion if `name` is not a numeric key, otherwise None."""
+    key = names.find(name)
+    if name in names.following:
+        return f"{show(name)}, which follows from other numbers", ""
+    if key is None:
+        return show(name), nearest(name, names.symbols) or nearest(name, names.numeric)
+    return None if key.numeric else (f"{show(name)}, which takes no number", "")
+
+
+def refuse_beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: str, mistakes: Mistakes) -> None:
+    """Add the mistake of frequencies of [bode] beyond half the rate, where the response to a held force is not defined.
+
+    axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its path.
+    """
+    least = min((axis.start for axis in axes if axis.path == rate), default=own)
+    if frequency.stop > least / 2:
+        expected, found = apart(least / 2, frequency.stop)
+        mistakes.refuse(frequency.place, frequency.path, f"numbers <= {expected} (half of {rate})", found, of_key=False)
+
+
+def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axis:
+    """Return the frequencies of [bode], the default ones lower if half the rate is; axes, own, rate: as above."""
+    least = min((axis.start for axis in axes if axis.path == rate), default=own)
+    if frequency is not DEFAULT_FREQUENCIES or frequency.stop <= least / 2:
+        return frequency
+    stop, num = least / 2, len(frequency.values)
+    start = stop * frequency.start / frequency.stop
+    return replace(frequency, values=logarithmic(start, stop, num), start=start, stop=stop)

@@ -1,0 +1,88 @@
+"""A spec written again: the tables of a drawn loop, and nested tables as text."""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+
+from wavesweep.engine.drawing.drawing import RATE, Drawing, path_of, path_of_port
+from wavesweep.engine.drawing.drawn_block import keys_of_block
+from wavesweep.engine.drawing.expressions import sum_of
+from wavesweep.engine.keys.places import Path
+
+NUMBER_WORDS = (".unit", ".description")
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def as_toml(tables: Mapping[str, object]) -> str:
+    """Return nested tables as TOML, from which `load` gives the same values; tables within tables are in braces.
+
+    tables: of texts, numbers, booleans, lists of these and further tables, as `Spec.tables` gives them; None is left out.
+    """
+    return "\n".join("\n".join(_table(name, table)) + "\n" for name, table in tables.items() if table)
+
+
+def _table(name: str, table: Mapping[str, object]) -> Iterator[str]:
+    own = {key: value for key, value in table.items() if not (name == "block" and isinstance(value, Mapping))}
+    if own:
+        yield f"[{_key(name)}]"
+        yield from (f"{_key(key)} = {_value(value)}" for key, value in own.items() if value is not None)
+    for at, (key, block) in enumerate(table.items() if name == "block" else ()):
+        yield from ["", f"[block.{_key(key)}]"] if at or own else [f"[block.{_key(key)}]"]
+        yield from (f"{_key(part)} = {_value(value)}" for part, value in block.items() if value is not None)
+
+
+def _key(name: str) -> str:
+    return name if _BARE.fullmatch(name) else _text(name)
+
+
+def _value(value: object) -> str:
+    if isinstance(value, Mapping):
+        parts = ", ".join(f"{_key(key)} = {_value(part)}" for key, part in value.items() if part is not None)
+        return f"{{ {parts} }}" if parts else "{}"
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, str):
+        return _text(value)
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _text(text: str) -> str:
+    # A JSON string is a TOML string, except for DEL, which TOML wants escaped too.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, object]:
+    """Return the resolved tables by path, as a spec could give them. given: a `Given`."""
+    tables: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
+    for name, unit, description in drawing.numbers:
+        tables["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
+    for block in (each for each in drawing.blocks if f"block.{each.name}.type" in given.leaves):  # others are of `prev(...)`
+        tables |= _written_block(block, values, given)
+    for path, leaf in given.leaves.items():
+        table, _, rest = path.partition(".")
+        if path.startswith(("ports.inputs.", "ports.outputs.")):
+            if not path.endswith(".unit"):
+                word, place = given.leaves.get(f"{path}.unit"), tuple(path.split(".", 2))
+                tables[*place, "signal"], tables[*place, "unit"] = leaf.value, word.value if word else ""
+        elif table in ("wire", "signals", "ports"):
+            tables[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
+        elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
+            words = (given.leaves.get(path + each) for each in NUMBER_WORDS)
+            unit, description = (word.value if word else "" for word in words)
+            tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
+    asked = [each for each in drawing.outputs if path_of_port("outputs", each[0]) not in given.leaves]
+    for name, terms, unit in asked:  # by [bode] or another table, see `Drawing.signals`
+        tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
+    return tables
+
+
+def _written_block(block, values, given):
+    """The keys of a block, as `written` gives them."""
+    tables = {("block", block.name, "type"): block.type}
+    for name, key in keys_of_block(block.type).items():
+        path = f"block.{block.name}.{name}"
+        leaf = given.leaves.get(path)
+        value = values.get(path, leaf.value if leaf else key.default)
+        if value is not None and not (name == "steps" and block.dead_time):
+            tables["block", block.name, name] = list(value) if isinstance(value, tuple) else value
+    return tables

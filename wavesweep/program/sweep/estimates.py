@@ -1,0 +1,92 @@
+"""Estimates of a run: bytes of disk, and seconds of work."""
+
+import time
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.program.atomic_files import free_bytes
+from wavesweep.program.sweep.job import Job, cut_otherwise, naming_values
+from wavesweep.program.sweep.pools import timed
+
+AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
+
+
+def expected_bytes(job: Job) -> int:
+    """Bytes of disk that the run needs at its end, before the finished chunks are removed, roughly."""
+    row = job.kind.row_bytes + AXIS_BYTES * len(job.grid.axes)
+    return int(job.kind.rows * (job.slices * job.dtype.itemsize + job.size * row))
+
+
+def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
+    """Raise UsageError if the disk of the file `kept`, in which the jobs keep their chunks, cannot hold their results.
+
+    Chunks of a run that was stopped are counted as part of the results.
+    """
+    if kept is None:
+        return
+    place = next(each for each in kept.absolute().parents if each.is_dir())
+    there = kept.stat().st_size if kept.is_file() else 0
+    need, free = sum(map(expected_bytes, jobs)) - there, free_bytes(place)
+    if need > free:
+        raise UsageError(
+            f"{kept.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
+            "another folder for the results, or sweep fewer values"
+        )
+
+
+def _size(count):
+    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"
+
+
+PROBES = 6  # samples of the sweep
+SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
+FEW_DRAWN = 8  # loops of a sample that share no drawing
+LONGEST = 0.1  # s; no further sample after that
+SLOW = 2.0  # s of a slice, which its first call does not change by much
+
+
+def expected_seconds(job: Job, longest: float = LONGEST) -> float:
+    """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
+    sample, times = job.kind.sample(job)
+    whole, (job, chunks) = job.slices * times, _samples(sample)
+    tasks, slices = [job.task(chunk) for chunk in chunks], 0
+    with naming_values(job):
+        loops, points, started = chunks[0].loops[:1], chunks[0].points[:1], time.perf_counter()
+        job.task(replace(chunks[0], loops=loops, points=points))()
+        if (first := time.perf_counter() - started) > SLOW:
+            return first * whole
+        started = time.perf_counter()  # the first call costs more than it will later
+        for chunk, task in zip(chunks, tasks, strict=True):
+            timed(chunk.number, task)
+            seconds, slices = time.perf_counter() - started, slices + chunk.slices
+            if seconds > longest:
+                break
+    return seconds / slices * whole
+
+
+def _samples(job):
+    """The job in small chunks, and some of them, alternately from its ends and its middle."""
+    chunks = job.chunks
+    enough = max(1, chunks.deep * chunks.wide // SHARE)
+    wide = min(chunks.points, enough)
+    deep = max(1, enough // wide)
+    if 2 * len(job.resolved) > chunks.loops:  # nearly every loop is drawn for itself, and few of them show the time
+        deep = min(deep, FEW_DRAWN)
+    small = cut_otherwise(job, deep=deep, wide=wide)
+    shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
+    numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
+    return small, [small.chunks[number] for number in numbers]
+
+
+def duration(seconds: float) -> str:
+    """Seconds, or minutes, in words."""
+    return f"{short(seconds)} s" if seconds < 100 else f"{short(seconds / 60)} min"
+
+
+def short(number):
+    """A number with two digits, or as a whole one."""
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"

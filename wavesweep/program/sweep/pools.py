@@ -1,0 +1,170 @@
+"""What a worker computes, and the workers of this machine, by joblib: processes of loky, or threads. It loads numpy alone."""
+
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import BrokenExecutor
+from contextlib import closing, contextmanager, suppress
+
+import numpy as np
+
+from wavesweep.engine.errors import IllPosedLoopError, WavesweepError
+from wavesweep.program.platform_compat import MASKS, STOPPING, block, block_only, keep_memory, why_no_processes
+from wavesweep.program.reproducibility import versions
+
+SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
+IDLE = 60  # s after which the processes end if nothing follows
+AHEAD = 3  # tasks per worker that are handed out before the first is finished
+WATCH = 0.5  # s between two looks at the parent, and at the workers
+LOOKS = 6  # after which a worker that has died should have been noticed
+DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
+
+
+Task = Callable[[], np.ndarray]  # picklable: computes records, a structured array
+
+
+def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
+    """Compute a chunk: its number, its records and the processor seconds used.
+
+    Errors: those of the task; an IllPosedLoopError has the number.
+    """
+    started = time.thread_time()
+    try:
+        records = task()
+    except IllPosedLoopError as error:
+        error.chunk = number
+        raise
+    return number, records, time.thread_time() - started
+
+
+def attested(function: Callable, *arguments) -> tuple[object, dict[str, str]]:
+    """Call a function in a worker; its result, and the versions of the worker, on which the last digits depend."""
+    return function(*arguments), versions()
+
+
+def settle_in(parent: int) -> None:
+    """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
+
+    Memory that is freed is kept. The watch begins before the first task: if the parent was killed while this process was
+    starting, a pool's worker would wait for minutes for its next task.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore")
+    keep_memory()
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    if os.getppid() != parent:
+        os._exit(1)
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
+    """Yield what `attested` gives for each call, (function, *arguments), as it is finished, in no particular order.
+
+    backend: "loky" or "threading" of joblib. count: of the workers. Closing the iterator ends the processes. Errors: those of
+    the calls; WavesweepError if a process dies, or none can be started.
+    """
+    if why := why_no_processes() if backend == "loky" else "":
+        raise WavesweepError(f"{why}; --jobs 1 needs none")
+    from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
+
+    # The tracker of what processes share, which loky starts anew if it was killed, does not know what is shared already.
+    tracker._launch = _started_here()(type(tracker)._launch).__get__(tracker)  # noqa: SLF001 - there is no other way to it
+    tasks, options = (delayed(attested)(*call) for call in calls), {}
+    if backend == "loky":  # one BLAS thread each, since the matrices are small and the workers many
+        options = {
+            "inner_max_num_threads": 1,
+            "initializer": settle_in,
+            "initargs": (os.getpid(),),
+            "idle_worker_timeout": IDLE,
+        }
+    try:
+        with parallel_config(backend, **options), _started_here():
+            run = Parallel(count, return_as="generator_unordered", batch_size=1, pre_dispatch=AHEAD * count, max_nbytes=None)
+            answers = run(tasks)
+    except OSError as error:  # no processes, no /dev/shm
+        raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
+    try:
+        with warnings.catch_warnings(), _no_word_of_loky(), _cut_short_results_end(), closing(answers):
+            # Closing the iterator says so of the tasks that it ends.
+            warnings.filterwarnings("ignore", ".* tasks which were still being processed", UserWarning)
+            yield from answers
+    except BrokenExecutor as error:
+        raise WavesweepError(DIED) from error
+
+
+@contextmanager
+def _no_word_of_loky() -> Iterator[None]:
+    """Show no traceback of the thread that hands out loky's tasks, which may look for one it has dropped as it ends."""
+    before = threading.excepthook
+    threading.excepthook = lambda failed: None if failed.thread.name == "ExecutorManagerThread" else before(failed)
+    try:
+        yield
+    finally:
+        threading.excepthook = before
+
+
+@contextmanager
+def _cut_short_results_end() -> Iterator[None]:
+    """End the wait for the rest of a result whose worker was killed while it sent it, which loky itself does not see."""
+    from multiprocessing.connection import wait
+
+    from joblib.externals.loky import reusable_executor
+
+    over = threading.Event()
+
+    def watch():
+        looks = 0
+        while not over.wait(WATCH):
+            pool = reusable_executor._executor  # noqa: SLF001 - there is no other way to it
+            workers = [*((pool and pool._processes) or {}).values()]  # noqa: SLF001
+            looks = looks + 1 if wait([each.sentinel for each in workers], 0) else 0
+            if looks > LOOKS:
+                for each in workers:
+                    with suppress(ProcessLookupError):
+                        os.kill(each.pid, signal.SIGKILL)
+                pool._result_queue._writer.close()  # noqa: SLF001 - nobody is left who could write: the reader is at the end
+                return
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        over.set()
+
+
+@contextmanager
+def _started_here() -> Iterator[None]:
+    """Let processes that are started meanwhile leave the signals STOPPING to this one, and run nothing of the current folder.
+
+    A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write a traceback. A signal that
+    arrives meanwhile is delivered afterwards. Stdout and stderr of these processes are the null device: a program that reads
+    from this process waits for no other, and no worker complains if this process is killed.
+    """
+    before, waiting = os.environ.get(SAFE_PATH), block(STOPPING) if MASKS else ()
+    null, kept = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}
+    try:
+        os.environ[SAFE_PATH] = "1"
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+        for number in kept:
+            os.dup2(null, number)
+        yield
+    finally:
+        for number, own in kept.items():
+            os.dup2(own, number)
+            os.close(own)
+        os.close(null)
+        os.environ.pop(SAFE_PATH)
+        os.environ.update({SAFE_PATH: before} if before is not None else {})
+        if MASKS:
+            block_only(waiting)

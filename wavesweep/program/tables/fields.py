@@ -1,0 +1,97 @@
+"""The columns of tables: name, kind, unit and meaning of each, as files columns.csv have them. It loads no numpy."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal
+
+from wavesweep.capabilities import CAPABILITIES
+from wavesweep.engine import doubts
+from wavesweep.program.tables.row_kinds import words_of
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from wavesweep.program.columns import Columns
+
+Derived = Callable[["Columns"], "np.ndarray"]
+FieldKind = Literal["number", "integer", "boolean", "string"]
+OF_ALONG, OF_WALL = "that of along", "that of the wall"  # units that the run decides
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column.
+
+    unit: "1" if dimensionless, "" if none applies, `OF_ALONG` or `OF_WALL`. optional: only some tables of the kind have it.
+    derived: computes the column from the others, `(rows,)`, if it does not come with them. values: the meaning of each of its
+    words, if it holds words of this program. advice: what a reader of the column can do, as a sentence or two.
+    """
+
+    name: str
+    kind: FieldKind
+    unit: str
+    description: str
+    optional: bool = False
+    derived: Derived | None = None
+    values: Mapping[str, str] = field(default_factory=dict, hash=False)
+    advice: str = ""
+
+
+_VALUES = {column: words_of(column) for column in ("hand", "guarantee")}
+
+
+def columns_beside(
+    module: str,
+    values: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
+    derived: Mapping[str, Derived] = MappingProxyType({}),
+) -> dict[str, tuple[Field, ...]]:
+    """The columns that stand in columns.csv beside a module, by their groups.
+
+    values, derived: of columns by name, see `Field`. A description may name the words of doubt that a column can have.
+    """
+    words = {name: ", ".join(each) for name, each in vars(doubts).items() if name.startswith("OF_")}
+    groups: dict[str, tuple[Field, ...]] = {}
+    with Path(module).with_name("columns.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            name, group = row["name"], row.pop("group")
+            own: dict[str, Any] = {**row, "derived": derived.get(name), "values": values.get(name, {})}
+            own |= {"description": row["description"].format(**words), "optional": bool(row["optional"])}
+            groups[group] = (*groups.get(group, ()), Field(**own))
+    return groups
+
+
+_GROUPS = columns_beside(__file__, _VALUES)
+ABOUT_ENDS, FOR_ALL, LEFT_OPEN = (_GROUPS[name] for name in ("about-ends", "for-all", "left-open"))
+_ALONG, _FOUND, _FELT, _LINES, _BODE = (_GROUPS[name] for name in ("along", "found", "felt", "lines", "bode"))
+_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_GROUPS["open"], *_GROUPS["set-by"])
+_FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES)
+_FOR_HANDS = (*_FOR_HANDS, *(each for each in (*FOR_ALL, *LEFT_OPEN) if each.name not in ("guarantee", "settled")))
+_FOR_HANDS = (*_FOR_HANDS, *_GROUPS["open"])
+COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
+    {
+        **dict.fromkeys(("zwidth", "stability-region"), _INTERVALS),
+        **dict.fromkeys(("zwidth-hands", "stability-region-hands"), _FOR_HANDS),
+        "zwidth-specs": (_BODE[0], *_INTERVALS),
+        "bode": _BODE,
+        "bode-ports": _GROUPS["bode-ports"],
+    }
+)
+"""The columns of the core's tables behind those of their axes."""
+
+
+def columns_of(kind: str) -> tuple[Field, ...]:
+    """The columns of a kind of table behind those of its axes; those of a capability stand in its `columns.py`."""
+    home = next((each for each in CAPABILITIES if kind in each.kinds), None)
+    return (home.module("columns").COLUMNS if home else COLUMNS).get(kind, ())
+
+
+def all_columns() -> dict[str, tuple[Field, ...]]:
+    """The columns of all kinds of tables, and those that a design study can have."""
+    homes = (each.module("columns") for each in CAPABILITIES if each.kinds)
+    of_capabilities = [getattr(home, "EXPLAINED", home.COLUMNS) for home in homes]
+    return {kind: fields for known in (COLUMNS, *of_capabilities) for kind, fields in known.items()}

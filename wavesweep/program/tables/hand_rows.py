@@ -1,0 +1,110 @@
+"""The option --for-hands: intervals guaranteed for hands, of kinds that capabilities offer, beside those of the spec's loop."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from wavesweep.capabilities import HANDS, modules
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.loops.controllers import HAND
+from wavesweep.engine.stability.radii import held_loop
+from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.spec import Spec
+from wavesweep.program.sweep.grid import own_loop
+from wavesweep.program.sweep.job import Job
+
+if TYPE_CHECKING:
+    from wavesweep.engine.energy.held_loop import HeldLoop
+
+
+@dataclass(frozen=True, slots=True)
+class Hands:
+    """Guarantees whose intervals are added to those of the spec's own loop; at most one of each kind."""
+
+    guarantees: tuple[Guarantee, ...]
+
+    @property
+    def replaced(self) -> list[str]:
+        """The guarantees for which other hands are in the place of the spec's operator."""
+        return [each.kind for each in self.guarantees if each.replaces]
+
+    def facts(self) -> dict[str, list[str]]:
+        """The guarantees as a fact of a run: words, which `hands_of` reads."""
+        return {"for_hands": [each.word for each in self.guarantees]}
+
+    def refuse(self, job: Job) -> None:
+        """Raise UsageError if the spec's own job leaves no answer for these hands."""
+        swept = [axis.name for axis in (*job.grid.axes, job.asked.axis) if axis.path in HAND]
+        if self.replaced and swept:
+            raise UsageError(
+                f"hand {self.replaced[0]}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well; "
+                f"--set sweep.{swept[0]}= leaves it out"
+            )
+        spec = job.grid.spec
+        spec.refuse_require("hands")
+        if missing := spec.without_hand() if spec.drawing else None:
+            raise SpecError(missing)
+
+    def without_operator(self, spec: Spec) -> Spec | None:
+        """The spec for the free device; None if it has no operator anyway."""
+        operated = spec.drawing is None and any(spec.values[path] for path in HAND)
+        return spec.with_values(dict.fromkeys(HAND, 0.0)) if operated else None
+
+
+def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:
+    """The guarantees of a run beside the spec's own job: what capabilities make of the hands asked for, and of the spec.
+
+    Errors: UsageError for one that cannot be had.
+    """
+    found: Iterable[Guarantee] = hands.guarantees if hands else ()
+    for each in modules("guarantee"):
+        found = each.of_run(own, found)
+    return found
+
+
+def hands_of(words: str | Iterable[str]) -> Hands | None:
+    """Hands from the words of `--for-hands`; None without any.
+
+    words: "passive", "port", "box", and a box with ranges in place of those of the literature, such as
+    "box:mass=0.1..0.4,damping=2..5". Raises UsageError for another word, one that is there twice, or a range that is empty.
+    """
+    words, found = (words,) if isinstance(words, str) else words, {}
+    for word in words if isinstance(words, Iterable) else (words,):
+        kind, colon, more = word.partition(":") if isinstance(word, str) else ("", "", "")
+        try:
+            offered = (each.of_word(kind, more if colon else None) for each in modules("guarantee"))
+            guarantee = next(filter(None, offered), None)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+        if guarantee is None and kind in HANDS and not any(kind in each.ROWS for each in modules("guarantee")):
+            raise UsageError(f"hands: expected the capability {HANDS[kind]} for {kind}, found that it is not there")
+        if guarantee is None:
+            raise UsageError(f"hands: expected passive, box, port or box:RANGES, found {word!r:.60}")
+        if kind in found:
+            raise UsageError(f"hands: expected {kind} once, found it twice")
+        found[kind] = guarantee
+    return Hands(tuple(sorted(found.values(), key=lambda each: each.order))) if found else None
+
+
+def device_held(kind: str, own: Job) -> "HeldLoop":
+    """The spec's own loop, whose device any hand can hold. Errors: UsageError if its hand does not hold one mass alone."""
+    loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
+    if loop.device is None:
+        raise UsageError(
+            f"hand {kind}: expected a hand whose force acts on one block mass and on nothing else, and whose "
+            "displacement is the position of that block, found another one"
+        )
+    return loop
+
+
+def refuse_velocity(own: Job) -> None:
+    """Raise UsageError if the spec's own loop reads the velocity of the device, or no passive hand can hold it."""
+    loop, spec = device_held("passive", own), own.grid.spec
+    if loop.reads_velocity:
+        raise UsageError(
+            'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
+            "anything at no cost in energy, so no damping answers for what its feedback does"
+            if spec.drawing is None
+            else f"hand passive: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
+            "the velocity can be anything at no cost in energy; take a block difference of the position"
+        )

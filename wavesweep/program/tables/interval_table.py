@@ -1,0 +1,220 @@
+"""Stable intervals over a sweep: those of the spec's loop and, as an option, those for hands; `zwidth`, `stability-region`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from wavesweep.capabilities import modules
+from wavesweep.program.analyses.assumptions import notices_of
+from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.columns import Columns, joined
+from wavesweep.program.tables.interval_tally import Tallies, interval_lines
+from wavesweep.program.tables.kind import Kind, ProvedAgain, Recompute
+from wavesweep.program.tables.table import Table, facts_of, spans_held
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.sweep.job import Job
+    from wavesweep.program.sweep.running import Options
+    from wavesweep.program.tables.hand_rows import Hands
+
+
+def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[Options]) -> Table:
+    """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
+
+    hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
+    spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
+    loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
+    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
+    Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
+    """
+    from wavesweep.program.sweep.running import Work, run
+
+    stages = stages_of(spec, along, hands)
+    found = run({stage.hand: stage.job for stage in stages}, Work.of(work))
+    timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
+    facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
+    axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
+
+    def blocks() -> Iterator[Columns]:
+        for stage in stages:
+            yield from (_completed(block, stage, stages, hands) for block in found.blocks(stage.hand))
+
+    return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One kind of rows.
+
+    hand: the word in the column `hand`, empty if the table has no such column. job: computes the rows. method: in a line.
+    """
+
+    hand: str
+    job: Job
+    method: str
+
+
+def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]:
+    """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
+    from wavesweep.program.analyses.interval_jobs import job_of, method
+
+    own = job_of(spec, along)
+    how = method(own.asked)
+    if hands is None:
+        return [Stage("", own, how), *_guaranteed(own, None)]
+    hands.refuse(own)
+    free = hands.without_operator(spec)
+    stages = [Stage("free" if free is None else "operator", own, how)]
+    if free is not None and hands.replaced:
+        stages.insert(0, Stage("free", job_of(free, along), how))
+    return [*stages, *_guaranteed(own, hands)]
+
+
+def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
+    """Yield the stages of what a run guarantees beside its own job."""
+    from wavesweep.program.analyses.interval_jobs import guaranteed
+    from wavesweep.program.sweep.job import cut_otherwise
+    from wavesweep.program.tables.hand_rows import guarantees_of
+
+    for each in guarantees_of(own, hands):
+        yield Stage(each.kind, guaranteed(cut_otherwise(own, deep=1), each), each.method)
+
+
+def of_calls(own: Job) -> Columns:
+    """The rows of a job of the library, computed in this process, without derived columns, and those of what is guaranteed
+    beside.
+
+    Errors: UsageError for numbers, or a requirement, beside which that cannot be had.
+    """
+    from wavesweep.program.sweep.running import in_memory
+
+    stages = [Stage("", own, ""), *_guaranteed(own, None)]
+    if len(stages) > 1:
+        import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
+    return joined(_finished(in_memory(each.job), each, stages, None) for each in stages)
+
+
+def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]) -> Iterator[Columns]:
+    """Compute some combinations of a table again, each by itself, and yield the rows of each.
+
+    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
+    """
+    from wavesweep.program.sweep.job import cut_otherwise
+
+    stages = stages_of(spec, along, hands)
+    ends = np.cumsum([stage.job.grid.size for stage in stages])
+    for number in picked:
+        stage = stages[int(np.searchsorted(ends, number, side="right"))]
+        combination = np.array([number - (ends[stages.index(stage)] - stage.job.grid.size)])
+        single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
+        records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
+        block = stage.job.columns(np.repeat(combination, records.size), records)
+        yield _completed(block, stage, stages, hands)
+
+
+def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
+    """Yield what ball arithmetic says of some combinations of a table without hands; claims: their numbers and their rows."""
+    from wavesweep.program.analyses.interval_jobs import searches_of
+    from wavesweep.program.sweep.job import cut_otherwise
+
+    (prover,), single = modules("prover"), cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
+    for number, rows in claims:
+        (search,) = searches_of(single, single.chunks[int(single.grid.slice_of(np.array([number]))[0])]).searches
+        columns = (rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega"))
+        yield prover.prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
+
+
+def _completed(block, stage, stages, hands) -> Columns:
+    return KINDS[2 if hands else 0].completed(_finished(block, stage, stages, hands))
+
+
+def _finished(block, stage, stages, hands) -> Columns:
+    """The block, with a column that says whose its rows are if there are several kinds, and the columns of all."""
+    from wavesweep.engine.search.interval_records import RECORD
+
+    if len(stages) == 1:
+        return block
+    own = {
+        name: each.job.dtype[name].kind for each in stages for name in each.job.dtype.names if name not in (RECORD.names or ())
+    }
+    rows = len(block["along"])
+    missing = {name: np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan) for name, kind in own.items()}
+    missing |= {"settled": block["certified"]} if "settled" in own else {}
+    found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
+    whose = np.full(rows, stage.hand or "spec", dtype=object)
+    return missing | found | {"hand" if hands else "guarantee": whose}
+
+
+def _notices(spec, stages) -> Iterator[str]:
+    """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
+    own = stages[0].job
+    axis, required = own.asked.axis, own.asked.require
+    if required:
+        yield f"[sweep] require: the intervals, here and in the figure, are those with {required_in_words(required.written())}"
+    if axis.scale == "log" and not axis.values:
+        yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
+    if axis.values:
+        yield f"{axis.name} has values in [sweep]: searched between their ends, from {axis.start:g} to {axis.stop:g}"
+    yield from notices_of(own.grid)
+    yield from spans_held(spec, axis.path)
+    for stage in stages:
+        yield from stage.job.asked.guarantee.notices(own) if stage.job.asked.guarantee else ()
+
+
+def _facts(spec, hands, stages, certified, timings) -> dict:
+    computed = sum(stage.job.slices for stage in stages)
+    counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
+    methods = {stage.hand or "intervals": stage.method for stage in stages}
+    own = stages[0].job
+    swept = [own.asked.axis.path, *(axis.path for axis in own.grid.axes)]
+    facts = facts_of(spec, methods, counts, timings, list(_notices(spec, stages)), swept)
+    facts |= {"require": own.asked.require.written()} if own.asked.require else {}
+    facts |= _limits_of_walls(spec, own.asked.axis.path, swept)
+    return facts | (hands.facts() if hands else {})
+
+
+def _limits_of_walls(spec, along, swept) -> dict:
+    """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
+    from wavesweep.program.analyses.hardware_limits import deciding, limits_of_walls
+
+    given = spec.hardware["resolution"] or spec.hardware["friction"]
+    if spec.drawing or not given or along != spec.wall[0] or any(map(deciding, swept)):
+        return {}
+    limits = limits_of_walls(spec)
+    return {"limits_of_walls": limits} if limits else {}
+
+
+def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
+    """A way to compute rows of a table with these facts again."""
+    from wavesweep.program.spec import load
+    from wavesweep.program.tables.hand_rows import hands_of
+
+    spec, along = load(facts["spec"]), along or facts.get("along")
+    run = spec, along, hands_of(facts.get("for_hands", ()))
+    sizes = [stage.job.grid.size for stage in stages_of(*run)]
+    some, prove = partial(rows_again, *run), partial(proved_again, spec, along)
+    return Recompute(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
+
+
+def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:
+    """A kind of table of stable intervals; along: the axis (None: the spec's own) of one whose rows can be computed again."""
+    more = (
+        {"figure": "wavesweep.program.plots.interval_figures.zwidth"}
+        | more
+        | ({} if along == "" else {"again": partial(_again, along)})
+    )
+    return Kind(name, lambda table: Tallies(table.axes, table.facts), interval_lines, **more)
+
+
+KINDS = (
+    interval_kind("zwidth", "K_VE"),
+    interval_kind("stability-region", None),
+    interval_kind("zwidth-hands", "K_VE"),
+    interval_kind("stability-region-hands", None),
+)

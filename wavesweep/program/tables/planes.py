@@ -1,0 +1,464 @@
+"""Stable regions of a plane: the intervals of a table, further ones between them, and what a picture shows of both.
+
+At the values of x that a table has, the intervals are known. Between two of them nothing is known, however close they are: a
+region may end there and another may begin. Further columns are therefore computed by the code of the table: the middles of all
+cells that are not decided yet, in one batch a round. A cell is known if the line between its ends is right in its middle to
+half a pixel. An interval that begins or ends within a cell is located to a pixel. What is certified at two neighbouring values
+of the table is joined only by columns that are certified too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.doubts import INCOMPLETE
+from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.tables.row_kinds import COMPUTED, row_kinds
+
+BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
+FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
+DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
+KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A stable interval; an end is real unless the swept range ends there. felt_low, felt_high: N/m, NaN if not known."""
+
+    low: float
+    high: float
+    low_real: bool
+    high_real: bool
+    certified: bool
+    felt_low: float = np.nan
+    felt_high: float = np.nan
+
+
+Span = tuple[float, float]
+Column = tuple[tuple[Interval, ...], tuple[Span, ...]]
+"""The intervals at one value of x, and the spans in which open places lie, or others may be missing."""
+Chain = list[tuple[float, Interval]]
+"""An interval followed over neighbouring values of x."""
+Line = list[tuple[float, float]]
+
+
+@dataclass(eq=False)
+class Curve:
+    """The intervals of one design over x, and the state of the gaps between neighbouring columns.
+
+    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED. own:
+    the values of x that the table has.
+    """
+
+    columns: dict[float, Column]
+    gaps: dict[tuple[float, float], str] = field(default_factory=dict)
+    own: frozenset[float] = frozenset()
+
+    @property
+    def open_at_ends(self) -> bool:
+        """Whether there are bars at the least or at the largest x."""
+        gaps = [*pairwise(sorted(self.columns))]
+        return any(gap not in self.gaps for gap in gaps[:1] + gaps[-1:])
+
+
+@dataclass(frozen=True)
+class View:
+    """The plane of a picture: the axis x and whether it is logarithmic, its size in pixels, and the same of the other axis."""
+
+    x: str
+    logarithmic: bool
+    wide: float
+    high: float
+    by_factors: bool = False
+
+    def height(self, value: Any) -> Any:
+        """The coordinate along the other axis in which the picture is straight; values on a scale of factors are positive."""
+        return np.log(value) if self.by_factors else value
+
+    def position(self, x: Any) -> Any:
+        """The coordinate along x in which the picture is straight."""
+        return np.log(x) if self.logarithmic else x
+
+    def closest(self, values: Sequence[float]) -> float:
+        """The distance of the two values of x that are next to each other, as a share of the picture."""
+        places = self.position(np.sort(values))
+        return float(np.diff(places).min() / np.ptp(places)) if places.size > 1 else 1.0
+
+    def between(self, left: float, right: float, parts: int) -> list[float]:
+        """The points that divide a cell into parts of equal width, without its ends."""
+        shares = np.arange(1, parts) / parts
+        if self.logarithmic:
+            return (left * (right / left) ** shares).tolist()
+        return (left + (right - left) * shares).tolist()
+
+
+def incomplete(columns: Columns) -> np.ndarray:
+    """Flags of the rows of slices that are known in part only; figures hatch them outside the known stable intervals."""
+    whose = columns.get("hand", columns.get("guarantee"))
+    known = [word for word, kind in row_kinds().items() if kind.searched or kind.proved]
+    searched = False if whose is None else np.isin(whose.astype(str), known)
+    return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
+
+
+def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) -> list[Curve]:
+    """The curves of some designs over x, with further columns if the facts have the spec that they were computed from.
+
+    members: the rows of each design, all of one hand and with the same value of every other axis.
+    """
+    curves = [Curve(columns, own=frozenset(columns)) for columns in (columns_of(rows, rows[view.x]) for rows in members)]
+    source = _source(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
+    if source is None:
+        return curves
+    ends = view.height(np.concatenate([[*rows["low"], *rows["high"]] for rows in members]))
+    height = float(np.ptp(ends[~np.isnan(ends)])) if not np.isnan(ends).all() else 0.0
+    # Designs that differ only in what their controller does not read are one.
+    different = [curves[source.keys.index(key)] for key in source.designs]
+    _refine(different, view, height / view.high / 2, source)
+    for curve in different:
+        _leave_out_doubtful(curve, view)
+    return [different[source.designs.index(key)] for key in source.keys]
+
+
+def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
+    """The intervals at each of the places, in the order of the rows."""
+    names = ("low", "high", "low_omega", "high_omega", "certified", "felt_low", "felt_high")
+    missing = np.full(len(places), np.nan)
+    values = zip(*(rows.get(name, missing).tolist() for name in names), strict=True)
+    flags = zip((rows["intervals"] > 0).tolist(), open_spans(rows), strict=True)
+    columns: dict[float, Column] = {}
+    for place, (low, high, *omegas, certified, felt_low, felt_high), (stable, unknown) in zip(
+        places.tolist(), values, flags, strict=True
+    ):
+        intervals, partly = columns.get(place, ((), ()))
+        if stable:  # an omega is NaN if the range ends the interval
+            low_real, high_real = (not isnan(omega) for omega in omegas)
+            intervals = (*intervals, Interval(low, high, low_real, high_real, bool(certified), felt_low, felt_high))
+        columns[place] = intervals, (*partly, *unknown)
+    return columns
+
+
+def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
+    """Of each row the span of its open places; all values in the first row of a slice that is known in part, and not where."""
+    places = rows.get("open_places", np.zeros(len(rows["interval"]), int))
+    whole = incomplete(rows) & (places == 0) & (rows["interval"] == 0)
+    ends = ("open_low", -np.inf), ("open_high", np.inf)
+    low, high = (np.where(whole, end, rows.get(name, np.nan)).tolist() for name, end in ends)
+    some = (whole | (places > 0)).tolist()
+    return [((first, last),) if each else () for each, first, last in zip(some, low, high, strict=True)]
+
+
+def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) -> None:
+    """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
+    ends = [view.position(x) for curve in curves for x in curve.columns]
+    whole = float(max(ends) - min(ends))
+    # A batch of dear columns costs much by itself, so that a few more of them save time.
+    parts = 4 if source.batch else 2
+    cells = [(n, a, b) for n, curve in enumerate(curves) for a, b in pairwise(sorted(curve.columns))]
+
+    def width(cell):
+        return view.position(cell[2]) - view.position(cell[1])
+
+    cells.sort(key=width, reverse=True)
+    smallest = whole / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
+    left = BUDGET
+    while cells:
+        taken: list[tuple[int, list[float]]] = []
+        wanted: list[tuple[int, float]] = []
+        designs: set[int] = set()
+        for cell in cells:
+            inside = view.between(*cell[1:], max(parts if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
+            if source.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
+                break
+            designs.add(cell[0])
+            taken.append((cell[0], [cell[1], *inside, cell[2]]))
+            wanted += [(cell[0], x) for x in inside]
+        if not wanted:
+            return
+        for (number, x), column in zip(wanted, source.ask(wanted), strict=True):
+            curves[number].columns[x] = column
+        left -= source.seconds(len(wanted), len(designs))
+        undecided = []
+        for number, points in taken:
+            gaps = known_gaps({x: curves[number].columns[x] for x in points}, view, tolerance)
+            curves[number].gaps |= gaps
+            undecided += [(number, *gap) for gap in pairwise(points) if gap not in gaps]
+        for number, a, b in [cell for cell in undecided if width(cell) <= whole / view.wide]:
+            curves[number].gaps[a, b] = NARROW
+        cells = [cell for cell in undecided if width(cell) > whole / view.wide]
+
+
+def _leave_out_doubtful(curve: Curve, view: View) -> None:
+    """Leave out the columns that are in doubt although the table's on both sides of them are certified.
+
+    A gap that is left and no wider than two pixels is narrow; a wider one is not known.
+    """
+    places, whole = sorted(curve.columns), float(np.ptp(view.position(np.array(sorted(curve.columns)))))
+    own = [x for x in places if x in curve.own]
+    doubtful = {x for x in places if _doubtful(curve.columns[x])}
+    for left, right in pairwise(own):
+        if not {left, right} & doubtful:
+            inside = [x for x in places if left <= x <= right]
+            kept = [x for x in inside if x not in doubtful]
+            for x in {*inside} - {*kept}:
+                del curve.columns[x]
+            for gap in {*pairwise(inside)} - {*pairwise(kept)}:
+                curve.gaps.pop(gap, None)
+            for gap in {*pairwise(kept)} - {*pairwise(inside)}:
+                if view.position(gap[1]) - view.position(gap[0]) <= 2 * whole / view.wide:
+                    curve.gaps[gap] = NARROW
+
+
+def known_gaps(columns: Mapping[float, Column], view: View, tolerance: float) -> dict[tuple[float, float], str]:
+    """The gaps of columns, two by two, in which lines are right to the tolerance (see `View.height`), by the middle column."""
+    places = sorted(columns)
+    gaps: dict[tuple[float, float], str] = {}
+    for a, middle, b in zip(places[:-2:2], places[1::2], places[2::2], strict=True):
+        if _is_straight(columns[a], columns[middle], columns[b], view, tolerance):
+            gaps |= dict.fromkeys(((a, middle), (middle, b)), KNOWN)
+    return gaps
+
+
+def _is_straight(before: Column, middle: Column, after: Column, view: View, tolerance: float) -> bool:
+    """Whether all three columns have the same intervals, and those in the middle lie on lines between the others.
+
+    An end may be that of the swept range on one side: a line to it is as right as any other.
+    """
+    if len({(len(column[0]), bool(column[1])) for column in (before, middle, after)}) > 1:
+        return False
+    ends = np.array([[(each.low, each.high) for each in column[0]] for column in (before, middle, after)])
+    left, centre, right = view.height(ends)
+    return bool((np.abs(centre - (left + right) / 2) <= tolerance).all())
+
+
+def spec_of(facts: Mapping[str, Any]) -> Any:
+    """The spec in the facts of a run, None if there is none."""
+    if "sweep" not in facts.get("spec", {}):
+        return None
+    from wavesweep.program.spec import load
+
+    # Facts have the order and the cutoff that follow from band edges next to these; a spec has one or the other.
+    filters = {
+        name: {key: value for key, value in given.items() if "passband_hz" not in given or key not in ("order", "cutoff_hz")}
+        for name, given in facts["spec"].get("filters", {}).items()
+    }
+    return load({**facts["spec"], **({"filters": filters} if filters else {})})
+
+
+def smooth_axes(names: Iterable[str], facts: Mapping[str, Any]) -> list[str]:
+    """Those axes along which further columns can be computed; none without the spec."""
+    spec = spec_of(facts)
+    if spec is None:
+        return []
+    from wavesweep.program.sweep.grid import is_plain
+
+    return [name for name in names if is_plain(spec, spec.names.find(name).path)]
+
+
+Design = tuple[tuple[str, float], ...]  # path -> value on each axis that is read, without that along the picture
+
+
+@dataclass(frozen=True)
+class _Source:
+    """A source of further columns.
+
+    axis: that of the intervals. x: the path of the other one if it is read. cost, batch: s of a column, and of a batch of them
+    for a design, at least. keys: the design of each member. designs: the different ones among them, by which `ask` numbers
+    them.
+    """
+
+    spec: Any
+    axis: Any
+    x: str | None
+    keys: list[Design]
+    designs: list[Design]
+    cost: float
+    batch: float
+
+    def seconds(self, columns: int, designs: int) -> float:
+        """About how long `ask` takes for so many columns of so many designs."""
+        return max(self.cost * columns, self.batch * designs)
+
+    def ask(self, wanted: list[tuple[int, float]]) -> list[Column]:
+        """The intervals at (number of a design, x)."""
+        places = [(number, x if self.x else 0.0) for number, x in wanted]
+        columns = self._columns_at(list(dict.fromkeys(places)))
+        designs = {number for number, _ in columns}
+        if len(designs) > 1:  # what loops of several designs leave in doubt may be clear in those of one
+            for design in sorted(designs):
+                doubtful = [place for place, column in columns.items() if place[0] == design and _doubtful(column)]
+                columns |= self._columns_at(doubtful) if doubtful else {}
+        return [columns[place] for place in places]
+
+    def _columns_at(self, places: list[tuple[int, float]]) -> dict[tuple[int, float], Column]:
+        from wavesweep.program.analyses.interval_jobs import at_points
+
+        points = {path: np.array([dict(self.designs[n])[path] for n, _ in places]) for path, _ in self.designs[0]}
+        if self.x:
+            points[self.x] = np.array([x for _, x in places])
+        if not points:  # the loop reads none of the axes
+            name, value = next((path, value) for path, value in self.spec.values.items() if isinstance(value, float))
+            points = {name: np.array([value])}
+        rows = at_points(self.spec, self.axis, points, require=self.spec.require)
+        found = columns_of(rows, rows["slice"])
+        return {place: found[number] for number, place in enumerate(places)}
+
+
+def _doubtful(column: Column) -> bool:
+    """Whether a column has an interval that is not certified, or a place that is not known."""
+    return bool(column[1]) or not all(each.certified for each in column[0])
+
+
+def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _Source | None:
+    """None if columns cannot be computed: without a spec, along whole numbers, and for guarantees for hands, each of which
+    takes from tenths of a second to some seconds.
+    """
+    spec, rows = spec_of(facts), members[0]
+    hand = str(rows[whose][0]) if (whose := whose_column(rows)) not in ("", "spec") else ""
+    if spec is None or hand not in ("", *COMPUTED):
+        return None
+    from wavesweep.program.analyses.interval_jobs import Way, cost_of
+    from wavesweep.program.spec import sweep_axes
+    from wavesweep.program.sweep.grid import is_plain, make_grid
+
+    path = spec.names.find(x).path
+    if not is_plain(spec, path):
+        return None
+    if hand == "free":
+        spec = spec.with_values(dict.fromkeys((f"operator.{part}" for part in ("mass", "damping", "stiffness")), 0.0))
+    axis, axes = sweep_axes(spec, str(rows["along"][0]))
+    used = make_grid(spec, axes, axis.path).loop_axes
+    keys = [tuple((each.path, rows[each.name][0].item()) for each in used if each.path != path) for rows in members]
+    designs = list(dict.fromkeys(keys))
+    cost, way = cost_of(spec.with_values(dict(designs[0])), axis)
+    cost, batch = (cost, 0.0) if way is Way.CUT else (max(cost, DEAR), ROUND)
+    return _Source(spec, axis, path if any(each.path == path for each in used) else None, keys, designs, cost, batch)
+
+
+@dataclass(frozen=True)
+class Region:
+    """What a picture shows of a curve.
+
+    areas: outlines of what is stable. unproved: those of its parts that are not certified. certain, doubtful: lines along its
+    boundary, with the unstable side at their left. felt: lines of the stiffness felt at upper limits. bars: (x, interval) at
+    values of x whose neighbourhood is not known. unknown: (from, to) of x, and of the values there that are not known: those of
+    open places, or all that are outside the areas; so are gaps that are not known where others are.
+    """
+
+    areas: list[Line]
+    unproved: list[Line]
+    certain: list[Line]
+    doubtful: list[Line]
+    felt: list[Line]
+    bars: Chain
+    unknown: list[tuple[float, float, float, float]]
+
+
+def region_of(curve: Curve, view: View) -> Region:
+    """The areas, lines and bars of a curve.
+
+    Across a narrow gap the intervals of both sides go on to its middle. What only one side has there ends in a line across x,
+    unless other intervals may be missing: an interval that is not known has not ended.
+    """
+    places = sorted(curve.columns)
+    chains: list[Chain] = [[(places[0], each)] for each in curve.columns[places[0]][0]]
+    across: list[tuple[Line, bool]] = []
+    growing, bars, alone = chains[:], [], True
+    for gap in pairwise(places):
+        (left, right), state = gap, curve.gaps.get(gap, UNDECIDED)
+        (before, *less), (after, *more) = curve.columns[left], curve.columns[right]
+        if state == KNOWN:
+            for chain, interval in zip(growing, after, strict=True):
+                chain.append((right, interval))
+        else:
+            (middle,) = view.between(left, right, 2) if state == NARROW else (right,)
+            if state == NARROW:
+                for chain, interval in zip(growing, before, strict=True):
+                    chain.append((middle, interval))
+                across += [] if any(less + more) else _jumps(middle, before, after)
+            else:
+                bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
+            growing = [[(middle, each), *([(right, each)] if state == NARROW else [])] for each in after]
+            chains += growing
+        alone = state != UNDECIDED
+    if len(places) == 1:
+        bars = [(places[0], each) for each in curve.columns[places[0]][0]]
+    edges = [*across, *(edge for chain in chains for edge in _edges(chain))]
+    gaps = [(*gap, -np.inf, np.inf) for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
+    # Columns that are known in part, half way to their neighbours.
+    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
+    cells = zip(places, [places[0], *middles], [*middles, places[-1]], strict=True)
+    half_known = [(left, right, *span) for x, left, right in cells for span in curve.columns[x][1]]
+    return Region(
+        areas=[_outline(chain) for chain in chains if len(chain) > 1],
+        unproved=[_outline(part) for chain in chains for part in _unproved(chain)],
+        certain=_joined([line for line, certified in edges if certified]),
+        doubtful=_joined([line for line, certified in edges if not certified]),
+        felt=_joined([line for chain in chains for line in _felt(chain)]),
+        bars=bars,
+        unknown=[*half_known, *gaps],
+    )
+
+
+def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
+    """The steps along both real ends of an interval, and whether they are certified at both sides."""
+    for (left, a), (right, b) in pairwise(chain):
+        certified = a.certified and b.certified
+        if a.low_real and b.low_real:
+            yield [(right, b.low), (left, a.low)], certified
+        if a.high_real and b.high_real:
+            yield [(left, a.high), (right, b.high)], certified
+
+
+def _felt(chain: Chain) -> Iterator[Line]:
+    """The steps along the stiffness felt at the upper limit; there is none where the swept range ends the interval."""
+    for (left, a), (right, b) in pairwise(chain):
+        if a.high_real and b.high_real and not np.isnan(a.felt_high + b.felt_high):
+            yield [(left, a.felt_high), (right, b.felt_high)]
+
+
+def _jumps(x: float, before: Sequence[Interval], after: Sequence[Interval]) -> Iterator[tuple[Line, bool]]:
+    """Lines across x: down where the left side is stable alone, up where the right side is."""
+    values = sorted({end for each in (*before, *after) for end in (each.low, each.high)})
+    for low, high in pairwise(values):
+        left, right = ([each for each in side if each.low <= low and each.high >= high] for side in (before, after))
+        if bool(left) != bool(right):
+            yield [(x, high), (x, low)] if left else [(x, low), (x, high)], (left or right)[0].certified
+
+
+def _joined(lines: Sequence[Line]) -> list[Line]:
+    """The lines, each followed by that which begins where it ends: dashes and strokes run on along a boundary."""
+    begins = {line[0]: line for line in reversed(lines)}
+    ends = {line[-1] for line in lines}
+    joined, done = [], set()
+    for first in (*(line for line in lines if line[0] not in ends), *lines):  # a closed boundary begins anywhere
+        line, path = first, [first[0]]
+        while line and id(line) not in done:
+            done.add(id(line))
+            path += line[1:]
+            line = begins.get(path[-1], [])
+        joined += [path] if len(path) > 1 else []
+    return joined
+
+
+def _outline(chain: Chain) -> Line:
+    return [(x, each.high) for x, each in chain] + [(x, each.low) for x, each in reversed(chain)]
+
+
+def _unproved(chain: Chain) -> Iterator[Chain]:
+    """The parts of a chain between columns of which one at least is not certified there."""
+    part: Chain = []
+    for one, other in pairwise(chain):
+        if one[1].certified and other[1].certified:
+            if part:
+                yield part
+            part = []
+        else:
+            part = [*(part or [one]), other]
+    if part:
+        yield part

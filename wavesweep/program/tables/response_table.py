@@ -1,0 +1,196 @@
+"""Frequency responses over specs and axes: the table `bode`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from math import prod
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from wavesweep.capabilities import where_explained
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.stability.certificate import SPARED
+from wavesweep.program.analyses.assumptions import notices_of
+from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.kind import Kind, Line, Numbers, Recompute, count
+from wavesweep.program.tables.table import Table, digest_of, facts_of, with_unlike_units
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec import Spec
+    from wavesweep.program.sweep.job import Job
+    from wavesweep.program.sweep.running import Options, Run
+
+UNITS = {
+    **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
+    **dict.fromkeys(("impedance_re", "impedance_im", "impedance_abs"), "N/m"),
+}
+
+
+def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
+    """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
+
+    Of specs that ask for responses between inputs and outputs (see `Spec.routes`) the table is `bode-ports`, with these.
+
+    A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
+    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
+    half the fast rate, for specs that mix responses at the hand with others, and the errors of `run`.
+    """
+    from wavesweep.program.analyses.response_jobs import response_job, units_in
+    from wavesweep.program.sweep.running import Work, run
+
+    if not specs:
+        raise UsageError("responses: expected at least one spec, found none")
+    names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
+    routes = [(spec, route) for spec in specs for route in routes_of(spec)]
+    if len({route is None for _, route in routes}) > 1:
+        raise UsageError("bode: expected responses at the hand of all specs, or between inputs and outputs of all, found both")
+    several = [response_job(spec, spec.bode, spec.frequency_hz, names, route=route) for spec, route in routes]
+    asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
+    found = run(asked, Work.of(work))
+    grids = [job.grid for job in asked.values()]
+    computed = sum(grid.loops for grid in grids)
+    counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
+    notices = [notice for grid in grids for notice in notices_of(grid)]
+    swept = [axis.path for spec in specs for axis in spec.bode]
+    methods, kind = (METHODS, "bode") if routes[0][1] is None else (METHODS_PORTS, "bode-ports")
+    facts = facts_of(list(specs), methods, counts, found.timings, notices, swept, nominal=True) | {"warnings": found.warnings}
+    units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
+    if kind == "bode":
+        units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
+    facts = with_unlike_units(facts, units)
+    return Table(kind, partial(_blocks, kind, asked, found), facts, forget=found.forget, rows=found.rows)
+
+
+def routes_of(spec: Spec) -> tuple:
+    """The routes of a spec, or None for the hand. Errors: SpecError for a drawn loop without either."""
+    if spec.drawing and not spec.drawing.hand and not spec.routes:
+        found = "no input" if not spec.drawing.inputs else "no output"
+        expected = "inputs and outputs, or hand = { force = ..., displacement = ... }, whose response is wanted"
+        raise SpecError([spec.mistake("ports", expected, found)])
+    return spec.routes or (None,)
+
+
+def _blocks(kind: str, asked: Mapping[str, Job], found: Run) -> Iterator[Columns]:
+    """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
+    from wavesweep.program.analyses.response_jobs import has_values
+
+    several = [(job.grid.spec, job.grid.axes, name, job.asked.read) for job in asked.values() for name in job.asked.names]
+    rough = {each[2] for each in several if not has_values(*each)}
+    for name in asked:
+        for columns in found.blocks(name):
+            yield kind_named(kind).completed({**columns, **{each: columns[each].astype(float) for each in rough}})
+
+
+METHODS = {
+    "admittance": "closed loop of the frame, displacement in the tick, component at the force's own frequency",
+    "worst_gain": "singular values of the lifted map from forces to positions",
+    "errors": "residual, rounding of all entries and size of the inverse, entry by entry",
+}
+
+
+METHODS_PORTS = {
+    "response": "closed loop of the frame, input held over each tick, component at the input's own frequency",
+    "errors": METHODS["errors"],
+}
+
+
+class BodeTally:
+    """Counts the rows of a table of responses: curves, frequencies, unstable loops, and rows with other doubts."""
+
+    def __init__(self) -> None:
+        self._rows = self._curves = self._diverging = self._undecided = self._doubted = self._gains = 0
+        self._frequencies = np.empty(0)
+        self._last: list[np.ndarray] = []
+        self._unstable: set[str] = set()
+        self._doubts: Counter[str] = Counter()
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows; a curve is rows with the same values, one after the other."""
+        leading = [columns[name] for name in axes_of(columns, "frequency_hz")]
+        new = np.zeros(len(columns["frequency_hz"]), bool)
+        for column in leading:
+            new[1:] |= _differ(column[1:], column[:-1])
+        first = [column[:1] for column in leading]
+        new[:1] = not self._last or any(_differ(*pair).any() for pair in zip(first, self._last, strict=True))
+        self._last = [column[-1:] for column in leading]
+        doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
+        self._rows, self._curves = self._rows + new.size, self._curves + int(new.sum())
+        unstable = columns["doubt"] == "unstable"
+        self._diverging, self._undecided = (
+            total + int((new & these).sum())
+            for total, these in ((self._diverging, unstable), (self._undecided, ~columns["stable"] & ~unstable))
+        )
+        gains = (columns["doubt"] == "rounding") & ("admittance_error" in columns)
+        for name in ("admittance_error", "impedance_error"):
+            gains &= columns.get(name, 0.0) <= SPARED
+        self._doubted, self._gains = self._doubted + int(doubted.sum()), self._gains + int(gains.sum())
+        self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
+        self._unstable.update(columns["spec"][unstable].tolist())
+        self._doubts.update(columns["doubt"][doubted].tolist())
+
+    def numbers(self, _: Mapping[str, Any]) -> Numbers:
+        return {
+            "rows": self._rows,
+            "frequencies": self._frequencies.size,
+            "curves": self._curves,
+            "unstable_curves": self._diverging,
+            "unstable_specs": sorted(self._unstable),
+            "undecided_curves": self._undecided,
+            "doubted_rows": self._doubted,
+            "doubted_worst_gains": self._gains,
+            "doubts": dict(sorted(self._doubts.items())),
+        }
+
+
+def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Where two columns differ; a missing number equals another."""
+    return (one != other) & ((one == one) | (other == other))  # noqa: PLR0124 - a missing number is unequal to itself
+
+
+def bode_lines(found: Numbers) -> Iterator[Line]:
+    """Yield what is said of curves, of loops without a steady response, and of rows in doubt."""
+    each = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
+    frequencies = f"{each}frequencies" if found["frequencies"] != 1 else f"{each}frequency"
+    yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
+    if found["unstable_specs"]:
+        share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
+        yield f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})", True
+    if found["undecided_curves"]:
+        yield (
+            f"{found['undecided_curves']} of {count(found['curves'], 'loop')} not known to be stable, see the column doubt",
+            True,
+        )
+    if found["doubted_rows"]:
+        rest = found["doubted_rows"] - found["doubted_worst_gains"]
+        if found["doubted_worst_gains"]:
+            yield f"{count(found['doubted_worst_gains'], 'row')} without a reliable worst gain, the rest of them reliable", True
+        if rest:
+            words = "; ".join(filter(None, [", ".join(found["doubts"]), where_explained(next(iter(found["doubts"])))]))
+            yield f"{count(rest, 'row')} without a reliable value ({words})", True
+
+
+def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute:
+    from wavesweep.program.spec import load
+
+    specs = [replace(load(tables), name=each) for each, tables in (facts.get("specs") or {name(): facts["spec"]}).items()]
+    combinations = (prod(len(axis.values) for axis in spec.bode) * len(routes_of(spec)) for spec in specs)
+    rows = sum(each * len(spec.frequency_hz) for each, spec in zip(combinations, specs, strict=True))
+    return Recompute(digest_of(specs), lambda: responses(specs, jobs=1).blocks(), rows)
+
+
+KINDS = (
+    Kind("bode", lambda _: BodeTally(), bode_lines, "wavesweep.program.plots.response_figures.bode", _again, study="bode"),
+    Kind(
+        "bode-ports",
+        lambda _: BodeTally(),
+        bode_lines,
+        "wavesweep.program.plots.response_figures.bode_ports",
+        _again,
+        study="bode",
+    ),
+)

@@ -1,0 +1,127 @@
+"""The table that a sweep returns: its columns, at once or block by block, and the facts of the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from wavesweep.program.columns import Columns, joined
+from wavesweep.program.reproducibility import versions
+from wavesweep.program.tables import HOMES, kind_named
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A table that need not fit into memory, with all that its files need.
+
+    kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
+    blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
+    leading column of a table of intervals. fields: the columns' fields, if they are not those of its kind. figure: writes
+    the figure to a path, in the format of its suffix. text: the table as Markdown. beside: writes further files, which
+    appear together with the table, into a folder. forget: removes the checkpoint that the rows are read from, once they
+    are safe elsewhere. rows: how many there are, 0 if it is not known.
+    """
+
+    kind: str
+    blocks: Callable[[], Iterable[Columns]]
+    facts: Mapping[str, Any]
+    axes: Mapping[str, tuple[float, ...]] | None = None
+    fields: tuple | None = None
+    figure: Callable[[Path], None] | None = None
+    text: str | None = None
+    beside: Callable[[Path], None] | None = None
+    forget: Callable[[], None] = lambda: None
+    rows: int = 0
+
+    def __post_init__(self) -> None:
+        if self.kind in HOMES and (kind := kind_named(self.kind)).vouched:
+            blocks = self.blocks
+            object.__setattr__(self, "blocks", lambda: map(kind.lawful, blocks()))
+
+    @classmethod
+    def of(cls, kind: str, columns: Columns, facts: Mapping[str, Any], **more: Any) -> Table:
+        """A table of rows that are known already."""
+        return cls(kind, lambda: (columns,), facts, **more)
+
+    @property
+    def columns(self) -> Columns:
+        """The whole table."""
+        return joined(self.blocks())
+
+    def watched(self, *watchers: Callable[[Columns], None]) -> Table:
+        """The same table; as its blocks are read, each is shown to the watchers as well."""
+
+        def blocks() -> Iterator[Columns]:
+            for block in self.blocks():
+                for watch in watchers:
+                    watch(block)
+                yield block
+
+        return replace(self, blocks=blocks)
+
+
+def facts_of(specs, methods, slices, timings, notices=(), swept=(), *, nominal: bool = False, run=None) -> dict:
+    """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
+
+    specs: a spec or several; `spec` in the facts is the first of them. swept: paths of the axes of the table.
+    nominal, run: see `assumes`.
+    """
+    from wavesweep.program.analyses.assumptions import assumed_by, solved_within_ticks
+
+    several = specs if isinstance(specs, (list, tuple)) else (specs,)
+    cycles = [(spec.name, cycle) for spec in several for cycle in solved_within_ticks(spec, swept)]
+    return {
+        "schema_version": 1,
+        **versions(),
+        "spec_name": "+".join(spec.name for spec in several),
+        "spec": several[0].tables(),
+        "spec_sha256": digest_of(several),
+        **({"specs": {spec.name: spec.tables() for spec in several}} if len(several) > 1 else {}),
+        "assumes": assumed_by(several, swept, nominal=nominal, run=run),
+        "methods": dict(methods),
+        "slices": dict(slices),
+        "notices": [*notices, *(f"{name}: {cycle}" if len(several) > 1 else cycle for name, cycle in cycles)],
+        "timings": {name: round(seconds, 6) for name, seconds in timings.items()},
+    }
+
+
+def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]]) -> dict:
+    """The facts of a table of several specs, with a notice for columns that do not have the same unit in all of them.
+
+    units: (spec, unit) pairs of each column. The fact `unlike_units` has the specs of each unit of such a column.
+    """
+    unlike: dict[str, dict[str, list[str]]] = {}
+    columns: dict[str, list[str]] = {}
+    for name, pairs in units.items():
+        found: dict[str, list[str]] = {}
+        for spec, unit in pairs:
+            found.setdefault(unit, []).append(spec)
+        if len(found) > 1:
+            unlike[name] = found
+            said = ", ".join(f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in found.items())
+            columns.setdefault(said, []).append(name)
+    notices = [f"{', '.join(names)}: {said}; each row has the unit of its spec" for said, names in columns.items()]
+    return facts | ({"notices": facts["notices"] + notices, "unlike_units": unlike} if unlike else {})
+
+
+def spans_held(spec, along: str = "") -> Iterator[str]:
+    """Yield notices of the axes of [sweep] that have only a span, but for the path `along`."""
+    for axis in spec.sweep:
+        if not axis.values and axis.path != along:
+            yield f"{axis.name} is not swept, because it has a range and no values: {held(spec, axis.path)}"
+
+
+def held(spec, path: str) -> str:
+    """Words for an axis that is not swept."""
+    own = spec.own(path)
+    return "held as the spec has it" if own is None else f"held at the spec's {own:g}"
+
+
+def digest_of(specs) -> str:
+    """The SHA-256 of a spec, or of the digests of several."""
+    if len(specs) == 1:
+        return specs[0].sha256
+    return sha256("".join(spec.sha256 for spec in specs).encode()).hexdigest()

@@ -1,0 +1,79 @@
+"""The blocks that a spec can draw, in ball arithmetic: `x+ = A x + B u`, `y = C x + D u`.
+
+What they do is written in `loops.definitions`; here it is put in z and not in delta form, and plants are exact over a tick. An
+entry is 0 exactly if it is 0 for every number in the balls of its keys.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flint import acb_mat, arb, arb_mat
+
+from wavesweep.engine.drawing.drawn_block import DELTA
+from wavesweep.engine.loops import definitions
+from wavesweep.engine.loops.definitions import Rows
+
+Matrices = tuple[Rows, Rows, Rows, Rows]
+
+
+def matrices(kind: str, T: Any, keys: dict[str, Any]) -> Matrices:
+    """A, B, C and D of a block of a type; T: its period (s), an arb or an acb, as are the numbers among its keys."""
+    if kind == "butterworth":
+        return _butterworth(keys["order"], keys["cutoff_hz"], keys["pass"] != "low", T)  # noqa: S105 - the side that passes
+    if kind in ("mass", "inertia", "mass_matrix", "spring", "ss", "tf"):
+        A, B, C, D = continuous(kind, keys)
+        if keys.get("discrete"):
+            return (_in_z(A) if keys["discrete"] == DELTA else A), B, C, D
+        return (*held(A, B, T), C, D) if A else (A, B, C, D)
+    _, E, B, C, D = definitions.running(kind, T, keys, _root)
+    return _in_z(E), B, C, D
+
+
+def continuous(kind: str, keys: dict[str, Any]) -> Matrices:
+    """A, B, C and D of a continuous block, `x' = A x + B u`; of a discrete one they are those of a run."""
+    return definitions.continuous(kind, keys)[1:]
+
+
+def _in_z(E):
+    return [[each + int(i == j) for j, each in enumerate(row)] for i, row in enumerate(E)]
+
+
+def _root(value):
+    return value.sqrt() if isinstance(value, arb) else value.sqrt(analytic=True)
+
+
+def held(A, B, T):
+    """A and B of a continuous block whose inputs are held over the period."""
+    n, m = len(A), len(B[0])
+    rows = [[type(T)(entry) * T for entry in (*a, *b)] for a, b in zip(A, B, strict=True)]
+    kind = arb_mat if isinstance(T, arb) else acb_mat
+    whole = kind(rows + [[0] * (n + m) for _ in range(m)]).exp().tolist()[:n]
+    return [row[:n] for row in whole], [row[n:] for row in whole]
+
+
+def _butterworth(order, cutoff_hz, high, T):
+    """Sections `(b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)` in series, from the bilinear transform."""
+    found = [], [], [[]], [[1]]
+    w, far = (type(T).pi() * cutoff_hz * T).tan() if order else T, -1 if high else 1
+    for k in range(order // 2):
+        sine = (arb.pi() * (2 * k + 1) / (2 * order)).sin()
+        bottom = 1 + 2 * sine * w + w * w
+        b0, a1, a2 = (1 if high else w * w) / bottom, 2 * (w * w - 1) / bottom, (1 - 2 * sine * w + w * w) / bottom
+        found = _in_series(found, ([[-a1, 1], [-a2, 0]], [[2 * far * b0 - a1 * b0], [b0 - a2 * b0]], [[1, 0]], [[b0]]))
+    if order % 2:
+        b0, a1 = (1 if high else w) / (1 + w), (w - 1) / (1 + w)
+        found = _in_series(found, ([[-a1]], [[far * b0 - a1 * b0]], [[1]], [[b0]]))
+    return found
+
+
+def _in_series(first, second):
+    """A block of one signal after another one."""
+    (A, B, C, D), (a, b, c, d) = first, second
+    below = [[b[i][0] * entry for entry in C[0]] + a[i] for i in range(len(a))]
+    return (
+        [row + [0] * len(a) for row in A] + below,
+        B + [[each[0] * D[0][0]] for each in b],
+        [[d[0][0] * entry for entry in C[0]] + c[0]],
+        [[d[0][0] * D[0][0]]],
+    )

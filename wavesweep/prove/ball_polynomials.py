@@ -1,0 +1,260 @@
+"""The characteristic polynomials of a drawn loop as polynomials in one of its numbers too, with proved errors.
+
+The frame falls apart into components that do not feed back to each other, each with a polynomial of its own. Multiplied by the
+determinants of the algebraic loops, their coefficients are polynomials in a number that only gains read; then some values of
+it give them exactly. Otherwise they are interpolated on parts of the range, and the error follows from a bound on an ellipse
+around the part (L. N. Trefethen, Approximation Theory and Approximation Practice, theorem 8.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, comb, inf, log2
+from typing import Any
+
+import numpy as np
+from flint import acb, arb, arb_mat, arb_poly, ctx
+
+from wavesweep.engine.drawing.drawn_block import Plant
+from wavesweep.engine.drawing.expressions import Tree, degree, evaluate, is_constant
+from wavesweep.engine.monodromy.product import blocks_of
+from wavesweep.prove.ticks import Loop, UndecidedError, reads
+
+ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
+MOST_DEGREES = 64  # in the number, up to which the polynomials are taken as such
+NODES = 30  # operations that the nodes of an interpolant take, for each pair
+MOST_PARTS = 400  # of the range
+KEPT = 0.6  # share of the bits that are kept: a term that is smaller counts as part of the error
+STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of the range, from its low to its high end, with a polynomial per component.
+
+    Row j of a matrix has the Bernstein coefficients of that of z^j on the part. A polynomial of degree 0 stands for the
+    determinants of the algebraic loops: where it is 0 there is no loop.
+    """
+
+    low: arb
+    high: arb
+    polynomials: tuple[arb_mat, ...]
+
+
+class Family:
+    """The characteristic polynomials of a loop on a range of the number.
+
+    loop: along its number. span: (low, high). budget: a counter of operations, see `Budget`.
+    """
+
+    def __init__(self, loop: Loop, span: tuple[float, float], budget: Budget) -> None:
+        self.loop, self.span, self.budget = loop, span, budget
+        low, high = map(arb, span)
+        places = loop.pattern(low.union(high))
+        self.parts = [part.tolist() for part in blocks_of(places) if places[np.ix_(part, part)].any()]
+        self.size = len(places)
+        self.degree = _degree(loop)
+        self.bent = any(_branches(tree, loop.number) for _, tree in loop.drawing.trees())
+        self.ones = [0] * (len(self.parts) + self.exact)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the coefficients are polynomials in the number of a degree that is known and small."""
+        return self.degree <= MOST_DEGREES
+
+    def at(self, number: Any, *, times: bool = False) -> list[list[Any]]:
+        """The coefficients of each component's polynomial at a value; times: multiplied by the determinants of the loops."""
+        self.budget.use(self.loop.ticks.bit_length() * self.size**3 + 500 * self.size)
+        frame, pivot = self.loop.frame(number)
+        rows, found = frame.tolist(), []
+        for part in self.parts:
+            own = type(frame)([[rows[i][j] for j in part] for i in part]).charpoly()
+            found.append([own[j] * pivot if times else own[j] for j in range(len(part) + 1)])
+        return [*found, [pivot]] if self.exact else found
+
+    def find_ones(self) -> int:
+        """Count the eigenvalues that are 1 for every value of the number, by digits that vanish at two precisions."""
+        low, high = map(arb, self.span)
+        bits, counts = ctx.prec, []
+        for share, more in ((0.381966, 1), (0.618034, 2)):
+            ctx.prec = more * bits
+            try:
+                counts.append([_ones(p) for p in self.at((low + (high - low) * share).mid())])
+            finally:
+                ctx.prec = bits
+        if counts[0] != counts[1]:
+            raise UndecidedError
+        self.ones = counts[0]
+        return sum(self.ones)
+
+    def plain(self, number: arb) -> list[list[arb]]:
+        """The coefficients at a value, without the eigenvalues that are always 1."""
+        return [_without_ones(p, times) for p, times in zip(self.at(number), self.ones, strict=True)]
+
+    def over_range(self) -> Iterator[Part]:
+        """Yield the parts of the range in order."""
+        open_, count = [tuple(map(arb, self.span))], 0
+        while open_:
+            low, high = open_.pop()
+            count += 1
+            if count > MOST_PARTS or (not self.exact and self.bent):
+                raise UndecidedError
+            errors = [0] * len(self.ones) if self.exact else self._errors(low, high)
+            if errors is None:
+                middle = ((low + high) / 2).mid()
+                open_ += [(middle, high), (low, middle)]
+                continue
+            yield Part(low, high, tuple(self._interpolated(low, high, errors)))
+
+    def _errors(self, low, high):
+        """Bounds on errors of each component's coefficients, and the nodes; None if the part is too long for few of them."""
+        middle, half = (low + high) / 2, (high - low) / 2
+        across, up = half * (ELLIPSE + arb(1) / ELLIPSE) / 2, half * (ELLIPSE - arb(1) / ELLIPSE) / 2
+        around = acb(middle + arb(0, across.upper()), arb(0, up.upper()))
+        bounds, sizes = self.at(around), self.at(middle.mid())
+        if not all(c.is_finite() for p in (*bounds, *sizes) for c in p):
+            return None
+        most = 0.0
+        for bound, size in zip(bounds, sizes, strict=True):
+            whole = max(abs(c).upper() for c in size)
+            ratio = max((abs(c).upper() / whole).upper() for c in bound)
+            if not ratio < arb(2) ** (ctx.prec // 2):
+                return None
+            most = max(most, log2(float(ratio)) if ratio > 1 else 0.0)
+        nodes = ceil((most + ctx.prec * KEPT) / log2(ELLIPSE)) + 3
+        share = arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)
+        return [([abs(c).upper() * share for c in bound], nodes) for bound in bounds]
+
+    def _interpolated(self, low, high, errors):
+        nodes = self.degree + 1 if self.exact else errors[0][1]
+        self.budget.use(NODES * nodes**2 + nodes**3 / 4)  # the second for `_to_bernstein`, kept or not
+        points, weights = _nodes(nodes, ctx.prec)
+        values = [self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact) for point in points]
+        for number, (times, error) in enumerate(zip(self.ones, errors, strict=True)):
+            size = len(values[0][number])
+            table = arb_mat([[values[i][number][j].real for i in range(nodes)] for j in range(size)]) * weights
+            rows = _trimmed(table.tolist(), error[0] if error else None)
+            yield arb_mat(_without_ones_rows(rows, times)) * _to_bernstein(len(rows[0]), ctx.prec)
+
+
+class Budget:
+    """A number of operations that may still be used, which does not depend on the speed of the machine."""
+
+    def __init__(self, left: float) -> None:
+        self.left = left
+
+    def use(self, operations: float) -> None:
+        """Use some of them. Errors: UndecidedError if none are left."""
+        self.left -= operations
+        if self.left < 0:
+            raise UndecidedError
+
+
+def _degree(loop: Loop) -> float:
+    """A bound on the degree in the number of the frame's polynomial times the determinants; infinite if it is not one.
+
+    Each equation of a tick, of a port, an output or a state, adds the degree of its factors.
+    """
+    number, total, of_blocks = loop.number, 0, []
+    wires = {port: max((degree(gain, number) for _, gain in terms), default=0) for port, terms in loop.wires.items()}
+    for block in loop.blocks:
+        kind, keys = ("", {}) if isinstance(block, Plant) else (block.type, dict(block.keys))
+        own = sum(wires.get(f"{block.name}.{port}", 0) for port in block.ports[0])
+        if kind == "gain":
+            own += degree(keys["k"], number)
+        elif kind == "ss" and keys["discrete"]:
+            rows = (row for name in "ABCD" for row in keys[name])  # rows side by side have the larger degree of both
+            own += sum(max((degree(tree, number) for tree in row), default=0) for row in rows)
+        elif kind == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
+            own += max(degree(tree, number) for tree in keys["num"])
+        elif any(reads(tree, number) for _, tree in block.trees()):
+            own = inf
+        of_blocks.append(own)
+    for kind in loop.kinds:
+        total += sum(of_blocks[at] for at in kind)
+    return inf if reads(loop.drawing.tick_hz, number) or total == inf else int(total)
+
+
+def _branches(tree: Tree, number: str) -> bool:
+    """Whether a tree that reads a number has a power with another than a whole exponent, which is not analytic everywhere."""
+    if tree[0] == "**" and reads(tree, number) and not (is_constant(tree[2]) and evaluate(tree[2], {}).is_integer()):
+        return True
+    return any(_branches(part, number) for part in tree[1:-1] if isinstance(part, tuple))
+
+
+def _ones(p):
+    """How many times z - 1 divides a polynomial, if it does for all that the bits tell."""
+    size = sum((abs(c) for c in p), arb(0))
+    least, count = size * arb(2) ** (-ctx.prec * STRUCTURE), 0
+    shifted = arb_poly(p)(arb_poly([1, 1])).coeffs()
+    while count < len(shifted) - 1 and shifted[count].contains(0):
+        if not abs(shifted[count]).upper() < least:
+            raise UndecidedError
+        count += 1
+    return count
+
+
+def _without_ones(p, times):
+    return [row[0] for row in _without_ones_rows([[c] for c in p], times)]
+
+
+def _without_ones_rows(rows, times):
+    """Rows of coefficients of a polynomial divided by (z - 1)^times; the remainder is known to be 0."""
+    for _ in range(times):
+        carried, out = [arb(0)] * len(rows[0]), []
+        for row in reversed(rows[1:]):
+            carried = [a + b for a, b in zip(carried, row, strict=True)]
+            out.append(carried)
+        if not all((a + b).contains(0) for a, b in zip(carried, rows[0], strict=True)):
+            raise UndecidedError
+        rows = out[::-1]
+    return rows
+
+
+def _trimmed(rows, errors):
+    """Rows of Chebyshev coefficients, of which the last ones that are nothing beside the largest are taken for errors."""
+    least = arb(2) ** (-ctx.prec * KEPT) * max(abs(c).mid() for row in rows for c in row)
+    kept = max([1, *(1 + i for row in rows for i, c in enumerate(row) if not abs(c).upper() <= least)])
+    found = []
+    for j, row in enumerate(rows):
+        error = sum((abs(c).upper() for c in row[kept:]), errors[j] if errors else arb(0))
+        found.append([row[0] + arb(0, error.upper()), *row[1:kept]])
+    return found
+
+
+@lru_cache(maxsize=64)
+def _nodes(count, bits):
+    """Chebyshev points on (-1, 1), and the matrix from values at them to Chebyshev coefficients; bits: the precision."""
+    del bits
+    angles = [arb.pi() * (2 * i + 1) / (2 * count) for i in range(count)]
+    weights = [[(angle * k).cos() * (2 if k else 1) / count for k in range(count)] for angle in angles]
+    return [angle.cos() for angle in angles], arb_mat(weights)
+
+
+@lru_cache(maxsize=256)
+def _to_bernstein(count, bits):
+    """The matrix from Chebyshev coefficients on (-1, 1) to as many Bernstein coefficients; bits: the precision."""
+    del bits
+    return bernstein(chebyshev(count, 1), count - 1)
+
+
+def chebyshev(count: int, slope: int, constant: int = 0) -> list[list[int]]:
+    """Coefficients in t of polynomials p_k(2t - 1): p_0 = 1, p_1 = slope x + constant, p_k = 2x p_(k-1) - p_(k-2)."""
+    found = [[1], [constant - slope, 2 * slope]]
+    while len(found) < count:
+        one, other = found[-1], found[-2]
+        found.append([4 * a - 2 * b - c for a, b, c in zip([0, *one], [*one, 0], [*other, 0, 0], strict=True)])
+    return found[:count]
+
+
+def bernstein(polynomials: list[list[int]], n: int) -> arb_mat:
+    """Bernstein coefficients of degree n on (0, 1), a row for each polynomial, from its coefficients in t."""
+    bits = ctx.prec
+    ctx.prec = bits + 6 * n  # integers up to 6^n cancel
+    try:
+        powers = [[arb(comb(i, j)) / comb(n, j) for i in range(n + 1)] for j in range(n + 1)]
+        return arb_mat([p + [0] * (n + 1 - len(p)) for p in polynomials]) * arb_mat(powers)
+    finally:
+        ctx.prec = bits

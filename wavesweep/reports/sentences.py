@@ -1,0 +1,185 @@
+"""The question of a spec in a sentence, its stable intervals as rows of texts, and what makes the loop unstable beyond them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wavesweep.engine.errors import SpecError, WavesweepError
+from wavesweep.engine.search.interval_records import open_places
+from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.columns import Columns, axes_of, whose_column
+from wavesweep.program.spec import sweep_axes
+from wavesweep.program.tables.columns import fields_of
+from wavesweep.program.tables.interval_tally import open_in_words
+from wavesweep.program.tables.row_kinds import row_kinds
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec import Axis, Spec
+    from wavesweep.program.tables.table import Table
+
+MOST_VALUES = 6  # of an axis that are named
+MOST_ROWS = 24  # of a table of intervals that a report shows; of a longer one the rows with the largest and the least end
+BEYOND = (1e-3, 1e-6, 1e-9)  # of an end, how far beyond it the loop is looked at: there may be another interval next to it
+HEADS = {
+    "guarantee": "for",
+    "hand": "for",
+    "high": "to",
+    "low_hz": "lower limit oscillates at",
+    "high_hz": "upper limit oscillates at",
+}
+HEADS |= {"fails_below": "refuted below", "fails_from": "refuted from"}
+OWN = ("", "spec", "operator")  # whose rows are those of the spec's own loop
+
+
+def question(spec: Spec) -> str:
+    """The question of the spec's [sweep] and [for_all]; without an axis, that of `check`."""
+    try:
+        along, others = sweep_axes(spec)
+    except WavesweepError:  # a drawn loop without an axis to look along
+        return "Is the loop stable, and how far may each of its numbers go?"
+    what = f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
+    text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {what}"
+    if others:
+        single = [axis for axis in others if len(axis.values) == 1]
+        several = [axis for axis in others if axis not in single]
+        text += f", at {' and '.join(_values(spec, axis) for axis in single)}" if single else ""
+        text += f", for each of {' and of '.join(_values(spec, axis) for axis in several)}" if several else ""
+    if spec.for_all:
+        text += f", {'; '.join(_ranges(spec))}"
+    return f"{text}?"
+
+
+def _values(spec: Spec, axis: Axis) -> str:
+    unit = _unit(spec, axis)
+    if len(axis.values) > MOST_VALUES:
+        return f"{len(axis.values)} {axis.name} from {min(axis.values):g} to {max(axis.values):g}{unit}"
+    return f"{axis.name} = {', '.join(f'{value:g}' for value in axis.values)}{unit}"
+
+
+def _ranges(spec: Spec) -> Iterator[str]:
+    """Yield the numbers of [for_all] with their ranges."""
+    for axis in spec.for_all.axes:
+        unit, values = _unit(spec, axis), ", ".join(map(str, axis.values))
+        span = f"in {values}{unit}" if axis.scale is None else f"from {axis.start:g} to {axis.stop:g}{unit}"
+        yield f"for every {axis.name} {span}{', another one in each frame' * (axis.path in spec.for_all.varying)}"
+    if spec.for_all.lost:
+        yield f"with up to {spec.for_all.lost} results in a row that are lost"
+    if spec.for_all.loss:
+        yield f"with results that are lost with probability {spec.for_all.loss:g}"
+    if spec.drawing and spec.drawing.channels:
+        yield "with messages that are late or lost"
+
+
+def _unit(spec: Spec, axis: Axis) -> str:
+    unit = spec.names.keys[axis.path].unit
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def words_of_spec(spec: Spec) -> str:
+    """The first paragraph of the comment that a spec begins with; empty without one."""
+    found: list[str] = []
+    for line in (spec.source_place.text or "").splitlines():
+        text = line.strip()
+        if not text.startswith("#") or not text.strip("# "):
+            if found or text:
+                break
+            continue
+        found.append(text.lstrip("# ").strip())
+    return " ".join(found)
+
+
+def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | None:
+    """The head and the rows of a short table of intervals as texts; None of a long one."""
+    columns, axes, whose = table.columns, axes_of(table.columns), whose_column(table.columns)
+    if len(columns["along"]) > MOST_ROWS:
+        return None
+    units = {each.name: each.unit for each in fields_of(table.kind, columns, table.facts)}
+    refuted = [name for name in ("fails_below", "fails_from") if name in columns and not np.isnan(columns[name]).all()]
+    shown = [*axes, *([whose] if whose else []), "low", "high", "low_hz", "high_hz", *refuted]
+    said = dict(HEADS, low=f"{columns['along'][0]} from")
+    head = [f"{said.get(name, name)}{f' ({units[name]})' if units.get(name, '1') not in ('', '1') else ''}" for name in shown]
+    kinds = row_kinds()
+    rows = [
+        [*(kinds[row[name]].legend if name == whose else _text(row[name]) for name in shown), _proof(row)]
+        for row in _rows(columns)
+    ]
+    for row, number in zip(rows, columns["intervals"].tolist(), strict=True):
+        row[shown.index("low")] = row[shown.index("low")] if number else "none"
+    return (*head, "proof"), rows
+
+
+def _proof(row: Columns) -> str:
+    """Whether a row is certified, or proved by the checker of a guarantee. Of hands only what is settled is."""
+    if row_kinds()[row.get("hand", "")].searched:
+        return "proved" if row["settled"] else "not proved: searched"
+    word = "proved" if row.get("guarantee", "spec") != "spec" else "certified"
+    open_ = open_places({name: [each] for name, each in row.items()}, 0)
+    return word if row["certified"] else f"not {word}: {row['doubt']}{f', {open_in_words(open_)}' if open_ else ''}"
+
+
+def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
+    """What refutes values beyond the ends of intervals: the other numbers, the value, and the eigenvalue, frames or hand.
+
+    An end that the swept range sets has none. Eigenvalues are those of the frame just beyond the end, in double precision.
+    """
+    found = []
+    for row in _telling(table.columns):
+        axes = {name: row[name] for name in axes_of(table.columns) if not np.isnan(row[name])}
+        whose = row.get(whose_column(row), "")
+        at = ", ".join([f"{name} = {value:g}" for name, value in axes.items()] + [row_kinds()[whose].legend] * bool(whose))
+        for end, side, fails in (("low", -1.0, "fails_below"), ("high", 1.0, "fails_from")):
+            if whose in OWN and not np.isnan(row[f"{end}_omega"]):
+                found += [[at, *each] for each in _beyond(spec, row["along"], axes, row[end], side)]
+            elif not np.isnan(row.get(fails, np.nan)):
+                ways = row["counterexample"].partition("; from: ")  # where both ends have one, each is named
+                way = ways[2] if end == "high" and ways[2] else ways[0].removeprefix("below: ")
+                found.append([at, f"{row['along']} = {row[fails]:.6g}", way])
+            elif not np.isnan(row.get(f"{end}_hand_mass", np.nan)):
+                hand = "a hand of {:.4g} kg, {:.4g} N*s/m and {:.4g} N/m"
+                parts = hand.format(*(row[f"{end}_hand_{part}"] for part in ("mass", "damping", "stiffness")))
+                found.append([at, f"{row['along']} beyond {row[end]:.6g}", parts])
+    return found
+
+
+def _beyond(spec: Spec, along: str, axes: dict[str, float], end: float, side: float) -> Iterator[list[str]]:
+    """Yield the value next to an end with which the loop is unstable, and the eigenvalue that makes it so."""
+    from wavesweep.program.analyses.poles import poles
+
+    for step in BEYOND:
+        value = end + side * step * abs(end or 1.0)
+        try:
+            modes = poles(spec.with_values({**axes, along: value}))
+        except SpecError:  # beyond what the spec takes, as a stiffness below 0
+            return
+        worst = int(np.nanargmax(modes["radius"]))
+        if modes["radius"][worst] > 1:
+            real, imaginary = modes["z_re"][worst], abs(modes["z_im"][worst])
+            z = f"{real:.6g} ± {imaginary:.6g}i" if imaginary else f"{real:.6g}"
+            hz, grows = modes["shown_hz"][worst], -modes["time_constant_s"][worst]
+            motion = f"an oscillation of {hz:.4g} Hz" if hz > 0 else "without oscillation"
+            size = f"modulus 1 + {modes['radius'][worst] - 1:.3g}"
+            yield [f"{along} = {value:.7g}", f"eigenvalue {z} per frame, {size}: {motion}, grows by e in {grows:.4g} s"]
+            return
+
+
+def _telling(columns: Columns) -> Iterator[dict]:
+    """Yield the rows with intervals; of a long table those of the spec's own loop with the largest and the least high end."""
+    rows = [row for row in _rows(columns) if row["intervals"]]
+    if len(rows) <= MOST_ROWS:
+        yield from rows
+        return
+    ended = sorted((row for row in rows if not np.isnan(row["high_omega"])), key=lambda row: row["high"])
+    yield from ended[-1:] + ended[:1]
+
+
+def _rows(columns: Columns) -> Iterator[dict]:
+    """Yield the rows of columns, with plain values."""
+    for row in zip(*(column.tolist() for column in columns.values()), strict=True):
+        yield dict(zip(columns, row, strict=True))
+
+
+def _text(value: float | str) -> str:
+    return value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.6g}"

@@ -1,0 +1,118 @@
+"""The experiment that a controller in C repeats: the loop with all that its device has, tick by tick."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.program.spec import Spec
+from wavesweep.simulation.from_spec import effects_of, frames_in_turn, frames_of, hand_force, lengths_at
+from wavesweep.simulation.keys import entry_of
+from wavesweep.simulation.march import SLOW_ALONE, March, refuse
+from wavesweep.simulation.parts import SEEN, Frames, Loop, loop_of
+
+AMPLIFIER = ("device.delay", "device.dead_time")  # of the device, and so of no controller
+RATIO, DELAY = "rates.ratio", "environment.delay"
+NEXT = -1  # as a delay in C: the result is in place with the next slow step
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """Slow steps that the caller triggers.
+
+    lengths: the ticks that a frame may have, from one step to the next. frames: of the experiment. delays: what C calls the
+    delay of each of these. usual: of a frame of which nothing else is said.
+    """
+
+    lengths: tuple[int, ...]
+    frames: Frames
+    delays: tuple[int, ...]
+    usual: int
+
+    @property
+    def all(self) -> Frames:
+        """A frame of each length, with results that are in place at once."""
+        return replace(self.frames, ticks=self.lengths, delays=(0,) * len(self.lengths))
+
+
+def steps_of(spec: Spec) -> Steps | None:
+    """Return the slow steps of a spec whose frames vary, in [for_all] or in [simulate]; None if they do not.
+
+    Errors: UsageError for frames in [simulate] whose lengths [for_all] does not have, and beside channels.
+    """
+    given, asked = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec)), spec.for_all
+    if not given and (
+        not asked or spec.uneven or not (asked.changing or ((asked.lost or asked.loss) and spec.drawing is None))
+    ):
+        return None
+    if spec.drawing and spec.drawing.channels:
+        raise UsageError(
+            "export: expected frames of one length in a loop with channels, found frames that vary; leave either out"
+        )
+    proved = {each for axis in (asked.changing if asked else ()) for each in lengths_at(spec, axis)}
+    if strange := sorted({each.ticks for each in given} - proved) if proved else []:
+        raise UsageError(
+            f"simulate.frames: expected the lengths of [for_all] ({', '.join(map(str, sorted(proved)))}), found {strange[0]}; "
+            "--set simulate.frames= leaves them out"
+        )
+    lengths = tuple(sorted(proved or {each.ticks for each in given} or {int(spec.values[RATIO])}))
+    usual = NEXT if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
+    delays = tuple(usual if each.delay is None else each.delay for each in given) or (usual,) * len(lengths)
+    nominal = spec.values[RATIO] if spec.step == "nominal" and spec.drawing is None else None
+    every = tuple(each if usual == NEXT else usual for each in lengths)
+    return Steps(lengths, frames_of(spec, given) or Frames(lengths, every, nominal), delays, usual)
+
+
+def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False) -> Drawing:
+    """Return the drawing of a spec, without the delays of its amplifier unless `amplifier`; gains: see `exported`."""
+    changed = ({} if amplifier else dict.fromkeys(AMPLIFIER, 0)) | (SLOW_ALONE if steps else {})
+    return spec.drawing or loop_drawing({**spec.values, **changed}, ("controller.Kp",) * gains)
+
+
+def loop_with(spec: Spec, drawing: Drawing, values: Mapping[str, Any], frames: Frames | None) -> Loop:
+    """Return the loop of a drawing with these numbers, and with the wall of the experiment; frames: see `loop_of`."""
+    effects = effects_of(spec)
+    own = loop_of(drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames)
+    refuse(own, effects)
+    return own if effects.wall is None else own.behind(effects.wall)
+
+
+def march_of(spec: Spec, loop: Loop, steps: Steps | None, inputs: list[str], outputs: Mapping[str, str]) -> March:
+    """Return the march of the whole loop that shows what its controller reads and gives.
+
+    loop: the controller's. inputs: signals. outputs: name -> port of a device, without forces from outside.
+    """
+    whole = loop_with(spec, drawing_of(spec, steps, amplifier=True), spec.values, steps and steps.frames)
+
+    def seen(sums):
+        return {SEEN + name: tuple(term for term in sums[port] if term[1] not in loop.inputs) for name, port in outputs.items()}
+
+    whole = replace(whole, wires={**whole.wires, **seen(loop.wires)}, away={**whole.away, **seen(loop.away)})
+    entry, messages = entry_of(spec) or loop.hand, spec.simulate["messages"] or {}
+    return March(whole, effects_of(spec), (*inputs, *(SEEN + name for name in outputs)), entry, messages=messages)
+
+
+def timing_of(march: March, steps: Steps | None, count: int, *, late: bool) -> dict[str, np.ndarray]:
+    """Return the columns of the vectors that say when slow steps begin, and which results are late.
+
+    late_0: the ticks by which the result of a group that is shown in the tick is late beyond the delay of its step, -1 if it is
+    lost, 0 if none is shown.
+    """
+    columns, delays = {"tick": np.arange(count)}, march.loop.delays
+    if steps:
+        starts = np.array(march.loop.frames.starts)
+        frame = np.searchsorted(starts, columns["tick"] % march.loop.frame, side="right") - 1
+        columns["step"] = np.isin(columns["tick"] % march.loop.frame, starts).astype(int)
+        columns["delay"] = np.array(steps.delays)[frame]
+    for g, each in enumerate(march.results if late else ()):
+        found = np.zeros(count, dtype=int)
+        for k in range(count):
+            if each.shown(k) and (number := each.number(k)) >= 0:
+                own, usual = each.late[number], 0 if each.channel else delays[number % len(delays)]
+                found[k] = -1 if own is None else own * (own != usual)
+        columns[f"late_{g}"] = found
+    return columns

@@ -1,0 +1,299 @@
+"""A tick as sums of products, in an order in which each number is there before it is read.
+
+What goes round within a tick is solved: some of the numbers on the way are taken as zero, which shows what the others add to
+them, and a linear equation gives their values. `Ticks` has a program for each set of blocks that run together.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from graphlib import CycleError, TopologicalSorter
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.simulation.laws import Sum
+from wavesweep.simulation.parts import DEPTH, FORCE, POSITION, SPEED, VELOCITY, Loop, Part, Rhythm, Wall
+
+Line = tuple[int, tuple[tuple[float, int], ...]]
+"""A place, and the factors and places of the sum that is put there."""
+Sums = Mapping[str, Sum]
+ROUNDING = 2.0**-50  # relative rounding of the share of a number that comes back within the tick
+OPEN = 1e-12  # of its open response: below this share a wall's depth does not depend on its force, but for rounding
+
+
+class Meeting(NamedTuple):
+    """How a wall is met in a tick: its depth and speed with the force F are `depth + yields F` and `speed + slows F`."""
+
+    K: float
+    B: float
+    yields: float
+    slows: float
+    position: float | None
+
+    def force(self, depth: float, speed: float) -> tuple[float, bool]:
+        """Return the force (N) and whether the wall is touched, of a depth (m) and a speed (m/s) without the force.
+
+        A one-sided wall fills depths above its position. Pressed, the force is that of spring and damper; it is if the depth
+        with this force is above the position. Free, the force is 0. Between the two the damper alone would throw out what
+        arrives, and let in what does not touch: the depth stays at the position, with the part of the damper's force that
+        keeps it there.
+        """
+        gap = depth if self.position is None else depth - self.position
+        if self.position is not None and not gap * (1.0 - self.B * self.slows) + self.yields * self.B * speed > 0.0:
+            return (-gap / self.yields, True) if gap > 0.0 and self.yields < 0.0 else (0.0, False)
+        return (self.K * gap + self.B * speed) / (1.0 - self.K * self.yields - self.B * self.slows), True
+
+
+class Program(NamedTuple):
+    """A tick: lines up to the wall, how it is met (None if its force is not computed), lines after it, and what is kept.
+
+    moves: (source, first, last) of rows of places that move on by one. limits: (low, high) of places. stops: lines of `keeps`
+    that leave a place as it is, with the places of a number before and behind its limit, and of what drives it.
+    """
+
+    first: list[Line]
+    wall: Meeting | None
+    second: list[Line]
+    keeps: list[Line]
+    moves: list[tuple[int, int, int]]
+    limits: dict[int, tuple[float, float]]
+    stops: list[tuple[int, int, int, int]]
+
+
+def arrived(signal: str) -> str:
+    """The name of a slow result as it has arrived."""
+    return f"{signal} arrived"
+
+
+def besides(port: str) -> str:
+    """The name of what acts on a plant's port besides the inputs from outside."""
+    return f"{port} besides"
+
+
+def actual(port: str) -> str:
+    """The name of a port of the device as it is, and not as it is measured."""
+    return f"{port} actual"
+
+
+def run(lines: Iterable[Line], z: list, limits: Mapping[int, tuple[float, float]]) -> None:
+    """Compute lines in their order; each sum begins with 0, adds product after product, and ends at its limits."""
+    for target, terms in lines:
+        total = 0.0
+        for factor, source in terms:
+            total += factor * z[source]
+        if target in limits:
+            low, high = limits[target]
+            total = low if total < low else min(total, high)
+        z[target] = total
+
+
+def keep(program: Program, z: list) -> None:
+    """Put what a tick keeps in its places, all of it from the numbers as they were before."""
+    found = []
+    for _, terms in program.keeps:
+        total = 0.0
+        for factor, source in terms:
+            total += factor * z[source]
+        found.append(total)
+    for line, free, limited, driven in program.stops:
+        if (z[free] > z[limited] and z[driven] > 0.0) or (z[free] < z[limited] and z[driven] < 0.0):
+            found[line] = z[program.keeps[line][0]]
+    for (target, _), total in zip(program.keeps, found, strict=True):
+        z[target] = total
+    for source, first, last in program.moves:
+        z[first + 1 : last] = z[first : last - 1]
+        z[first] = z[source]
+
+
+class Ticks:
+    """The programs of a loop, whose numbers have places in a row, by their names: ports, signals, states.
+
+    host: plants that are moved by somebody else. late: signals that are read by others as they have arrived, see `arrived`.
+    """
+
+    def __init__(self, loop: Loop, host: Collection[str] = (), late: Collection[str] = ()) -> None:
+        self.loop, self.host, self.late = loop, host, frozenset(late)
+        self.sent = {f"{name}.y" for name in loop.channels}
+        self.places: dict[str, int] = {}
+        self.parts = [part for part in loop.parts if part.name not in host]
+        for part in self.parts:  # a row that moves has its places side by side
+            for _, names in part.law.moves:
+                for name in names:
+                    self.at(f"{part.name}.{name}")
+        sets: dict[tuple[Part, ...], int] = {}
+        running = (tuple(part.at(k) for part in self.parts if part.rhythm.runs(k)) for k in range(loop.frame))
+        self.kinds = [sets.setdefault(each, len(sets)) for each in running]
+        self.sets, self._programs = list(sets), {}
+
+    def at(self, name: str) -> int:
+        """The place of a number."""
+        return self.places.setdefault(name, len(self.places))
+
+    def program(self, k: int, arriving: frozenset[str], touching: bool) -> Program:
+        """The program of tick k, in which these late signals arrive at once; touching: whether the wall is.
+
+        Errors: IllPosedLoopError if what goes round within the tick has no solution, or several.
+        """
+        key = self.kinds[k % self.loop.frame], arriving, touching
+        if key not in self._programs:
+            self._programs[key] = self._made(*key)
+        return self._programs[key]
+
+    def _made(self, kind: int, arriving: frozenset[str], touching: bool) -> Program:
+        running, wires = self.sets[kind], self.loop.wires if touching else self.loop.away
+        sums, keeps, moves, limits, stops = {}, {}, [], {}, {}
+        for part in running:
+            law = part.law if touching else part.away
+            for port in (f"{part.name}.{each}" for each in part.inputs):
+                sums[port] = self._read(wires.get(port, ()), part.rhythm.slow)
+            sums |= {f"{part.name}.{name}": _named(part, terms) for name, terms in law.gives.items()}
+            keeps |= {f"{part.name}.{name}": _named(part, terms) for name, terms in law.keeps.items()}
+            limits |= {f"{part.name}.{name}": pair for name, pair in law.limits.items()}
+            stops |= {f"{part.name}.{name}": [f"{part.name}.{each}" for each in some] for name, some in law.stops.items()}
+            for source, names in law.moves:
+                first = self.at(f"{part.name}.{names[0]}")
+                moves.append((self.at(f"{part.name}.{source}"), first, first + len(names)))
+        for port in (f"{part.name}.{port}" for part in self.loop.parts if part.plant for port in part.inputs):
+            pushed = [term for term in wires.get(port, ()) if term[1] in self.loop.inputs]
+            sums[besides(port)] = self._read([term for term in wires.get(port, ()) if term not in pushed], slow=False)
+            if port in sums:
+                sums[port] = ((1.0, besides(port)), *pushed)
+        for name, terms in ((name, wires[name]) for name in self.loop.signals):
+            sums[name] = self._read(terms, slow=False)
+            if name in (POSITION, VELOCITY):
+                sums[name] = tuple((each, actual(s) if s.rpartition(".")[0] in self.host else s) for each, s in terms)
+        sums |= {arrived(name): ((1.0, name),) for name in sorted(arriving)}
+        sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
+        wall = self.loop.wall
+        if wall and {Rhythm(), *(part.rhythm for part in running)}.intersection(self.loop.readers(FORCE)):
+            slow = self.loop.wall_rhythm.slow
+            sums |= {DEPTH: self._read(wall.depth, slow), SPEED: self._read(wall.speed, slow)}
+            _refuse_limits_on_circles(limits, sums | {FORCE: ((1.0, DEPTH), (1.0, SPEED))})
+            first, met, second = _around(sums, wall)
+        else:
+            _refuse_limits_on_circles(limits, sums)
+            first, met, second = straight(sums)[0], None, []
+        limits = {self.at(name): pair for name, pair in limits.items()}
+        stops = [(line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops]
+        return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves, limits, stops)
+
+    def _read(self, terms, slow):
+        """A sum as a block reads it: messages as they have arrived, and if the block is not slow, slow results too."""
+        late = self.late & self.sent if slow else self.late
+        return tuple((factor, arrived(name) if name in late else name) for factor, name in terms)
+
+    def lines(self, sums: Iterable[tuple[str, Sum]]) -> list[Line]:
+        """The sums with places in place of names, without products with zero."""
+        return [(self.at(name), tuple((each, self.at(source)) for each, source in terms if each)) for name, terms in sums]
+
+
+def _named(part, terms):
+    return tuple((factor, f"{part.name}.{name}") for factor, name in terms)
+
+
+def _refuse_limits_on_circles(limits, sums):
+    """Refuse a number with limits that comes back to itself within the tick, of which no linear equation gives the value."""
+    readers = _readers(sums) if limits else {}
+    for name in limits:
+        if name in _closure(readers.get(name, ()), readers):
+            raise IllPosedLoopError(
+                f"{name}: what it gives comes back to it within the tick, where limits may leave several values or none; "
+                "expected a delay on the way, as of a controller that computes in one tick and acts in the next"
+            )
+
+
+def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
+    """Return the sums in an order in which they can be computed, and the numbers for which an equation is solved.
+
+    Errors: IllPosedLoopError if it has no solution.
+    """
+    torn: list[str] = []
+    while True:
+        graph = {name: [s for _, s in terms if s in sums and s not in torn] for name, terms in sums.items() if name not in torn}
+        try:
+            order = list(TopologicalSorter(graph).static_order())
+            break
+        except CycleError as error:
+            rank = {name: i for i, name in enumerate(sums)}
+            torn.append(min(error.args[1], key=rank.get))
+    if not torn:
+        return [(name, sums[name]) for name in order], torn
+    needed = _closure({s for name in torn for _, s in sums[name]}, graph)
+    once = [(name, sums[name]) for name in order if name in needed]
+    alone = [(f"{name} alone", sums[name]) for name in torn]
+    shares = [
+        [values.get(name, 0.0) for name, _ in alone] for values in (evaluated([*once, *alone], {name: 1.0}) for name in torn)
+    ]
+    share = np.array(shares, dtype=float).T
+    rest = np.eye(len(torn)) - share
+    if np.linalg.svd(rest, compute_uv=False)[-1] <= ROUNDING * (1.0 + np.abs(share).max()):
+        raise IllPosedLoopError(
+            f"{', '.join(torn)}: what goes round within the tick comes back as it is, so it has no single value; a delay on "
+            "the way, such as that of the environment or of the local model, makes it one"
+        )
+    # A single one may be made from numbers with names.
+    inverse = np.linalg.inv(rest).tolist() if len(torn) > 1 else [[1.0 / (1.0 - shares[0][0])]]
+    solved = [
+        (name, tuple(zip(row, (each for each, _ in alone), strict=True))) for name, row in zip(torn, inverse, strict=True)
+    ]
+    moved = _closure(torn, _readers(sums))
+    again = [(name, sums[name]) for name in order if name not in needed or name in moved]
+    return [*((name, ()) for name in torn), *once, *alone, *solved, *again], torn
+
+
+def _around(sums: Sums, wall: Wall):
+    """The lines up to the wall, how it is met, and the lines after it."""
+    before = _closure((DEPTH, SPEED), {name: [s for _, s in terms] for name, terms in sums.items()})
+    up, torn = straight({name: terms for name, terms in sums.items() if name in before})
+    own, alone = evaluated(up, {FORCE: 1.0}), evaluated(up, {FORCE: 1.0}, torn)
+    yields, slows, open_ = own[DEPTH], own[SPEED], alone[DEPTH]
+    parts = 1.0, wall.K * yields, wall.B * slows
+    whole, size = parts[0] - parts[1] - parts[2], sum(map(abs, parts))
+    if abs(yields) <= OPEN * abs(open_):
+        yields = 0.0
+    several = wall.position is not None and open_ and (whole < -OPEN * size or (wall.B and yields > 0.0))
+    if several or abs(whole) <= ROUNDING * size:
+        raise IllPosedLoopError(
+            "within the tick the one-sided wall is both touched and not, or neither: its force has no single value; "
+            "give the environment or the local model a delay"
+            if several
+            else "what the wall's force moves within the tick comes back as this force: it has no single value"
+        )
+    changed = _closure((FORCE,), _readers({name: terms for name, terms in sums.items() if name in before}))
+    again = {
+        name: terms for name, terms in sums.items() if name not in before or (name in changed and name not in (DEPTH, SPEED))
+    }
+    zero = [(FORCE, ())] if len(changed) > 1 else []
+    return [*zero, *up], Meeting(wall.K, wall.B, yields, slows, wall.position), straight(again)[0]
+
+
+def evaluated(lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept: Collection[str] = ()) -> dict[str, float]:
+    """The numbers of lines with these given and all others zero; kept: numbers that lines do not change."""
+    values = dict(given)
+    for name, terms in lines:
+        if name not in kept:
+            total = 0.0  # `sum` of Python 3.12 rounds otherwise than a program in C
+            for factor, source in terms:
+                total = total + factor * values.get(source, 0.0)
+            values[name] = total
+    return values
+
+
+def _closure(names: Iterable[str], graph: Mapping[str, Iterable[str]]) -> set[str]:
+    """The names, and all that can be reached from them."""
+    found, open_ = set(), list(names)
+    while open_:
+        name = open_.pop()
+        if name not in found:
+            found.add(name)
+            open_ += graph.get(name, ())
+    return found
+
+
+def _readers(sums: Sums) -> dict[str, list[str]]:
+    """The names of the sums that read each name."""
+    found: dict[str, list[str]] = {}
+    for name, terms in sums.items():
+        for _, source in terms:
+            found.setdefault(source, []).append(name)
+    return found
