@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops.batch import Loops, distinct_rows
@@ -42,8 +41,7 @@ def by_dominance(search: "Search", loops: Loops, size: int) -> Intervals:
     batch = replace(batch, radius=search.bound and search.bound.radius_of(period))
     variable = FROM_ZERO if search.span[0] == 0 and bends_at_zero(loops.drawing, search.along) else ""
     variable = BENT if search.along in WALL and search.span[0] >= 0 else variable
-    provers = modules("prover") if search.prove and not search.bound else ()
-    balls = next((each.ball_prover(loops, search.along, period) for each in provers), None)
+    balls = search.prover(loops, search.along, period) if search.prover and not search.bound else None
     found = stable_along_any(batch.frames, search.span, size, period, bounds, variable, batch.errors, balls, resolved)
     if search.span[0] <= 0 <= search.span[1]:
         found = _meeting_one_at_zero(search, found, loops)

@@ -1,5 +1,6 @@
 """Stable intervals of loops of one drawing along any of their numbers, a batch at a time."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -33,6 +34,9 @@ from wavesweep.engine.stability.radii import drift_of
 
 LEAST_WORK = 1000  # of a piece of a range, in squares of states: some 60 ms
 
+# From loops, the path of a number and the periods of their frames (s) to what `covering.proved_by_balls` asks; None: no prover.
+Prover = Callable[[Loops, str, np.ndarray], Callable | None]
+
 Groups = tuple[tuple[np.ndarray, Loops], ...]  # (members, loops) pairs, see `drawn_groups`
 
 
@@ -42,7 +46,7 @@ class Search:
 
     groups: of the loops, which the members of all of them number. If the number is one scalar gain of a frame, it is cut out;
     otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the ends too. checked: whether
-    the numbers are known to make loops. prove: whether a prover is asked about columns in doubt, if there is one. bound: on the
+    the numbers are known to make loops. prover: is asked about columns in doubt. bound: on the
     eigenvalues of a frame, in place of the unit circle.
     """
 
@@ -51,7 +55,7 @@ class Search:
     groups: Groups
     felt: bool = True
     checked: bool = False
-    prove: bool = False
+    prover: Prover | None = None
     bound: RequiredRegion | None = None
 
     def records(self) -> np.ndarray:

@@ -7,6 +7,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.batch import Loops, items_of
@@ -124,7 +125,12 @@ def _task(job, chunk):
 def searches_of(job: Job, chunk: Chunk) -> Searches:
     """The searches for the intervals of the loops of a chunk."""
     changes, known = job.loop_values(chunk), job.grid.loops <= CHECKED
-    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prove=True)
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prover=_ball_prover)
+
+
+def _ball_prover(loops, along, period):
+    """The prover in ball arithmetic, if the capability is there."""
+    return next((module.ball_prover(loops, along, period) for module in modules("prover")), None)
 
 
 def _columns(job, combination, records):
@@ -154,12 +160,12 @@ INTERVALS = Kind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 
 def _searches(
-    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=False
+    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prover=None
 ) -> Searches:
     """The searches for the intervals of `size` loops of the spec.
 
     changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
-    factors of it. felt, checked, prove: see `Search`.
+    factors of it. felt, checked, prover: see `Search`.
     """
     parts: dict = {}
     path, require = asked.axis.path, asked.require
@@ -170,7 +176,7 @@ def _searches(
     for (drawing, bound), alike in parts.items():
         drawn = drawing.tied(path, ties) if ties else drawing
         groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
-        searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prove, bound))
+        searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prover, bound))
     return Searches(tuple(searches))
 
 
