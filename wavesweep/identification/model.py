@@ -15,6 +15,7 @@ f_0 + d b, of an acceleration's f_0 and initial velocity all but f_0 - d v_0, un
 is left open is 0. An accelerometer gives the mean over the tick before, as one that adds up its samples does.
 """
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from math import copysign, exp, inf, sqrt
 
@@ -30,6 +31,7 @@ COUPLED = ("log_load", "load_damping", "log_coupling", "coupling_damping")  # of
 UNSEEN = {"position": ("bias",), "velocity": ("start", "bias"), "acceleration": ("start", "velocity")}  # without a spring
 ORDER = {"position": 0, "velocity": 1, "acceleration": 2}  # of the derivative that is measured
 LARGEST = 100.0  # logarithm of the largest mass that is tried
+BLOCK = 1024  # ticks that are marched at a time
 STEP = 1e-4  # of finite differences, relative to the scale of a number
 
 
@@ -201,35 +203,83 @@ def _linear(found, push, period, row):
 
 
 def _sliding(found, push, parts, full, period, row):
-    """The same with friction, tick by tick; a tick in which the device stops or starts is divided there."""
-    A, friction = step(found, period), found["friction"]
-    vv, vx, xv, xx = (float(each) for each in A.ravel())
-    by_v, by_x = friction * float(full[0]), friction * float(full[1])
-    v, x, places = found["velocity"], found["start"], []
-    stiffness, ((first, before), (then, now)) = found["stiffness"], parts
+    """The same with friction, tick by tick; a tick in which the device stops or starts is divided there.
+
+    Without a spring the speed does not depend on the position: while no force can stop the device within a tick the speed alone
+    is followed, and a device at rest waits for a force above friction.
+    """
+    friction, stiffness = found["friction"], found["stiffness"]
+    (first, before), (then, now) = parts
+    strongest = np.maximum(np.abs(before), np.abs(now)) if first else np.abs(now)
+    after_tick, (by_v, by_x), (vv, xv) = _tick(found, period, full, first, then), friction * full, step(found, period)[:, 0]
+    # No force turns a faster device round within a tick, and none below friction moves one at rest.
+    safe = inf if stiffness else float(by_v + strongest.max() * full[0]) / max(min(vv, 1.0), 1e-300)
+    v, x, moved, speeds = found["velocity"], found["start"], np.empty(len(now)), np.empty(len(now))
+    for begin in range(0, len(now), BLOCK):
+        block = slice(begin, begin + BLOCK)
+        to_v, to_x, early, late = (values[block].tolist() for values in (*push, before if first else now, now))
+        drives = {side: (push[0, block] - side * by_v).tolist() for side in (1.0, -1.0)}
+        starts = [*np.flatnonzero((strongest[block] > friction) | bool(stiffness)).tolist(), len(late)]
+        series, changes = [], {}  # of the position, in ticks that are not those of a device that slides
+        while True:
+            if v == 0.0:
+                series += [0.0] * (starts[bisect_left(starts, len(series))] - len(series))
+            elif abs(v) > safe:
+                v = _slid(series, v, float(vv), drives[copysign(1.0, v)], safe)
+            if (tick := len(series)) == len(late):
+                break
+            series.append(v)
+            v, place = after_tick(v, x, early[tick], late[tick], to_v[tick], to_x[tick])
+            x, changes[tick] = place, place - x
+        speeds[block] = series
+        slides = np.sign(speeds[block])
+        moved[block] = xv * speeds[block] + np.where(slides == 0, 0.0, push[1, block] - slides * by_x)
+        moved[block][list(changes)] = list(changes.values())
+    return found["start"] + np.append(0.0, np.cumsum(moved[:-1])) if row else speeds
+
+
+def _slid(series, v, vv, drive, safe):
+    """Add the speeds of a device that slides to a series, as long as it is faster than `safe`; the next speed is returned."""
+    low, high = (safe, inf) if v > 0 else (-inf, -safe)
+    for push in drive[len(series) :]:
+        after = vv * v + push
+        if not low < after < high:
+            break
+        series.append(v)
+        v = after
+    return v
+
+
+def _tick(found, period, full, first, then):
+    """A function from velocity, position, the two forces of a tick and what they add, to the velocity and position after it."""
+    friction, stiffness = found["friction"], found["stiffness"]
+    (vv, vx), (xv, xx) = step(found, period).tolist()
+    by_v, by_x = (friction * full).tolist()
     (half_v, half_x), (by_half, _) = step(found, first)[0].tolist(), reach(found, first).tolist()
-    for to_v, to_x, one, two in zip(*push.tolist(), before.tolist(), now.tolist(), strict=True):
-        places.append(x if row else v)
-        if v == 0.0:
-            net = (one if first else two) - stiffness * x
-            if abs(net) <= friction and abs(two - stiffness * x) <= friction:
-                continue
-            side = copysign(1.0, net) if abs(net) > friction else 0.0
-        else:
-            side = copysign(1.0, v)
+    law = found["mass"], found["damping"], stiffness, friction
+
+    def after_tick(v, x, one, two, to_v, to_x):
+        net = one - stiffness * x
+        if v == 0.0 and abs(net) <= friction and abs(two - stiffness * x) <= friction:
+            return 0.0, x
+        side = copysign(1.0, v or net) if v or abs(net) > friction else 0.0
         after = vv * v + vx * x + to_v - side * by_v
         # Where the force changes within the tick it may have stopped before, and started again.
         if after * side > 0.0 and (not first or (half_v * v + half_x * x + (one - side * friction) * by_half) * side > 0.0):
-            v, x = after, xv * v + xx * x + to_x - side * by_x
-        else:
-            for seconds, pull in ((first, one), (then, two)):
-                v, x = _through_rest(found, friction, v, x, pull, seconds) if seconds else (v, x)
-    return np.array(places)
+            return after, xv * v + xx * x + to_x - side * by_x
+        for seconds, pull in ((first, one), (then, two)):
+            v, x = _through_rest(law, v, x, pull, seconds) if seconds else (v, x)
+        return v, x
+
+    return after_tick
 
 
-def _through_rest(found, friction, v, x, pull, left):
-    """Velocity and position after `left` seconds in which the device stops, under a constant force, by Taylor's series."""
-    mass, damping, stiffness = found["mass"], found["damping"], found["stiffness"]
+def _through_rest(law, v, x, pull, left):
+    """Velocity and position after `left` seconds in which the device stops, under a constant force, by Taylor's series.
+
+    law: mass, damping, stiffness and friction.
+    """
+    mass, damping, stiffness, friction = law
     for _ in range(4):  # more reversals within a tick would not be visible in a log
         net = pull - stiffness * x
         if v == 0.0 and abs(net) <= friction:
@@ -237,11 +287,14 @@ def _through_rest(found, friction, v, x, pull, left):
         a = (net - copysign(friction, v or net) - damping * v) / mass
         jerk = -(damping * a + stiffness * v) / mass
         snap = -(damping * jerk + stiffness * a) / mass
-        stop, square = left, a * a - 2 * jerk * v
-        if v:  # the first time at which v + a t + jerk t^2/2 is 0
-            below = copysign(sqrt(square), v) - a if square >= 0 else 0.0
-            stop = 2 * v / below if v * below > 0 else inf
-        if v and stop < left:
+        if v == 0.0:
+            t = left
+            return t * (a + t * (jerk / 2 + t * snap / 6)), x + t * (t * (a / 2 + t * (jerk / 6 + t * snap / 24)))
+        stop, square = inf, a * a - 2 * jerk * v
+        below = copysign(sqrt(square), v) - a if square >= 0 else 0.0
+        if v * below > 0:  # the first time at which v + a t + jerk t^2/2 is 0
+            stop = 2 * v / below
+        if stop < left:
             slope = a + stop * (jerk + stop * snap / 2)
             stop -= (v + stop * (a + stop * (jerk / 2 + stop * snap / 6))) / slope if slope else 0.0
         t = min(stop, left)
@@ -265,6 +318,9 @@ def sensitivities(model: Model, theta: np.ndarray, force: np.ndarray, period: fl
     """
     columns = []
     for at, size in enumerate(steps):
+        if model.names[at] == "bias" or (model.names[at] == "start" and not model.spring):
+            columns.append(np.ones(len(force) - skip))  # without a spring all positions move with the first one
+            continue
         step = np.zeros(len(theta))
         step[at] = size
         ahead, behind = (readings(model, theta + sign * step, force, period, skip) for sign in (1, -1))
