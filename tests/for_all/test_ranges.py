@@ -275,3 +275,11 @@ def test_a_frame_that_may_not_follow_itself_need_not_shrink_alone():
     found, _ = ranges._forms(frames, follows, None, 4e9)
     assert ranges._judged(frames, found, follows)[0]
     assert ranges._forms(frames, np.ones((2, 2), bool), None, 4e9)[0] is None
+
+
+def test_forms_are_found_where_frames_shrink_and_their_fastest_word_hardly():
+    """Each matrix by itself leaves much room, their product 2e-4: its root is the joint spectral radius."""
+    A = (1 - 1e-4) * np.array([[[1.0, 1.0], [0.0, 1.0]], [[1.0, 0.0], [1.0, 1.0]]]) * 2 / (1 + np.sqrt(5))
+    frames, follows = Polynomials(np.stack([A, 0 * A, 0 * A, 0 * A]), np.zeros_like(A), 1, 3), np.ones((2, 2), bool)
+    found, _ = ranges._forms(frames, follows, None, 4e9, [(0, 1)])
+    assert ranges._judged(frames, found, follows)[0]

@@ -6,7 +6,7 @@ their slopes from the same equations: the form of node i at s is `P_i + sum_k s_
 part that is not proved is divided along the side that moves the slack most.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from itertools import count
@@ -17,11 +17,11 @@ from wavesweep.for_all.average import OnAverage, forms_on_average
 from wavesweep.for_all.loop_numbers import FramesOver
 from wavesweep.for_all.norm_check import shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
-from wavesweep.for_all.patterns import Word, growing
+from wavesweep.for_all.patterns import Word, growing, growth
 from wavesweep.for_all.polynomials import Polynomials, monomials
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
-# their spectral radius leaves, first the one and then the other.
+# the spectral radii of frames and words leave, first the one and then the other.
 MARGIN, SHARES = 3e-4, (0.2, 0.03)
 SEARCH = 4e9  # operations of one search for norms in the middle of a box, or more where these are fewer than
 NEWTON = 200  # steps on the smallest graph
@@ -65,17 +65,19 @@ class _Part:
     barren: int = 0
 
 
-def cover(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage, work: float, up: bool = True) -> Covering:
+def cover(
+    frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage, work: float, up: bool = True, words: Sequence[Word] = ()
+) -> Covering:
     """Prove that all frames of a box shrink in every order, or on average, except in the parts that are left open.
 
     The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
-    word is met that grows. work: operations after which it ends.
+    word is met that grows. work: operations after which it ends. words: those that grow fastest beyond the box.
     """
     number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
     while queue and used < work:
         part = queue[0][-1]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
-            parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]))
+            parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]), words)
         used += spent
         if parts is None:
             break
@@ -86,7 +88,7 @@ def cover(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage, work: 
     return Covering(tuple(each.box for *_, each in queue), end, used, part.box.mean(0) if word else None, word)
 
 
-def _tried(frames_at, part, follows, work, narrow):
+def _tried(frames_at, part, follows, work, narrow, words):
     """The parts of a part that remain to be proved, None if it cannot be divided or a word grows; the work; and that word."""
     box, used = part.box, 0.0
     if part.frames is None:
@@ -105,7 +107,7 @@ def _tried(frames_at, part, follows, work, narrow):
         A = A.within((box.mean(0) - around.mean(0))[wide] / half, (box[1] - box[0])[wide] / 2 / half)
     rule = follows.chain(part.frames.symbols) if isinstance(follows, OnAverage) else follows
     try:
-        found, spent = _forms(A, rule, part.start, work)
+        found, spent = _forms(A, rule, part.start, work, words)
     except np.linalg.LinAlgError:  # singular to rounding
         found, spent = None, CALLS
     used += spent
@@ -160,13 +162,14 @@ def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage) -> 
     return units
 
 
-def _forms(A, follows, start, work):
+def _forms(A, follows, start, work, words=()):
     """Norms for the middle of a box and their slopes, None if none are found; and the work. follows: or a chain."""
     if isinstance(follows, tuple):
         return forms_on_average(A, *follows)
     at_middle, spent = A.terms[0], 0.0
     repeated = at_middle[np.diagonal(follows)]  # a message that may not be lost twice in a row keeps what it was meanwhile
-    radius = np.abs(np.linalg.eigvals(repeated)).max(initial=0.5)
+    rates = [growth(at_middle, word) ** (1 / len(word)) for word in words]
+    radius = max(np.abs(np.linalg.eigvals(repeated)).max(initial=0.5), *rates, 0.5)
     if not radius < 1:
         return None, spent
     size = len(np.unique(follows, axis=0)) * at_middle.shape[-1] * (at_middle.shape[-1] + 1) / 2

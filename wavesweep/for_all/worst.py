@@ -113,7 +113,8 @@ def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least:
     def proved(low, high, most, up):
         ends = (start / UNITS, start) if up else (start / UNITS**2, start / UNITS)
         units = None if zero else units_of(loops.frames_at, _layer(loops, *ends), follows)
-        found = cover(partial(loops.frames_at, units=units), _layer(loops, low, high), follows, most - spent, up)
+        words = [end.word for end in (below, above) if end.word]
+        found = cover(partial(loops.frames_at, units=units), _layer(loops, low, high), follows, most - spent, up, words)
         return found, float(as_numbers(found.end - ROUNDED if up else found.end + ROUNDED, zero)), spent + found.used
 
     while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
