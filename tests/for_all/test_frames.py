@@ -160,10 +160,18 @@ def test_a_result_that_is_there_at_once_and_one_that_is_not():
     )
 
 
-@pytest.mark.parametrize(("kind", "number"), [("dc-lm", "local_model.K_LM"), ("pmw", "environment.K_VE")])
-def test_matrices_between_two_numbers_are_in_the_hull(kind, number):
-    """At most as far from it as the bounds: the parabola's control points, or both ends."""
-    family = frames_of_controller(fig4(kind, **{"environment.K_VE": 50.0}), Frames((20, 33)), number)
+@pytest.mark.parametrize(
+    ("kind", "number", "integration", "frames"),
+    [
+        ("dc-lm", "local_model.K_LM", "explicit", Frames((20, 33))),
+        ("pmw", "environment.K_VE", "explicit", Frames((20, 33))),
+        ("pmw", "environment.K_VE", "implicit", Frames((20,), (0, 5))),
+    ],
+)
+def test_matrices_between_two_numbers_are_at_one_place_of_a_curve(kind, number, integration, frames):
+    """At most as far from it as the bounds. The last case has two algebraic loops through the number."""
+    loop = fig4(kind, **{"environment.K_VE": 50.0, "environment.integration": integration})
+    family = frames_of_controller(loop, frames, number)
     E, dE = family.hull(100.0, 400.0)
     for s in np.linspace(0, 1, 7):
         weights = [(1 - s) ** 2, 2 * s * (1 - s), s**2] if len(E) == 3 else [1 - s, s]

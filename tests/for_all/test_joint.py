@@ -9,7 +9,7 @@ import pytest
 
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.joint import PROVED, REFUTED, bracket, decide
-from wavesweep.for_all.norm_check import Norms, shrink
+from wavesweep.for_all.norm_check import Norms, shrink, shrink_along
 from wavesweep.for_all.patterns import nearest, short_words
 from wavesweep.for_all.remembered import Remembered
 
@@ -104,7 +104,8 @@ def test_norms_are_of_all_states_though_the_search_leaves_out_what_all_matrices_
     found = bracket(family, 0.1, (0.0, 3.0), 1e-3)
     assert found.fails_from * (1 - 1e-3) < found.high < 1 / GOLDEN < found.fails_from
     for stretch in found.stretches:
-        assert all(shrink(stretch.norms, *family.enclosed(x), family.follows) for x in (stretch.low, stretch.high))
+        ends = zip(stretch.norms, (stretch.low, stretch.high), strict=True)
+        assert all(shrink(norms, *family.enclosed(x), family.follows) for norms, x in ends)
 
 
 def test_no_norms_are_searched_at_a_start_that_a_short_word_refutes(monkeypatch):
@@ -152,8 +153,21 @@ def test_stretches_of_a_proof_join_and_hold_between_their_ends():
     assert all(one[1] == other[0] for one, other in pairwise(ends))
     for stretch in found.stretches:
         for x in np.linspace(stretch.low, stretch.high, 5):
-            assert shrink(stretch.norms, *family.enclosed(x), family.follows)
+            share = (x - stretch.low) / (stretch.high - stretch.low)
+            first, last = stretch.norms
+            norms = Norms(first.P + share * (last.P - first.P), first.graph)
+            assert shrink(norms, *family.enclosed(x), family.follows)
             assert largest_of_words(family.at(x), 3) < 1
+
+
+def test_norms_that_hold_at_both_ends_of_a_stretch_and_not_between_them_prove_nothing():
+    """A frame of 1 - 0.9 s between nodes with the forms 1 and 0.9 + 8 s: 1 - A^2 P is 0.1 and 0.9 at the ends, -0.8 at 0.3."""
+    graph, follows = Graph(np.array([0, 1]), np.array([0, 1]), np.array([1, 0])), np.array([[False, True], [True, False]])
+    norms = [Norms(np.array([[[1.0]], [[last]]]), graph) for last in (0.9, 8.9)]
+    E = np.array([[[[0.0]], [[-1.0]]], [[[-0.9]], [[-1.0]]]])
+    assert all(shrink(each, *point, follows) for each, point in zip(norms, zip(E, 0 * E, strict=True), strict=True))
+    assert not shrink_along(norms, E, 0 * E, follows)
+    assert shrink_along(norms[:1] * 2, E, 0 * E, follows)
 
 
 def exact_minimum(P, Q, A):

@@ -24,8 +24,8 @@ class Family(Protocol):
     def hull(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Return matrices minus the identity, `(points, symbols, n, n)`, and bounds on the errors of their entries.
 
-        Up to these bounds, the matrices of every number from low to high lie in the convex hull of the points. None if such
-        points cannot be given, as near a pole.
+        Up to these bounds, the matrices of every number from low to high are those of a Bezier curve at some place of it, the
+        same for all symbols, whose control points these are. None if they cannot be given, as near a pole.
         """
 
 

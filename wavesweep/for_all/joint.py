@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.for_all.graph import Family
-from wavesweep.for_all.norm_check import Norms, shrink
+from wavesweep.for_all.norm_check import Norms, shrink_along
 from wavesweep.for_all.norms import WORK, Centre, advanced, find_norms, finer, first_centre
 from wavesweep.for_all.patterns import (
     KEPT,
@@ -29,8 +29,8 @@ NEARBY = 0.1  # of the way to the limits, numbers at which is seen what frames f
 SCANNED = 48  # numbers between the start and the limit at which short words are tried
 EVERY = 12  # long words are searched at one of so many of these
 TRIED = 8  # words whose crossings are computed
-BACK = 0.03, 0.1  # of a refuted number, how far back words are searched that may decay again next to it
-ROUNDS = 8  # of the search for words that refute a number closer to the start
+BACK = 0.3, 0.1, 0.03  # of a refuted number, how far back words are searched that may decay again next to it
+ROUNDS = 8  # of the search for words that refute a number closer to the start, from each of these
 MORE = 3  # times as many words are searched where no proof is found
 SPENT = 0.9  # part of the work after which no more norms are searched
 SEARCHES = 8  # into which the work that is left is divided: one for norms that do not exist ends soon
@@ -41,7 +41,6 @@ STEPS = 300  # norms for one side of the start
 # without a finer graph; relative to the rest of the way or to the number itself.
 LEAST_CLIMB, LEAST_BACK, LEAST_AGAIN = 0.02, 2e-4, 0.02
 SHORTEST, SHORTEST_LEFT = 1e-7, 1e-3  # relative to the whole way: a stretch, and the least rest to which it is compared
-PAYS = 0.2  # a stretch is made longer as long as each step adds this part of its length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,11 +58,11 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """An interval of numbers for all of which the matrices shrink in the same norms."""
+    """An interval of numbers for which the matrices shrink in norms that lie between those of its ends, see `shrink_along`."""
 
     low: float
     high: float
-    norms: Norms
+    norms: tuple[Norms, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,8 +98,8 @@ def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     centre, factor = find_norms(A, family.follows, work=work)
-    if factor == 1 and (norms := _proved(family, centre, x, x)):
-        return Decision(PROVED, norms)
+    if factor == 1 and (norms := _proved(family, (x,), (centre,))):
+        return Decision(PROVED, *norms)
     for word in growing(A, family.follows, centre.basis, (), MORE * KEPT, MORE * LONGEST):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
@@ -113,9 +112,8 @@ def bracket(family: Family, start: float, limits: tuple[float, float], tolerance
     tolerance: the distance between proof and refutation that is aimed at, relative to the refuted number, or to NEAR_START of
     its distance from the start if that is larger. work: operations for each end after which the search for norms ends.
 
-    The proof holds for every number from `low` to `high`, not only for those that were computed: in the norms of a stretch, the
-    points of the hull of its matrices shrink (see `Family.hull`), and norms are convex. A refuted number says nothing about
-    numbers beyond it.
+    The proof holds for every number from `low` to `high`, not only for those that were computed, see `shrink_along`. A refuted
+    number says nothing about numbers beyond it.
     """
     family = Remembered.of(family, (start, *(start + NEARBY * (limit - start) for limit in limits)))
     A = family.at(start)
@@ -218,7 +216,7 @@ def _back(family, centre, factor, aim, reached, work):
     again, on a finer graph if that has not helped before.
     """
     stretches, at, used = (), aim, centre.work
-    if factor == 1 and not _proved(family, centre, aim, aim):  # rounding leaves no room, and a finer graph gives none
+    if factor == 1 and not _proved(family, (aim,), (centre,)):  # rounding leaves no room, and a finer graph gives none
         return (), used
     while factor == 1 and used < work:
         further, far, last = _covered(family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used)
@@ -262,13 +260,13 @@ def nearest_refuted(family: Family, start: float, limit: float, tolerance: float
             fails, word = _first(family, grows, before, x, limit)
             break
         before = x
-    for _ in range(ROUNDS if word else 0):
-        places = (_inside(fails, start, share) for share in (tolerance / 4, *BACK))
-        found = (_grown(family, start, x, first_centre(family.at(x), family.follows)[0], word) for x in places)
-        nearer = next(filter(None, found), None)
-        if not nearer:
-            break
-        fails, word = nearer
+    for share in (*BACK, tolerance / 4) if word else ():
+        for _ in range(ROUNDS):
+            x = _inside(fails, start, share)
+            nearer = _grown(family, start, x, first_centre(family.at(x), family.follows)[0], word)
+            if not nearer:
+                break
+            fails, word = nearer
     return nearest(family, word, start, fails) if word else fails, word
 
 
@@ -294,42 +292,40 @@ def _first(family, words, stable, unstable, limit):
     return best
 
 
-def _proved(family, centre, one, other):
-    """Norms of all states by the forms of a centre, if they are proved to be norms for all numbers between two; or None."""
-    points = family.hull(min(one, other), max(one, other))
-    norms = None if points is None else family.norms(centre, points[0])
-    return norms if norms and all(shrink(norms, *point, family.follows) for point in zip(*points, strict=True)) else None
+def _proved(family, ends, centres):
+    """Norms of all states by the forms of the centres at one number or at two, low and high, if they are proved to be norms
+    for it or for all numbers between them; or None."""
+    points = family.hull(ends[0], ends[-1])
+    if points is None:
+        return None
+    norms = tuple(family.norms(centre, points[0][[at]]) for centre, at in zip(centres, (0, -1), strict=False))
+    return norms if None not in norms and shrink_along(norms, *points, family.follows) else None
 
 
 def _covered(family, centre, start, goal, least, work):
     """Stretches without a gap from the start towards the goal, the number that they reach, and the last forms.
 
-    Each stretch is made longer as long as that pays and there are forms in which the matrices at both of its ends shrink.
+    The centres of all forms are followed from number to number, and a stretch goes from one to the next.
     least: the shortest stretch, relative to the rest of the way. work: operations after which this ends.
     """
-    stretches, end, graph, most = [], start, centre.graph, abs(goal - start)
-    ends = graph.doubled(len(family.follows))
+    stretches, end = [], start
     while end != goal and len(stretches) < STEPS and centre.work < work:
-        fixed, x, step = family.at(end), end, np.inf
-        target = goal if abs(goal - end) <= most else end + most * np.sign(goal - end)
-        both = replace(centre, graph=ends)
-        while x != target and abs(step) > PAYS * abs(x - end) and both.work < work:
-            before = x
+        share = least * min(abs(goal - end), max(abs(end), SHORTEST_LEFT * abs(goal - start)))
+        shortest, target = max(share, SHORTEST * abs(goal - start)), goal
+        norms, ahead = None, centre
+        while norms is None and ahead.work < work:
             try:
-                both, x = advanced(both, lambda x, fixed=fixed: np.concatenate([family.at(x), fixed]), x, target)
-                both = both.rounded()
+                ahead, x = advanced(replace(centre, work=ahead.work), family.at, end, target)
+                ahead = ahead.rounded()
             except np.linalg.LinAlgError:
                 break
-            step = x - before
-        centre, most = replace(both, graph=graph), 4 * most
-        share = least * min(abs(goal - end), max(abs(end), SHORTEST_LEFT * abs(goal - start)))
-        shortest = max(min(share, abs(target - end)), SHORTEST * abs(goal - start))
-        norms = None
-        while abs(x - end) >= shortest and x != end and not (norms := _proved(family, centre, end, x)):
-            x = (x + end) / 2
-            most = 2 * abs(x - end)
+            if abs(x - end) < min(shortest, abs(goal - end)) or x == end:
+                break
+            ends, centres = ((end, x), (centre, ahead)) if end < x else ((x, end), (ahead, centre))
+            norms, target = _proved(family, ends, centres), (x + end) / 2
+        centre = replace(centre, work=ahead.work)
         if norms is None:
             break
-        stretches.append(Stretch(min(end, x), max(end, x), norms))
-        end = x
+        stretches.append(Stretch(*ends, norms))
+        end, centre = x, ahead
     return tuple(stretches), end, centre

@@ -116,10 +116,10 @@ class LoopFrames:
         """See `Family`.
 
         If the number acts in one tick, a frame is `A + f(x) b c'` with `f(x) = x/(1 - d x)`. This is monotone between its
-        poles, so all frames lie on the segment between those at both ends. Otherwise ticks are enclosed by Taylor models of
-        second order (see `Polynomials`), and a frame is `C + s L + s^2 Q` within R for s from -1 to 1. The parabola through the
-        values at -1, 0 and 1 is within 2.25 R of it, and in the hull of its three control points, like a Bezier curve. None if
-        a drift depends on the number.
+        poles, so all frames lie on the segment between those at both ends, at the same place if they have the same d.
+        Otherwise ticks are enclosed by Taylor models of second order (see `Polynomials`), and a frame is `C + s L + s^2 Q`
+        within R for s from -1 to 1. The parabola through the values at -1, 0 and 1 is within 2.25 R of it, and is the Bezier
+        curve of its three control points. None if a drift depends on the number.
         """
         if self.drift:
             return None
@@ -128,7 +128,7 @@ class LoopFrames:
         closing = 1 - through
         if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
             return None
-        if self.at_once is not None or low == high:
+        if low == high or (self.at_once is not None and (direct == direct[:1]).all()):
             return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
         middle, half = (low + high) / 2, (high - low) / 2
         (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))

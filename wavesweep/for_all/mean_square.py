@@ -541,7 +541,7 @@ def _side(loop, start, end, limit):
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
         if loop.proves(P, min(at, to), max(at, to)):
-            stretches.append(Stretch(min(at, to), max(at, to), Norms(P, loop.graph)))
+            stretches.append(Stretch(min(at, to), max(at, to), (Norms(P, loop.graph),)))
             at, step, failed = to, step if failed else 2 * step, False
         else:
             step, failed = step / 2, True

@@ -3,9 +3,11 @@
 Nothing here depends on how the norms were found.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
+from math import comb
 
 import numpy as np
 
@@ -31,22 +33,67 @@ def shrink(norms: Norms, E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> 
 
     E, dE: `(symbols, n, n)`; dE bounds the errors of the entries. follows: `(symbols, symbols)`, see `Family`.
 
-    It is so if the graph is complete, all P_i are positive definite, and `F = P_i - A' P_j A` is so on each edge. F is computed
-    with a bound R on its errors, entry by entry.
-
     Norms are convex: if this holds for two matrices of each symbol, by the same norms, it holds for all between them.
     """
-    P, graph = norms.P, norms.graph
+    return shrink_along((norms,), E[None], dE[None], follows)
+
+
+def shrink_along(norms: Sequence[Norms], E: np.ndarray, dE: np.ndarray, follows: np.ndarray) -> bool:
+    """Return whether matrices that depend on a number are proved to shrink in norms that depend on it, in every order.
+
+    The number is constant in time. With s from 0 to 1, the forms are `P_i(s)`, a Bezier curve with the forms of `norms` as its
+    control points, and the matrices are within dE of `A(s) = I + E(s)`, a Bezier curve with the control points `I + E`,
+    `(points, symbols, n, n)`. follows: see `shrink`.
+
+    They shrink if the graph is complete, all P_i are positive definite, and `F = P_i - A' P_j A` is so on each edge, for
+    all s. Both are combinations of their own control points, the matrices of `_bezier`. F is computed with a bound R on its
+    errors, entry by entry.
+    """
+    graph, P = norms[0].graph, np.array([each.P for each in norms])
     n = P.shape[-1]
     if not (graph.is_complete(follows) and _symmetric(P) and definite(P, np.zeros_like(P))):
         return False
-    A, size, dA = np.eye(n) + E, np.abs(np.eye(n) + E), dE + UNIT * np.abs(np.eye(n) + E)
-    A, size, dA = A[graph.symbol], size[graph.symbol], dA[graph.symbol]
-    of_P, first, last = np.abs(P), P[graph.source], P[graph.target]
-    F = first - _transposed(A) @ last @ A
-    terms = _transposed(size) @ of_P[graph.target]
-    R = _transposed(dA) @ of_P[graph.target] @ (size + dA) + terms @ dA
-    return definite(F, SURELY * (R + UNIT * (2 * n + 2) * (terms @ size + np.abs(first))))
+    A = np.eye(n) + E[:, graph.symbol]
+    size, dA = np.abs(A).max(0), (dE[:, graph.symbol] + UNIT * np.abs(A)).max(0)
+    of_P = np.abs(P).max(0)
+    F, joined = _bezier(P, A, graph)
+    across = _transposed(size) @ of_P[graph.target]
+    R = _transposed(dA) @ of_P[graph.target] @ (size + dA) + across @ dA
+    R = SURELY * (R + UNIT * (2 * n + 2 + joined) * (across @ size + of_P[graph.source]))
+    return definite(*_in_its_units(F, np.broadcast_to(R, F.shape)))
+
+
+def _bezier(P, A, graph):
+    """The control points of `P_i(s) - A(s)' P_j(s) A(s)`, `(degree + 1, edges, n, n)`, and how many terms one has at most."""
+    of_P, of_A = len(P) - 1, len(A) - 1
+    degree = of_P + 2 * of_A
+    F, last = np.zeros((degree + 1, *A.shape[1:])), P[:, graph.target]
+    for k in range(of_P + 1):
+        for more in range(degree - of_P + 1):
+            F[k + more] += comb(of_P, k) * comb(degree - of_P, more) / comb(degree, k + more) * P[k, graph.source]
+        for i, j in product(range(of_A + 1), repeat=2):
+            weight = comb(of_P, k) * comb(of_A, i) * comb(of_A, j) / comb(degree, i + j + k)
+            F[i + j + k] -= weight * (_transposed(A[i]) @ last[k] @ A[j])
+    return F, 2 * len(P) * len(A) ** 2
+
+
+def _in_its_units(F, R):
+    """The matrices `W' F W`, about 1, and what errors R of F become in them; as they are if a factor W is not found.
+
+    Slow and fast states make F nearly singular in every other basis, and errors of its entries would count as if they were in
+    the direction in which it is least.
+    """
+    diagonal = np.diagonal(F, axis1=-2, axis2=-1)
+    if not (np.isfinite(F).all() and (diagonal > LEAST).all()):
+        return F, R
+    units = 1 / np.sqrt(diagonal)
+    try:
+        W = units[..., None] * _transposed(np.linalg.inv(np.linalg.cholesky(F * units[..., None, :] * units[..., :, None])))
+    except np.linalg.LinAlgError:
+        return F, R
+    size = np.abs(W)
+    rounding = SURELY * UNIT * (2 * F.shape[-1] + 2) * np.abs(F)
+    return _transposed(W) @ F @ W, _transposed(size) @ (R + rounding) @ size
 
 
 def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.ndarray) -> bool:

@@ -13,6 +13,7 @@ LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST = 14  # matrices in a word
 RUN = 12  # matrices of each of the two runs of a word
 LEADING = 8  # words of each length, and of all lengths, that are joined in pairs
+JOINED = 2  # times that this is done
 IMPROVED = 3  # of these, the words that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
@@ -77,7 +78,8 @@ def growing(
         first = order[first]
         words = np.concatenate([words[first], symbol[:, None]], axis=1)
         products = A[symbol] @ products[first]
-    rates |= _joined(A, follows, _leading(rates))
+    for _ in range(JOINED):
+        rates |= _joined(A, follows, _leading(rates))
     for word in _leading(rates)[:IMPROVED]:
         better = improved(A, follows, word)
         rates[better] = growth(A, better) ** (1 / len(better))
@@ -115,7 +117,8 @@ def _leading(rates):
 def _joined(A, follows, words):
     """The growth per matrix of the best pairs of words; the second word may begin at each of its matrices."""
     turned = list(dict.fromkeys(word[i:] + word[:i] for word in words for i in range(len(word))))
-    pairs = [(one, other) for one in words for other in turned if _allowed(follows, one + other)]
+    short = LONGEST_IMPROVED
+    pairs = [(one, other) for one in words for other in turned if len(one + other) <= short and _allowed(follows, one + other)]
     if not pairs:
         return {}
     products = {word: product_of(A, word) for word in {*words, *turned}}
