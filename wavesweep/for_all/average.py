@@ -1,7 +1,7 @@
 """Boxes of unknown numbers while what varies is at random: forms that decay on average in a part of a box.
 
 They are the solution of a linear equation in the middle of the part, `P_i - sum w A' P_j A = Q`, and their slopes along each
-number follow from its derivative. `checking` proves what is found here.
+number follow from its derivative. `norm_check` proves what is found here.
 """
 
 from collections.abc import Callable, Sequence

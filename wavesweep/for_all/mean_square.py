@@ -7,7 +7,7 @@ burst-noise channel, Bell Syst. Tech. J. 39, 1960; E. O. Elliott, the same, 42, 
 Edges carry a matrix and its probability. Second moments `X_i = E[x x'; node i]` become `X_j = sum w A X_i A'` over the edges
 from i to j. They decay if the spectral radius of this operator is below 1, and if and only if there are forms P_i > 0 with
 `P_i - sum w A' P_j A > 0`, the sum over the edges that leave i (O. L. V. Costa, M. D. Fragoso, R. P. Marques, Discrete-time
-Markov jump linear systems, Springer 2005, theorem 3.9). Such forms, checked in `checking`, are a proof; an eigenvalue of the
+Markov jump linear systems, Springer 2005, theorem 3.9). Such forms, checked in `norm_check`, are a proof; an eigenvalue of the
 operator outside the unit circle for all matrices within the errors is a refutation.
 """
 

@@ -4,7 +4,7 @@ The norm at node i is `x -> sqrt(x' P_i x)`. If the graph is complete, and `P_i 
 from i to j by the matrix A, then every allowed product of matrices decays (A. A. Ahmadi, R. M. Jungers, P. A. Parrilo,
 M. Roozbehani, Joint spectral radius and path-complete graph Lyapunov functions, SIAM J. Control Optim. 52, 2014). The norms are
 found by an interior-point method: the minimum of the barrier `-sum log det (P_i - A' P_j A) + sum tr P_i` is followed while the
-matrices grow from a small multiple to their size. `checking` proves what is found here.
+matrices grow from a small multiple to their size. `norm_check` proves what is found here.
 
 Graphs in which a node stands for the last 0, 1 or 2 frames, with a general solver (Clarabel), were tried in place of this. They
 need 324 nodes where eighteen lengths of frames need 8 here.

@@ -2,8 +2,8 @@
 
 Unknown means constant in time, and the proof has to use it: in one norm for the whole box, numbers that jump from frame to
 frame would be proved as well, and often these are not stable. In each part of the box the norms are found for its middle, and
-their slopes from the same equations: the form of node i at s is `P_i + sum_k s_k D_ik`. `checking` proves what is found here. A
-part that is not proved is divided along the side that moves the slack most.
+their slopes from the same equations: the form of node i at s is `P_i + sum_k s_k D_ik`. `norm_check` proves what is found here.
+A part that is not proved is divided along the side that moves the slack most.
 """
 
 from collections.abc import Callable, Sequence
