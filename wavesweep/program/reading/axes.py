@@ -64,8 +64,8 @@ def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mista
     key = names.find(name) or study_keys()[f"{study}.{name}"]
     label, before = f"{study}.{name}", len(mistakes)
     if not key.numeric:
-        found = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
-        mistakes.refuse(next(iter(parts.values())), label, "a numeric key", found)
+        not_numeric = f"{key.path}, which takes one of {', '.join(map(show, key.choices))}"
+        mistakes.refuse(next(iter(parts.values())), label, "a numeric key", not_numeric)
     elif "" in parts:
         values = mistakes.check_list(key, parts[""], label, "a list of numbers or { start, stop, num }")
         if len(mistakes) == before:
@@ -79,27 +79,27 @@ def build_axis(study: str, name: str, parts: Mapping[str, Leaf], mistakes: Mista
 
 def axis_place(parts: Mapping[str, Leaf]) -> Place:
     """Return the place of the axis with these parts."""
-    part, leaf = next(iter(parts.items()))
-    return leaf.place.parent() if part else leaf.place
+    first_part, leaf = next(iter(parts.items()))
+    return leaf.place.parent() if first_part else leaf.place
 
 
 def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:
     """Return values, start, stop, whether the axis is structural, and the scale; a part that is unknown is reported already."""
     keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
-    numbers = {part: mistakes.check(keys[part], leaf, f"{label}.{part}") for part, leaf in parts.items() if part in keys}
+    numbers = {name: mistakes.check(keys[name], leaf, f"{label}.{name}") for name, leaf in parts.items() if name in keys}
     if not {"start", "stop"} <= set(parts):
         mistakes.refuse(axis_place(parts), label, "both start and stop", "only " + ", ".join(parts))
     if len(mistakes) > before:
         return ()
-    start, stop, num = (numbers.get(part) for part in ("start", "stop", "num"))
+    start, stop, num = (numbers.get(name) for name in ("start", "stop", "num"))
     scale = numbers.get("scale") or AXIS_KEYS["scale"].default
-    for part, expected, wrong in (
+    for name, expected, wrong in (
         ("stop", f"a number > start = {start!r}", start > stop or (start == stop and num != 1)),
         ("num", "a whole number >= 2, start and stop being two values", num == 1 and start < stop),
         ("start", "a number > 0 for the log scale", scale == "log" and not start > 0),
     ):
         if wrong:
-            mistakes.refuse(parts[part], f"{label}.{part}", expected, show(parts[part].value), of_key=False)
+            mistakes.refuse(parts[name], f"{label}.{name}", expected, show(parts[name].value), of_key=False)
             return ()
     values = SPACINGS[scale](start, stop, num) if num else ()
     try:

@@ -156,9 +156,9 @@ find_key = BUILT_IN.find
 
 def readable(unit: str) -> str:
     """A unit as people write it: `sqrt(N/(m*s))` for the `N^(1/2)*m^(-1/2)*s^(-1/2)` of tables; others as they are."""
-    parts = [re.fullmatch(r"(\w+)\^\((-?)1/2\)", part) for part in unit.split("*")]
-    if not all(parts):
+    factors = [re.fullmatch(r"(\w+)\^\((-?)1/2\)", factor) for factor in unit.split("*")]
+    if not all(factors):
         return unit
-    over, under = ([part[1] for part in parts if part[2] == sign] for sign in ("", "-"))
+    over, under = ([factor[1] for factor in factors if factor[2] == sign] for sign in ("", "-"))
     below = f"/({'*'.join(under)})" if len(under) > 1 else f"/{under[0]}" if under else ""
     return f"sqrt({'*'.join(over) or '1'}{below})"

@@ -97,8 +97,8 @@ def read_bytes(path: str | os.PathLike, most: int) -> bytes:
             try:
                 mode = os.fstat(descriptor).st_mode
                 if not stat.S_ISREG(mode):
-                    what = "folder" if stat.S_ISDIR(mode) else "pipe or a device"
-                    raise UsageError(f"{path}: expected a file, found a {what}")
+                    kind = "folder" if stat.S_ISDIR(mode) else "pipe or a device"
+                    raise UsageError(f"{path}: expected a file, found a {kind}")
                 # Not by the size that the system names, which is 0 for files of /proc.
                 with os.fdopen(descriptor, "rb", closefd=False) as stream:
                     content = stream.read(most + 1)
@@ -145,7 +145,7 @@ def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tup
     names of paths.
     """
     place = Place("--set " + " ".join(typed.split()))
-    name, equals, value = (part.strip() for part in typed.partition("="))
+    name, equals, value = (side.strip() for side in typed.partition("="))
     path, table = [], None if "\n" in name else _loads_or_none(f"{name} = 0")
     while isinstance(table, dict) and len(table) == 1:
         segment, table = table.popitem()
@@ -192,7 +192,7 @@ def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:  # noqa: C901 - a
     """
     positions: dict[tuple[str, ...], tuple[int, int]] = {}
     table: tuple[str, ...] = ()
-    around, names, start, lists, part = [], [], 0, 0, "key"  # part: of a pair, "key", "=" or "value"
+    around, names, start, lists, reading_of = [], [], 0, 0, "key"  # part: of a pair, "key", "=" or "value"
 
     def record(value: int) -> None:
         for length in range(1, len(names) + 1):  # also the tables that a dotted key makes on its way
@@ -205,28 +205,28 @@ def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:  # noqa: C901 - a
             continue
         if lists:
             lists += (word == "[") - (word == "]")
-        elif part == "=":
+        elif reading_of == "=":
             if word == "\n":
                 continue
             record(at)
-            lists, part = int(word == "["), "value"
+            lists, reading_of = int(word == "["), "value"
             if word == "{":
                 around.append(table)
-                table, names, part = (*table, *names), [], "key"
-        elif part == "key" and token["name"]:
+                table, names, reading_of = (*table, *names), [], "key"
+        elif reading_of == "key" and token["name"]:
             start = start if names else at
             names.append(tomllib.loads(f"key = {word}")["key"] if word[0] in "\"'" else word)
-        elif part == "key" and word == "[":
+        elif reading_of == "key" and word == "[":
             table = ()
-        elif part == "key" and word == "]" and names:
+        elif reading_of == "key" and word == "]" and names:
             record(start)
             table, names = tuple(names), []
-        elif word == "=" and part == "key":
-            part = "="
+        elif word == "=" and reading_of == "key":
+            reading_of = "="
         elif word == "}" and around:
-            table, part = around.pop(), "value"
+            table, reading_of = around.pop(), "value"
         elif word == ("," if around else "\n"):
-            names, part = [], "key"
+            names, reading_of = [], "key"
     return positions
 
 

@@ -65,42 +65,44 @@ def sort_leaves(leaves: dict[Path, Leaf], mistakes: Mistakes, names: Names = BUI
 
 def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> None:
     """Put a leaf under its key."""
-    own = tables().get(path[0])
+    table_of_path = tables().get(path[0])
     for length in range(1, len(path) + 1):
         name, rest = _join(path[:length]), path[length:]
-        here = Leaf({}, leaf.place.under(path[:length])) if rest else leaf
-        if own and name in own.spans:
+        leaf_here = Leaf({}, leaf.place.under(path[:length])) if rest else leaf
+        if table_of_path and name in table_of_path.spans:
             return _add_part(result, path[0], path[1], rest, leaf, mistakes)
-        if own and name in own.named:
+        if table_of_path and name in table_of_path.named:
             result.keys[".".join(path)] = leaf
             return None
         if name in flat_keys():
-            result.keys[name] = here
+            result.keys[name] = leaf_here
             return None
-        if name not in TABLES and not (own and name == own.path):
+        if name not in TABLES and not (table_of_path and name == table_of_path.path):
             break
     else:
         return None if leaf.value == {} else mistakes.refuse(leaf, name, "a table", show(leaf.value), of_key=False)
-    table, known = _join(path[: length - 1]), top_tables()
+    table, names_known = _join(path[: length - 1]), top_tables()
     if table:
-        inside = (*(own.sections if own else ()), *flat_keys())
+        inside = (*(table_of_path.sections if table_of_path else ()), *flat_keys())
         inside = (name.removeprefix(f"{table}.") for name in inside if name.startswith(f"{table}."))
-        known = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
-    near = nearest(path[length - 1], known)
+        names_known = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
+    near = nearest(path[length - 1], names_known)
     near = f"{table}.{near}" if table and near else near or nearest(path[length - 1], flat_keys())
-    found = "an unknown table" if isinstance(here.value, dict) else "an unknown key"
-    return mistakes.refuse(here, name, f"one of {'' if table else 'the tables '}{', '.join(known)}", found, near)
+    problem = "an unknown table" if isinstance(leaf_here.value, dict) else "an unknown key"
+    return mistakes.refuse(leaf_here, name, f"one of {'' if table else 'the tables '}{', '.join(names_known)}", problem, near)
 
 
 def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
     """Put a leaf of a section under its key, or with the parts of its axis. path: of the section; rest: the leaf's in it."""
-    table, section, first, whole = ".".join(path), sections()[path], rest[0], ".".join(rest)
+    table, section, first, rest_of_path = ".".join(path), sections()[path], rest[0], ".".join(rest)
     if section.takes and section.takes(rest, leaf, result, names):
         return
-    own = () if table == "bode" and names is BUILT_IN else section.own
-    if first in own and (first == "along" or not names.find(first)):  # a number of a drawn loop may have the name of a key
+    keys_of_section = () if table == "bode" and names is BUILT_IN else section.own
+    if first in keys_of_section and (
+        first == "along" or not names.find(first)
+    ):  # a number of a drawn loop may have the name of a key
         alone = f"{table}.{first}" in tables() or len(rest) == 1
-        key, place = f"{table}.{whole if alone else first}", leaf.place
+        key, place = f"{table}.{rest_of_path if alone else first}", leaf.place
         result.keys[key] = leaf if alone else Leaf({}, place.under(place.path[: 1 - len(rest)]))
         return
     for length in range(1, len(rest) + 1):
@@ -108,27 +110,27 @@ def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: 
         if names.find(name) or (table == "bode" and name == "frequency_hz"):
             _add_part(result, table, name, rest[length:], leaf, mistakes, section)
             return
-    is_part = len(rest) > 1 and any(rest[-1] in each.parts for each in sections().values())
-    name = ".".join(rest[:-1]) if is_part else whole
+    is_part = len(rest) > 1 and any(rest[-1] in a_section.parts for a_section in sections().values())
+    name = ".".join(rest[:-1]) if is_part else rest_of_path
     if any(mistake.key == f"{table}.{name}" for mistake in mistakes):
         return  # start and stop are of one axis
-    known = ("frequency_hz",) if table == "bode" else section.own
+    keys_known = ("frequency_hz",) if table == "bode" else section.own
     path = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
     numbers = f"one of {', '.join(names.symbols)} or {path}" if names.symbols else f"or {path}"
-    expected = ", ".join((*known, numbers))
-    found = "a number that follows from others" if name in names.following else "an unknown axis"
-    near = nearest(name, (*known, *names.symbols)) or nearest(name, names.numeric)
-    mistakes.refuse(leaf, f"{table}.{name}", expected, found, near)
+    expected = ", ".join((*keys_known, numbers))
+    problem = "a number that follows from others" if name in names.following else "an unknown axis"
+    near = nearest(name, (*keys_known, *names.symbols)) or nearest(name, names.numeric)
+    mistakes.refuse(leaf, f"{table}.{name}", expected, problem, near)
 
 
 def _add_part(
     result: Sorted, table: str, name: str, rest: Path, leaf: Leaf, mistakes: Mistakes, section: Section = SPAN
 ) -> None:
     """Put a leaf with the parts of its axis."""
-    part = ".".join(rest)
-    if part:
-        mistakes.is_known(part, section.parts, leaf, f"{table}.{name}.{part}")
-    result.axes[table][name][part] = leaf
+    axis_part = ".".join(rest)
+    if axis_part:
+        mistakes.is_known(axis_part, section.parts, leaf, f"{table}.{name}.{axis_part}")
+    result.axes[table][name][axis_part] = leaf
 
 
 def _join(path: Path) -> str:

@@ -92,8 +92,8 @@ class Table:
 @cache
 def tables() -> Mapping[str, Table]:
     """Return the tables of the capabilities that there are by path, in the order in which messages list them."""
-    found = {each.TABLE.path: each.TABLE for each in modules("keys")}
-    return {path: found[path] for path in (*TABLES, *found) if path in found}
+    installed = {module.TABLE.path: module.TABLE for module in modules("keys")}
+    return {path: installed[path] for path in (*TABLES, *installed) if path in installed}
 
 
 def missing() -> dict[str, str]:
@@ -142,11 +142,13 @@ def _keys(some: Iterable[Table]) -> dict[str, Key]:
 def sections() -> Mapping[tuple[str, ...], Section]:
     """Return the tables with axes by path; [bode] of a drawn loop alone has keys beside the frequencies."""
     inner = (path.split(".") for path in tables())
-    found = {
+    core_sections = {
         ("sweep",): Section(("along", *(path[1] for path in inner if path[0] == "sweep"))),
         ("bode",): Section(("from", "to")),
     }
-    return found | {tuple(path.split(".")): each for table in tables().values() for path, each in table.sections.items()}
+    return core_sections | {
+        tuple(path.split(".")): a_section for table in tables().values() for path, a_section in table.sections.items()
+    }
 
 
 def section_of(path: tuple[str, ...]) -> tuple[str, ...]:

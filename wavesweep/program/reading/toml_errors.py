@@ -43,25 +43,25 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
         at = re.search(r"[\d_]{4300,}", text).start()
         place = f"{name}:{text.count(chr(10), 0, at) + 1}:{at - text.rfind(chr(10), 0, at)}"
         return Mistake(place, "", "a number of at most 4300 digits", "more")
-    what = match["what"].removeprefix("Found ")
-    what = what[:1].lower() + what[1:]
+    reading = match["what"].removeprefix("Found ")
+    reading = reading[:1].lower() + reading[1:]
     line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
     if match["line"]:
         line, column = int(match["line"]), int(match["column"])
     here = text.split("\n")[line - 1]
     rest = re.match(r"[^#]*", here[column - 1 :])[0].strip() or "the end of the line"
-    expected = next((expected for words, expected in _WORDS if what.startswith(words)), "")
-    if any(word in what for word in ("overwrite", "duplicate", "twice", "mutate")):
-        inner = re.search(r"'([^']+)'", what)
+    expected = next((expected for words, expected in _WORDS if reading.startswith(words)), "")
+    if any(word in reading for word in ("overwrite", "duplicate", "twice", "mutate")):
+        inner = re.search(r"'([^']+)'", reading)
         twice = inner[1] if inner else here.partition("=")[0].strip()
         column = here.rfind(twice, 0, column) + 1 or column
         expected, rest = "each key and each table once", f"{twice} a second time"
     elif len(here) <= LONGEST_LINE:
         for pattern, better in _SLIPS:
             spans = (slip.span(slip.lastindex or 0) for slip in re.finditer(pattern, here))
-            if about := next((span for span in spans if span[0] < column <= span[1] + 1), None):
-                column, expected, rest = about[0] + 1, better, here[slice(*about)].strip()
+            if slip_span := next((span for span in spans if span[0] < column <= span[1] + 1), None):
+                column, expected, rest = slip_span[0] + 1, better, here[slice(*slip_span)].strip()
                 break
-    found = rest if expected else what
-    found = found if found.isprintable() else ascii(found)
-    return Mistake(f"{name}:{line}:{column}", "", expected or "a TOML file", found if len(found) <= 60 else f"{found[:57]}...")
+    shown = rest if expected else reading
+    shown = shown if shown.isprintable() else ascii(shown)
+    return Mistake(f"{name}:{line}:{column}", "", expected or "a TOML file", shown if len(shown) <= 60 else f"{shown[:57]}...")

@@ -125,10 +125,15 @@ def named(name: str) -> dict[str, Description]:
         return {path: described(EVERY_KEY[path], path)}
     study, _, axis = path.partition(".")
     if study in STUDIES and (key := find_key(axis)) and key.numeric:
-        whole = f"axis over {key.path}, {key.description}: a list of values, or the parts below"
-        parts = {f"{path}.{part}": described(each, f"{path}.{part}") for part, each in AXIS_KEYS.items()}
-        return {path: described(key, path) | {"default": None, "description": whole}} | parts
-    return {other: described(key, other) for other, key in EVERY_KEY.items() if other.startswith(f"{path}.")}
+        text = f"axis over {key.path}, {key.description}: a list of values, or the parts below"
+        axis_keys = {
+            f"{path}.{name_of_part}": described(key_of_part, f"{path}.{name_of_part}")
+            for name_of_part, key_of_part in AXIS_KEYS.items()
+        }
+        return {path: described(key, path) | {"default": None, "description": text}} | axis_keys
+    return {
+        known_path: described(key, known_path) for known_path, key in EVERY_KEY.items() if known_path.startswith(f"{path}.")
+    }
 
 
 def meant(name: str) -> str:
@@ -136,7 +141,7 @@ def meant(name: str) -> str:
     if name.startswith("block."):
         near = nearest(name.removeprefix("block."), (*TYPES, *shipped_classes()))
         return near and f"block.{near}"
-    tables = (other.rpartition(".")[0] for other in EVERY_KEY)
+    tables = (known_path.rpartition(".")[0] for known_path in EVERY_KEY)
     return nearest(name, SYMBOLS) or nearest(name, (*EVERY_KEY, *tables, *TABLES))
 
 
@@ -144,8 +149,10 @@ def _class(file: Path) -> Description:
     """The description of a class of blocks that a capability has: the first paragraph of its file, ports and numbers."""
     text = file.read_text(encoding="utf-8")
     tables = tomllib.loads(text)
-    given = {name: each for name, each in tables["numbers"].items() if isinstance(each, dict)}
-    keys = {name: Key(name, "number", each["value"], each["unit"], each["description"]) for name, each in given.items()}
+    numbers = {name: number for name, number in tables["numbers"].items() if isinstance(number, dict)}
+    keys = {
+        name: Key(name, "number", number["value"], number["unit"], number["description"]) for name, number in numbers.items()
+    }
     ports = tables["ports"]
     return {
         "description": text.partition("\n#\n")[0].partition("\n\n")[0].removeprefix("# ").replace("\n# ", " ").rstrip("."),

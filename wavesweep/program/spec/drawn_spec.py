@@ -24,14 +24,14 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
 
     An unknown table stands for the missing one whose name is nearest, so that what needs its entries brings no mistakes.
     """
-    known, given, meant = ("type", *TABLES, *study_tables()), dict.fromkeys(path[0] for path in leaves), {}
-    expected = f"one of the tables {', '.join(known)}"
+    tables, tops, meant = ("type", *TABLES, *study_tables()), dict.fromkeys(path[0] for path in leaves), {}
+    expected = f"one of the tables {', '.join(tables)}"
     numbers = list(dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1))
     for (name, *rest), leaf in leaves.items():
-        if name in known or name in meant:
+        if name in tables or name in meant:
             continue
-        place, near, alone = leaf.place.under((name,)), nearest(name, known), not rest and leaf.value != {} and numbers
-        meant[name] = near if near not in given else ""
+        place, near, alone = leaf.place.under((name,)), nearest(name, tables), not rest and leaf.value != {} and numbers
+        meant[name] = near if near not in tops else ""
         if name == "controller":
             meant[name] = ""
             mistakes.refuse(place, name, "either a controller or blocks", "both")
@@ -53,5 +53,5 @@ def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
     if along and isinstance(along.value, str):
         named.append(tuple(along.value.split(".")))
     return frozenset(
-        ".".join(each[: 3 + (".".join(each[1:3]) in blocks)]) for each in named if len(each) > 2 and each[0] == "block"
+        ".".join(names[: 3 + (".".join(names[1:3]) in blocks)]) for names in named if len(names) > 2 and names[0] == "block"
     )

@@ -92,11 +92,11 @@ def _naming(spec, names, signal):
 def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves of a source by path, with those of the overrides in their places."""
     leaves: dict[Path, Leaf] = {}
-    given = [(normal_path(path), leaf) for path, leaf in islice(leaves_of(tables, place), MOST_KEYS + 1)]
-    if len(given) > MOST_KEYS:
-        mistakes.refuse(given[-1][1], "", f"at most {MOST_KEYS} keys", "more")
+    read_leaves = [(normal_path(path), leaf) for path, leaf in islice(leaves_of(tables, place), MOST_KEYS + 1)]
+    if len(read_leaves) > MOST_KEYS:
+        mistakes.refuse(read_leaves[-1][1], "", f"at most {MOST_KEYS} keys", "more")
         return leaves
-    for path, leaf in given:
+    for path, leaf in read_leaves:
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.refuse(leaf, ".".join(path), "each key once", "the same key again")
         leaves[path] = leaf
@@ -112,7 +112,7 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
         else:
             # A number that has a unit keeps it.
             path = normal_path((*path, "value") if (*path, "value") in leaves else path)
-            if value == "" and not any(_alike(path, each) for each in (*source, *leaves)):
+            if value == "" and not any(_alike(path, known_path) for known_path in (*source, *leaves)):
                 mistakes.refuse(where, ".".join(path), "a value, or a key of the spec to leave out", "neither")
             leaves, twin = _override(leaves, path, value, where), tuple(TWINS.get(".".join(path), "").split("."))
             if value != "" and twin in source and leaves.get(twin) is source[twin]:
@@ -142,7 +142,7 @@ def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Pl
 
 
 def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
-    tables = {each[0] for each in leaves}
+    tables = {table_field[0] for table_field in leaves}
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
     leaves, names, drawing, wrong = _installed(leaves, mistakes), BUILT_IN, None, True
     if drawn:
@@ -159,22 +159,22 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
         values, wrong = resolve(given)
         mistakes += wrong
         hz = None if any(mistake.key.startswith("rates.") for mistake in wrong) else values["rates.fast_hz"]
-    known = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
-    studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **known))
+    facts = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
+    studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **facts))
     if mistakes:
         raise SpecError(_in_order(mistakes))
-    asked = {each.name: getattr(studies, each.name) for each in fields(Studies)}
-    return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **asked)
+    request_values = {table_field.name: getattr(studies, table_field.name) for table_field in fields(Studies)}
+    return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **request_values)
 
 
 def _installed(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves without tables of capabilities that are not installed, and add a mistake for each of these."""
     for table, capability in missing().items():
         path = tuple(table.split("."))
-        if inside := [each for each in leaves if each[: len(path)] == path]:
-            found = f"a table of the capability {capability}, which is not installed"
-            mistakes.refuse(leaves[inside[0]].place.under(path), f"[{table}]", "only tables of what is installed", found)
-            leaves = {each: leaf for each, leaf in leaves.items() if each not in inside}
+        if inside := [path_below for path_below in leaves if path_below[: len(path)] == path]:
+            reason = f"a table of the capability {capability}, which is not installed"
+            mistakes.refuse(leaves[inside[0]].place.under(path), f"[{table}]", "only tables of what is installed", reason)
+            leaves = {path_below: leaf for path_below, leaf in leaves.items() if path_below not in inside}
     return leaves
 
 
@@ -185,10 +185,14 @@ def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
     """
     none = tuple(mistake.key for mistake in mistakes if mistake.expected == "a table")
     below = tuple(f"{key}." for key in none)
-    own = [each for each in mistakes if each.expected == "a table" or not (each.key in none or each.key.startswith(below))]
+    relevant = [
+        mistake
+        for mistake in mistakes
+        if mistake.expected == "a table" or not (mistake.key in none or mistake.key.startswith(below))
+    ]
 
     def position(mistake: Mistake) -> tuple[int, ...]:
         numbers = mistake.location.rsplit(":", 2)[1:]
         return tuple(map(int, numbers)) if len(numbers) == 2 and all(map(str.isdecimal, numbers)) else (10**9,)
 
-    return sorted(dict.fromkeys(own), key=position)
+    return sorted(dict.fromkeys(relevant), key=position)

@@ -42,10 +42,10 @@ class Given:
 
         Order and cutoff that a resolved spec has in addition to the band edges follow from these again.
         """
-        others = {TWINS.get(path)}.difference(beside)
+        displaced = {TWINS.get(path)}.difference(beside)
         by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
-        others |= {f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")}
-        return Given({**{name: old for name, old in self.leaves.items() if name not in others}, path: leaf}, self.source)
+        displaced |= {f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")}
+        return Given({**{name: old for name, old in self.leaves.items() if name not in displaced}, path: leaf}, self.source)
 
 
 def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
@@ -56,8 +56,8 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
     wrong = set(leaves) - set(checked)
     # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
     device = given.device()
-    known = (device.loop() if device else {}) | checked
-    values = {path: known.get(path, KEYS[path].default) for path in VALUE_PATHS}
+    given_values = (device.loop() if device else {}) | checked
+    values = {path: given_values.get(path, KEYS[path].default) for path in VALUE_PATHS}
     for key in KEYS.values():
         if key.required and key.path not in given.leaves:
             mistakes.refuse(given.leaf(key.path), key.path, expectation(key), "nothing (it has no default)", of_key=False)
@@ -89,8 +89,8 @@ def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given: Given) -
     for path, key in drawing.names.keys.items():
         if leaf := given.leaves.get(path):
             values[path] = mistakes.check(key, leaf, path)
-    for path, expected, found in () if mistakes else faults(drawing, values):
-        mistakes.refuse(given.leaf(path), path, expected, found, of_key=False)
+    for path, expected, value in () if mistakes else faults(drawing, values):
+        mistakes.refuse(given.leaf(path), path, expected, value, of_key=False)
     return values, mistakes
 
 
@@ -112,8 +112,10 @@ def _resolve_rates(given: Given, checked: Mapping, values: dict, rate_known: boo
             expected += f"at least 2 after which both are in step again within {LONGEST_FRAME} ticks"
             below = math.floor(min(fast_hz / checked[path], HIGHEST_RATIO))
             # With their ratios, as few of these rates are short decimals.
-            ratios = [each for each in (below, below + 1) if 1 <= each <= HIGHEST_RATIO]
-            expected += f" (the nearest: {' and '.join(f'{fast_hz / each:g} Hz, ratio = {each}' for each in ratios)})"
+            ratios = [ratio_near for ratio_near in (below, below + 1) if 1 <= ratio_near <= HIGHEST_RATIO]
+            expected += (
+                f" (the nearest: {' and '.join(f'{fast_hz / ratio_near:g} Hz, ratio = {ratio_near}' for ratio_near in ratios)})"
+            )
             if checked[path] > fast_hz:
                 expected = f"at most rates.fast_hz = {fast_hz!r} (are the two swapped?)"
             mistakes.refuse(given.leaf(path), path, expected, show(given.leaf(path).value), of_key=False)
@@ -143,12 +145,12 @@ def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict, rat
     if not edges:
         return
     leaf = given.leaf(f"{path}.{edges[0]}")
-    direct = [each for each in (f"{path}.order", f"{path}.cutoff_hz") if each in given.leaves]
+    direct = [path_given for path_given in (f"{path}.order", f"{path}.cutoff_hz") if path_given in given.leaves]
     either = "either order and cutoff_hz or the four band edges"
     numbers = [checked.get(f"{path}.{edge}") for edge in BAND_EDGES]
     if len(edges) < len(BAND_EDGES):
-        whole = either if direct else "all of " + ", ".join(BAND_EDGES)
-        mistakes.refuse(leaf, path, whole, "both" if direct else "only " + ", ".join(edges))
+        expected_edges = either if direct else "all of " + ", ".join(BAND_EDGES)
+        mistakes.refuse(leaf, path, expected_edges, "both" if direct else "only " + ", ".join(edges))
     elif None not in numbers and rate_known:
         _check_edges(name, numbers, values["rates.fast_hz"], given, mistakes)
         if len(mistakes) > before:
@@ -159,7 +161,10 @@ def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict, rat
             mistakes.refuse(leaf, path, expected, f"edges that need order {order:g}")
             return
         values[f"{path}.order"], values[f"{path}.cutoff_hz"] = order, cutoff_hz
-        if any(each in checked and not math.isclose(checked[each], values[each], rel_tol=SAME) for each in direct):
+        if any(
+            path_given in checked and not math.isclose(checked[path_given], values[path_given], rel_tol=SAME)
+            for path_given in direct
+        ):
             mistakes.refuse(leaf, path, either, "both, which differ")
 
 

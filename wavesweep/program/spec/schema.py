@@ -62,12 +62,12 @@ def schema() -> Schema:
 
 
 def _controlled(definitions: Schema) -> Schema:
-    own = _nested({path: _reference(path) for path in KEYS})
-    own["environment"]["properties"]["delay"] = {"anyOf": [_reference("environment.delay"), {"const": "frame"}]}
-    own["controller"]["required"] = ["kind"]
-    own |= _studies(Shapes(False, definitions))
-    del own["bode"]["properties"]["from"], own["bode"]["properties"]["to"]
-    return _tables(own, title="loop of a controller", required=["controller"])
+    shapes = _nested({path: _reference(path) for path in KEYS})
+    shapes["environment"]["properties"]["delay"] = {"anyOf": [_reference("environment.delay"), {"const": "frame"}]}
+    shapes["controller"]["required"] = ["kind"]
+    shapes |= _studies(Shapes(False, definitions))
+    del shapes["bode"]["properties"]["from"], shapes["bode"]["properties"]["to"]
+    return _tables(shapes, title="loop of a controller", required=["controller"])
 
 
 def _drawn(definitions: Schema) -> Schema:
@@ -77,38 +77,41 @@ def _drawn(definitions: Schema) -> Schema:
     texts = {"hand.force": axes, "hand.displacement": axes}
     ports = {
         name: _tables(
-            {part: {"type": "boolean"} if part == "turns" else texts.get(f"{name}.{part}", TEXT) for part in parts},
-            required=[part for part in parts if part not in OPTIONAL],
+            {
+                port_key: {"type": "boolean"} if port_key == "turns" else texts.get(f"{name}.{port_key}", TEXT)
+                for port_key in port_keys
+            },
+            required=[port_key for port_key in port_keys if port_key not in OPTIONAL],
         )
-        for name, parts in OF_PORTS.items()
+        for name, port_keys in OF_PORTS.items()
     } | {side: _tables({}, end) for side in NAMED}
     wire = {"anyOf": [TERMS, _tables({}, TERMS)]}
-    own = {
+    shapes = {
         "rates": _tables({"tick_hz": _value(TICK_HZ, text=True)}),
         "numbers": _tables({}, _either({"type": "object"}, number, {"type": ["number", "string"]})),
-        "type": _tables({}, _tables({part: {"type": "object"} for part in OF_CLASS})),
+        "type": _tables({}, _tables({port_key: {"type": "object"} for port_key in OF_CLASS})),
         "block": _tables({}, {"type": "object", "required": ["type"], "allOf": [*map(_block, TYPES)]}),
         "signals": _tables({}, wire),
         "wire": _tables({}, {"anyOf": [TERMS, _tables({}, wire)]}),
         "ports": _tables(ports),
     }
-    own |= _studies(Shapes(True, definitions))
+    shapes |= _studies(Shapes(True, definitions))
     of_program = {
         "properties": {"block": {"additionalProperties": {"properties": {"type": {"enum": [*TYPES, *shipped_classes()]}}}}}
     }
     classes = {"if": {"required": ["type"]}, "else": of_program}  # whose names are types of blocks too
-    return _tables(own, title="drawn loop", required=["rates", "block"]) | classes
+    return _tables(shapes, title="drawn loop", required=["rates", "block"]) | classes
 
 
 def _studies(shapes: Shapes) -> Schema:
     """The tables of studies."""
-    own = _nested({path: _value(key) for path, key in STUDY_KEYS.items()})
-    sweep, bode = (own[name]["properties"] for name in ("sweep", "bode"))
+    keys_of_studies = _nested({path: _value(key) for path, key in STUDY_KEYS.items()})
+    sweep, bode = (keys_of_studies[name]["properties"] for name in ("sweep", "bode"))
     bode["frequency_hz"] = _axis(STUDY_KEYS["bode.frequency_hz"])
-    found = {table.path: table.schema(shapes) for table in tables().values()}
-    inner = {path.removeprefix("sweep."): shape for path, shape in found.items() if path.startswith("sweep.")}
-    others = {path: shape for path, shape in found.items() if "." not in path}
-    return {"sweep": shapes.axes(sweep | inner), "bode": shapes.axes(bode), **others}
+    table_shapes = {table.path: table.schema(shapes) for table in tables().values()}
+    inner = {path.removeprefix("sweep."): shape for path, shape in table_shapes.items() if path.startswith("sweep.")}
+    outer = {path: shape for path, shape in table_shapes.items() if "." not in path}
+    return {"sweep": shapes.axes(sweep | inner), "bode": shapes.axes(bode), **outer}
 
 
 def _block(kind: str) -> Schema:
@@ -122,9 +125,9 @@ def _block(kind: str) -> Schema:
 
 def _axis(key: Key) -> Schema:
     """The values of an axis: a list of them, or a span."""
-    parts = {name: _value(part) for name, part in AXIS_KEYS.items()} | {"start": _value(key), "stop": _value(key)}
+    span_keys = {name: _value(span_key) for name, span_key in AXIS_KEYS.items()} | {"start": _value(key), "stop": _value(key)}
     values = {"type": "array", "items": _value(key), "minItems": 1}
-    span = _tables(parts, required=["start", "stop"])
+    span = _tables(span_keys, required=["start", "stop"])
     return _either({"type": "array"}, values, span) | {"description": _described(key)}
 
 
@@ -154,10 +157,10 @@ def _nested(paths: Mapping[str, Schema]) -> Schema:
     nested: Schema = {}
     for path, value in paths.items():
         *tables, last = path.split(".")
-        here = nested
+        branch = nested
         for table in tables:
-            here = here.setdefault(table, _tables({}))["properties"]
-        here[last] = value
+            branch = branch.setdefault(table, _tables({}))["properties"]
+        branch[last] = value
     return nested
 
 

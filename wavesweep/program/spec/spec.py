@@ -38,23 +38,23 @@ class Spec(Studies):
 
     def __getattr__(self, name: str) -> Asked | None:
         """The value of the table of that name, with the numbers of the spec's device."""
-        asked = object.__getattribute__(self, "asked")
-        if name not in asked:
+        table_values = object.__getattribute__(self, "asked")
+        if name not in table_values:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        return None if asked[name] is None else asked[name].on(self._given.device())
+        return None if table_values[name] is None else table_values[name].on(self._given.device())
 
     def _asked(self) -> list[Asked]:
-        return [each for each in self.asked.values() if each is not None]
+        return [value for value in self.asked.values() if value is not None]
 
     @property
     def members(self) -> str:
         """The name of the table that answers can hold for, beside the spec's own numbers; empty if they are of these alone."""
-        return next((each.members for each in self._asked() if each.members), "")
+        return next((value.members for value in self._asked() if value.members), "")
 
     @property
     def changing(self) -> tuple[Axis, ...]:
         """The axes of numbers that may change in every frame."""
-        return tuple(axis for each in self._asked() for axis in each.changing)
+        return tuple(axis for value in self._asked() for axis in value.changing)
 
     @property
     def values(self) -> Mapping[str, float | int | str]:
@@ -84,8 +84,8 @@ class Spec(Studies):
         The fast rate does if a ratio follows from it and a slow rate, or a filter from the edges of its band. path: of the
         number. changes: paths that are given in addition to the spec's own.
         """
-        given = (*self._given.leaves, *changes)
-        alone = not any(each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in given)
+        paths = (*self._given.leaves, *changes)
+        alone = not any(each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in paths)
         return self.names.keys[path].structural and not (path == "rates.fast_hz" and alone)
 
     @property
@@ -261,18 +261,18 @@ class Spec(Studies):
         if self.drawing:
             return written(self.drawing, self._values, self._given)
         edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
-        known = {**edges, **self._values}
+        names = {**edges, **self._values}
         if self.uneven:
-            del known["rates.ratio"]
-            known["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
+            del names["rates.ratio"]
+            names["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
         if self.delay_of_frame:
-            known["environment.delay"] = "frame"
+            names["environment.delay"] = "frame"
         for path in ("device.delay", "device.dead_time"):
-            if not known[path]:
-                del known[path]  # so that the digest of a spec without it is what it was
+            if not names[path]:
+                del names[path]  # so that the digest of a spec without it is what it was
         if "environment.step" in self._given.leaves:
-            known["environment.step"] = self.step
-        return {tuple(path.split(".")): known[path] for path in KEYS if path in known}
+            names["environment.step"] = self.step
+        return {tuple(path.split(".")): names[path] for path in KEYS if path in names}
 
     @property
     def sha256(self) -> str:
@@ -288,15 +288,15 @@ class Spec(Studies):
 
         `rates.ratio` replaces `rates.slow_hz`, and the other way round. Errors: SpecError with every mistake of the changes.
         """
-        given, mistakes = self._given, Mistakes()
+        changed, mistakes = self._given, Mistakes()
         for name, value in changes.items():
             if key := self.names.find(name):
-                given = given.replaced(key.path, Leaf(plain(value), Place()), changes)
+                changed = changed.replaced(key.path, Leaf(plain(value), Place()), changes)
             else:
-                known = (*self.names.symbols, *self.names.keys)
-                mistakes.refuse(Place(), name, "a key of the spec", "an unknown key", nearest(name, known))
-        values, wrong = resolve_drawn(self.drawing, self._values, given) if self.drawing else resolve(given)
+                names = (*self.names.symbols, *self.names.keys)
+                mistakes.refuse(Place(), name, "a key of the spec", "an unknown key", nearest(name, names))
+        values, wrong = resolve_drawn(self.drawing, self._values, changed) if self.drawing else resolve(changed)
         mistakes += wrong
         if mistakes:
             raise SpecError(mistakes)
-        return replace(self, _values=values, _given=given)
+        return replace(self, _values=values, _given=changed)

@@ -75,14 +75,14 @@ class Request:
     def axes(self, section: str) -> list[Axis]:
         """Return the axes of a section, and add their mistakes."""
         axes, first = [], {}
-        for name, parts in self.belongs.axes[section].items():
+        for name, leaves in self.belongs.axes[section].items():
             path = getattr(self.names.find(name), "path", name)
             path = "rates.ratio" if path == "rates.slow_hz" else path  # one quantity
             if path in first:
-                found = f"the key of the axis {first[path]} again"
-                self.mistakes.refuse(axis_place(parts), f"{section}.{name}", "each key once", found)
+                repeated = f"the key of the axis {first[path]} again"
+                self.mistakes.refuse(axis_place(leaves), f"{section}.{name}", "each key once", repeated)
             first.setdefault(path, name)
-            axis = build_axis(section, name, parts, self.mistakes, self.names)
+            axis = build_axis(section, name, leaves, self.mistakes, self.names)
             axes += [axis] if axis else []
         return axes
 
@@ -104,11 +104,11 @@ class Request:
         if self.values is None:
             return
         swept = {axis.path: axis for axis in axes}
-        known = {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start} if "rates.fast_hz" in swept else self.values
+        limiting = {**self.values, "rates.fast_hz": swept["rates.fast_hz"].start} if "rates.fast_hz" in swept else self.values
         for axis in axes:
             if axis.path == "environment.delay" and set(LIMITS[axis.path]) & set(swept):
                 continue
-            if expected := exceeds_limit(axis.path, axis.stop, known):
+            if expected := exceeds_limit(axis.path, axis.stop, limiting):
                 self.mistakes.refuse(axis.place, f"{section}.{axis.name}", expected, show(axis.stop))
 
     def refuse_unknown_ends(self, path: str, names: Iterable[object], ports: str) -> None:
@@ -120,19 +120,19 @@ class Request:
 
 def hardware_of(asked: Mapping[str, Asked | None], device: HapticDevice | None) -> dict[str, float | None]:
     """Return the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. asked: as in `Studies`."""
-    found = {path.rpartition(".")[2]: key.default for path, key in HARDWARE_KEYS.items()}
-    found |= device.simulation() if device else {}
+    numbers = {path.rpartition(".")[2]: key.default for path, key in HARDWARE_KEYS.items()}
+    numbers |= device.simulation() if device else {}
     for value in asked.values():
-        found |= value.on(device).hardware if value is not None else {}
-    return found
+        numbers |= value.on(device).hardware if value is not None else {}
+    return numbers
 
 
 def build_studies(request: Request) -> Studies:
     """Return the studies and add their mistakes."""
     keys, mistakes = request.belongs.keys, request.mistakes
     axes = {study: request.axes(study) for study in ("sweep", "bode")}
-    for study, some in axes.items():
-        request.refuse_other_edges(study, some)
+    for study, swept_axes in axes.items():
+        request.refuse_other_edges(study, swept_axes)
     for axis in axes["bode"]:
         if not axis.values:
             mistakes.refuse(axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span")
@@ -147,8 +147,8 @@ def build_studies(request: Request) -> Studies:
         request.refuse_unknown_ends(f"bode.{name}", [keys[f"bode.{name}"].value] if f"bode.{name}" in keys else (), ports)
     along = _along(request, axes["sweep"])
     request = replace(request, sweep=tuple(axes["sweep"]))
-    for study, some in (("sweep", request.sweep), ("bode", bode)):
-        request.refuse_beyond_limits(study, some)
+    for study, swept_axes in (("sweep", request.sweep), ("bode", bode)):
+        request.refuse_beyond_limits(study, swept_axes)
     for table in tables().values():
         request.asked[table.name] = table.build(request)
     return Studies(
@@ -180,8 +180,8 @@ def value_of(path: str, keys: Mapping[str, object]) -> Asked:
     Errors: SpecError with every mistake, UsageError if the capability is not installed.
     """
     table = table_at(path)
-    given = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {path: Leaf({}, Place())}
-    request = Request(belongs=Sorted(given), given=Given({}, Place()), mistakes=Mistakes())
+    leaves = {f"{path}.{name}": Leaf(value, Place()) for name, value in keys.items()} or {path: Leaf({}, Place())}
+    request = Request(belongs=Sorted(leaves), given=Given({}, Place()), mistakes=Mistakes())
     value = table.build(request)
     if request.mistakes:
         raise SpecError(request.mistakes)
@@ -190,13 +190,13 @@ def value_of(path: str, keys: Mapping[str, object]) -> Asked:
 
 def unknown_end(drawing: Drawing | None, name: object, ports: str) -> tuple[str, str, str] | None:
     """Return expected and found text and a suggestion if a name is none of the `inputs` or `outputs` of a loop, else None."""
-    known = [each for each, *_ in getattr(drawing, ports, ())]
-    if name in known:
+    port_names = [port for port, *_ in getattr(drawing, ports, ())]
+    if name in port_names:
         return None
     signals = drawing.signals if drawing and ports == "outputs" else ()
-    what = f"an {ports[:-1]} in [ports] of a drawn loop ({', '.join(known) or 'it has none'})"
-    hint = nearest(name, (*known, *signals)) if isinstance(name, str) else ""
-    return f"{what} or a signal BLOCK.PORT" if signals else what, show(name), hint
+    expected = f"an {ports[:-1]} in [ports] of a drawn loop ({', '.join(port_names) or 'it has none'})"
+    hint = nearest(name, (*port_names, *signals)) if isinstance(name, str) else ""
+    return f"{expected} or a signal BLOCK.PORT" if signals else expected, show(name), hint
 
 
 def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
@@ -216,8 +216,8 @@ def refuse_beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: 
     """
     least = min((axis.start for axis in axes if axis.path == rate), default=own)
     if frequency.stop > least / 2:
-        expected, found = apart(least / 2, frequency.stop)
-        mistakes.refuse(frequency.place, frequency.path, f"numbers <= {expected} (half of {rate})", found, of_key=False)
+        expected, highest = apart(least / 2, frequency.stop)
+        mistakes.refuse(frequency.place, frequency.path, f"numbers <= {expected} (half of {rate})", highest, of_key=False)
 
 
 def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axis:

@@ -31,15 +31,15 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
     if spec.builds(path, [axis.path for axis in spec.sweep]):
         raise UsageError(no_axis(spec, name))
     wanted = next((axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)), None)
-    own, structural = spec.own(path), spec.names.keys[path].structural
-    if wanted is None and (path in spec.wall[:1] or (own and not swept and not structural)):
-        span = K_VE_SPAN if path in spec.wall[:1] else sorted((own / 10, own * 10))
+    value, structural = spec.own(path), spec.names.keys[path].structural
+    if wanted is None and (path in spec.wall[:1] or (value and not swept and not structural)):
+        span = K_VE_SPAN if path in spec.wall[:1] else sorted((value / 10, value * 10))
         wanted = Axis(name, path, (), *span, structural, "linear")
     if wanted is None or not wanted.start < wanted.stop:
         place = wanted.place if wanted else spec.source_place.under(("sweep",))
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
-        found = "a single value" if wanted else "none"
-        raise SpecError([place.mistake(f"sweep.{name}", expected, found)])
+        problem = "a single value" if wanted else "none"
+        raise SpecError([place.mistake(f"sweep.{name}", expected, problem)])
     return wanted, tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
 
 

@@ -22,13 +22,13 @@ def as_toml(tables: Mapping[str, object]) -> str:
 
 
 def _table(name: str, table: Mapping[str, object]) -> Iterator[str]:
-    own = {key: value for key, value in table.items() if not (name == "block" and isinstance(value, Mapping))}
-    if own:
+    plain = {key: value for key, value in table.items() if not (name == "block" and isinstance(value, Mapping))}
+    if plain:
         yield f"[{_key(name)}]"
-        yield from (f"{_key(key)} = {_value(value)}" for key, value in own.items() if value is not None)
+        yield from (f"{_key(key)} = {_value(value)}" for key, value in plain.items() if value is not None)
     for at, (key, block) in enumerate(table.items() if name == "block" else ()):
-        yield from ["", f"[block.{_key(key)}]"] if at or own else [f"[block.{_key(key)}]"]
-        yield from (f"{_key(part)} = {_value(value)}" for part, value in block.items() if value is not None)
+        yield from ["", f"[block.{_key(key)}]"] if at or plain else [f"[block.{_key(key)}]"]
+        yield from (f"{_key(name)} = {_value(value)}" for name, value in block.items() if value is not None)
 
 
 def _key(name: str) -> str:
@@ -37,8 +37,8 @@ def _key(name: str) -> str:
 
 def _value(value: object) -> str:
     if isinstance(value, Mapping):
-        parts = ", ".join(f"{_key(key)} = {_value(part)}" for key, part in value.items() if part is not None)
-        return f"{{ {parts} }}" if parts else "{}"
+        items = ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items() if item is not None)
+        return f"{{ {items} }}" if items else "{}"
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, str):
@@ -56,8 +56,9 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
     tables: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
     for name, unit, description in drawing.numbers:
         tables["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
-    for block in (each for each in drawing.blocks if f"block.{each.name}.type" in given.leaves):  # others are of `prev(...)`
-        tables |= _written_block(block, values, given)
+    for block in drawing.blocks:
+        if f"block.{block.name}.type" in given.leaves:  # others are of `prev(...)`
+            tables |= _written_block(block, values, given)
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
         if path.startswith(("ports.inputs.", "ports.outputs.")):
@@ -67,12 +68,12 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
         elif table in ("wire", "signals", "ports"):
             tables[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
         elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
-            words = (given.leaves.get(path + each) for each in NUMBER_WORDS)
+            words = (given.leaves.get(path + suffix) for suffix in NUMBER_WORDS)
             unit, description = (word.value if word else "" for word in words)
             tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
-    asked = [each for each in drawing.outputs if path_of_port("outputs", each[0]) not in given.leaves]
-    for name, terms, unit in asked:  # by [bode] or another table, see `Drawing.signals`
-        tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
+    for name, terms, unit in drawing.outputs:
+        if path_of_port("outputs", name) not in given.leaves:  # asked for by [bode] or another table, see `Drawing.signals`
+            tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
     return tables
 
 

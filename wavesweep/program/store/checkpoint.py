@@ -113,10 +113,10 @@ class FileCheckpoint:
     def load(self, number: int) -> np.ndarray:
         """Read a finished chunk. Raises DamagedError if its row is not the one that was written for it."""
         row = "SELECT checksum, CAST(records AS BLOB) FROM chunks WHERE run = ? AND number = ?"  # damaged, it may be a text
-        found = self._do(row, self._digest, number)
-        if not found or found[0][0] != self._checksum(number, found[0][1] or b""):
-            raise DamagedError("it was damaged" if found else "it is lost")
-        return np.frombuffer(found[0][1], self._dtype)
+        rows = self._do(row, self._digest, number)
+        if not rows or rows[0][0] != self._checksum(number, rows[0][1] or b""):
+            raise DamagedError("it was damaged" if rows else "it is lost")
+        return np.frombuffer(rows[0][1], self._dtype)
 
     def set_aside(self, number: int, why: Exception) -> None:
         """Let a chunk that cannot be used be computed again, and add a warning."""
@@ -125,13 +125,13 @@ class FileCheckpoint:
 
     def remove(self) -> None:
         """Remove the file, which is one step, or the rows of this job if the file has those of others."""
-        others = self._do("SELECT name FROM runs WHERE name != ?", self._name)
-        if others:
+        other_runs = self._do("SELECT name FROM runs WHERE name != ?", self._name)
+        if other_runs:
             self._forget()
         else:
             self._do("PRAGMA synchronous = OFF")  # what is removed need not be on the disk
         self.close()
-        for path in () if others else self._files():
+        for path in () if other_runs else self._files():
             path.unlink(missing_ok=True)
 
     def close(self) -> None:
@@ -183,11 +183,11 @@ class FileCheckpoint:
                 self._prepare(sqlite3, "&nolock=1")  # a file system without locks
             except sqlite3.OperationalError:
                 raise error from None
-        found = self._db.execute("SELECT digest, identity FROM runs WHERE name = ?", [self._name]).fetchall()
+        rows = self._db.execute("SELECT digest, identity FROM runs WHERE name = ?", [self._name]).fetchall()
         if self._force:
             self._forget()
-        elif found and found[0][0] != self._digest and found[0][1] != self._identity:
-            raise self._of_another_run(found[0][1])
+        elif rows and rows[0][0] != self._digest and rows[0][1] != self._identity:
+            raise self._of_another_run(rows[0][1])
         self._db.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?)", (self._name, self._digest, self._identity))
         self._force = False  # it is anew, and will not be thrown away if the disk is full later on
 
@@ -204,8 +204,8 @@ class FileCheckpoint:
             raise sqlite3.DatabaseError("another program's database")
         self._db.execute("PRAGMA journal_mode = WAL")
         self._db.execute("PRAGMA synchronous = NORMAL")
-        if (found := self._db.execute("PRAGMA integrity_check(1)").fetchall()) != [("ok",)]:  # 0.1 s for a GB
-            raise sqlite3.DatabaseError(found[0][0])
+        if (problems := self._db.execute("PRAGMA integrity_check(1)").fetchall()) != [("ok",)]:  # 0.1 s for a GB
+            raise sqlite3.DatabaseError(problems[0][0])
 
     def _forget(self):
         """Remove the rows of this job."""
@@ -221,8 +221,8 @@ class FileCheckpoint:
 
     def _of_another_run(self, other):
         try:
-            here, there = json.loads(self._identity), json.loads(other)
-            names = [f"{name} ({there.get(name)}, not {here[name]})" for name in here if there.get(name) != here[name]]
+            ours, theirs = json.loads(self._identity), json.loads(other)
+            names = [f"{name} ({theirs.get(name)}, not {ours[name]})" for name in ours if theirs.get(name) != ours[name]]
         except (ValueError, TypeError, AttributeError):
             names = ["words that cannot be read"]
         return CheckpointError(

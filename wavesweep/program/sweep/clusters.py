@@ -38,24 +38,24 @@ def dask(workers):
         client = _client(distributed, workers.scheduler, opened)
         name = f"the dask scheduler {client.scheduler.address}"
         executor = client.get_executor(pure=False)
-        seen = time.monotonic()
+        last_seen = time.monotonic()
 
         def threads():
             return client.sync(client.scheduler.ncores, callback_timeout=PATIENCE)  # a frozen scheduler never answers
 
         def look():
-            nonlocal seen
+            nonlocal last_seen
             if client.status != "running":
                 raise WavesweepError(f"{name} is lost")
             try:
-                found = threads()
+                cores = threads()
             except TimeoutError:
                 return f"{name}, which does not answer"
-            if found:
-                seen = time.monotonic()
-            if time.monotonic() - seen > ALONE:
+            if cores:
+                last_seen = time.monotonic()
+            if time.monotonic() - last_seen > ALONE:
                 raise WavesweepError(f"{name} has had no workers for {ALONE:g} s")
-            return f"{len(found)} workers of {name}; {OTHERS}"
+            return f"{len(cores)} workers of {name}; {OTHERS}"
 
         try:
             yield Pool(executor.submit, max(workers.count, sum(threads().values())), look)
@@ -100,8 +100,8 @@ def imported():
 @contextmanager
 def _quiet(*names):
     """Let these loggers and those below them say nothing: an error says in one line all that they would write in many."""
-    known = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in names]
-    loggers = [logging.getLogger(name) for name in {*names, *known}]
+    below = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in names]
+    loggers = [logging.getLogger(name) for name in {*names, *below}]
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)

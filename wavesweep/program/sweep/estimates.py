@@ -28,9 +28,9 @@ def refuse_full_disk(kept: Path | None, jobs: Iterable[Job]) -> None:
     """
     if kept is None:
         return
-    place = next(each for each in kept.absolute().parents if each.is_dir())
-    there = kept.stat().st_size if kept.is_file() else 0
-    need, free = sum(map(expected_bytes, jobs)) - there, free_bytes(place)
+    place = next(folder for folder in kept.absolute().parents if folder.is_dir())
+    present = kept.stat().st_size if kept.is_file() else 0
+    need, free = sum(map(expected_bytes, jobs)) - present, free_bytes(place)
     if need > free:
         raise UsageError(
             f"{kept.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
@@ -52,20 +52,20 @@ SLOW = 2.0  # s of a slice, which its first call does not change by much
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
     sample, times = job.kind.sample(job)
-    whole, (job, chunks) = job.slices * times, _samples(sample)
+    total_slices, (job, chunks) = job.slices * times, _samples(sample)
     tasks, slices = [job.task(chunk) for chunk in chunks], 0
     with naming_values(job):
         loops, points, started = chunks[0].loops[:1], chunks[0].points[:1], time.perf_counter()
         job.task(replace(chunks[0], loops=loops, points=points))()
         if (first := time.perf_counter() - started) > SLOW:
-            return first * whole
+            return first * total_slices
         started = time.perf_counter()  # the first call costs more than it will later
         for chunk, task in zip(chunks, tasks, strict=True):
             timed(chunk.number, task)
             seconds, slices = time.perf_counter() - started, slices + chunk.slices
             if seconds > longest:
                 break
-    return seconds / slices * whole
+    return seconds / slices * total_slices
 
 
 def _samples(job):

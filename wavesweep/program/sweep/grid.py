@@ -139,8 +139,8 @@ def groups(
     plain = {path: column for path, column in changes.items() if path not in structural}
     for members, settled in _by_structure(spec, structural, size, {} if resolved is None else resolved):
         zeros = [column[members] == 0 for column in plain.values()]
-        for part in distinct(zeros, members.size):
-            index = members[part]
+        for alike in distinct(zeros, members.size):
+            index = members[alike]
             yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
 
 
@@ -149,9 +149,9 @@ def _by_dead_times(drawing, members, values):
     if not drawing.dead_times:
         yield members, values
         return
-    found = {path: np.broadcast_to(each, members.shape).astype(int) for path, each in structure(drawing, values).items()}
-    for part in distinct(list(found.values()), members.size):
-        yield members[part], selected(values, part) | {path: int(each[part[0]]) for path, each in found.items()}
+    ticks = {path: np.broadcast_to(column, members.shape).astype(int) for path, column in structure(drawing, values).items()}
+    for alike in distinct(list(ticks.values()), members.size):
+        yield members[alike], selected(values, alike) | {path: int(column[alike[0]]) for path, column in ticks.items()}
 
 
 def drawn_groups(
@@ -163,8 +163,8 @@ def drawn_groups(
     """
     for members, values in groups(spec, changes, size, resolved, rates=rates):
         drawing = loops_of(spec, values, along).drawing
-        for part, own in _by_dead_times(drawing, members, values):
-            yield part, Loops(drawing, own)
+        for alike, settled in _by_dead_times(drawing, members, values):
+            yield alike, Loops(drawing, settled)
 
 
 def own_loop(spec: Spec, along: str = "") -> Loops:
@@ -192,9 +192,9 @@ def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:
 
 
 def _by_structure(spec, structural, size, resolved):
-    for part in distinct(list(structural.values()), size):
-        first = {path: column[part[0]].item() for path, column in structural.items()}
+    for alike in distinct(list(structural.values()), size):
+        first = {path: column[alike[0]].item() for path, column in structural.items()}
         key = tuple(first.items())
         if key not in resolved:
             resolved[key] = dict((spec.with_values(first) if first else spec).values)
-        yield part, resolved[key]
+        yield alike, resolved[key]

@@ -66,8 +66,8 @@ class Chunks:
         The order is that of van der Corput: 0, a half, a quarter, three quarters, ...
         """
         bits = max(len(numbers) - 1, 0).bit_length()
-        for each in range(1 << bits):
-            at = int(f"{each:0{bits}b}"[::-1], 2) if bits else 0
+        for order in range(1 << bits):
+            at = int(f"{order:0{bits}b}"[::-1], 2) if bits else 0
             if at < len(numbers):
                 yield numbers[at]
 
@@ -193,11 +193,11 @@ def _unsolvable(job, chunk):
             return True
         return False
 
-    for each in ("loops", "points"):
-        while len(at[each]) > 1:
-            half = len(at[each]) // 2
-            first = at | {each: at[each][:half]}
-            at = first if fails(first) else at | {each: at[each][half:]}
+    for side in ("loops", "points"):
+        while len(at[side]) > 1:
+            half = len(at[side]) // 2
+            first = at | {side: at[side][:half]}
+            at = first if fails(first) else at | {side: at[side][half:]}
     if not fails(at):
         return ""
     values = job.grid.loop_values(np.array(at["loops"][:1]))
@@ -220,16 +220,21 @@ def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dic
             named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
             raise UsageError(f"[{table}]: every combination is computed, and {named} makes no loop: {error}") from error
     if grid.spec.drawing:
-        from wavesweep.engine.loops.domain import refuse_unsuitable
-
-        index = some_loops(grid)
-        place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""  # of several it is not known which
-        for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
-            try:
-                refuse_unsuitable(grid.spec.drawing, values)
-            except UsageError as error:
-                raise UsageError(f"{place}: {error}" if place else str(error)) from error
+        _refuse_unsuitable_loops(grid, resolved)
     return resolved
+
+
+def _refuse_unsuitable_loops(grid, resolved):
+    """Raise UsageError if the numbers of one of `some_loops` make no loop, with the place of the axis if there is only one."""
+    from wavesweep.engine.loops.domain import refuse_unsuitable
+
+    index = some_loops(grid)
+    place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""
+    for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
+        try:
+            refuse_unsuitable(grid.spec.drawing, values)
+        except UsageError as error:
+            raise UsageError(f"{place}: {error}" if place else str(error)) from error
 
 
 def some_loops(grid: Grid) -> np.ndarray:

@@ -127,11 +127,11 @@ def _cut_short_results_end() -> Iterator[None]:
         while not over.wait(WATCH):
             pool = reusable_executor._executor  # noqa: SLF001 - there is no other way to it
             workers = [*((pool and pool._processes) or {}).values()]  # noqa: SLF001
-            looks = looks + 1 if wait([each.sentinel for each in workers], 0) else 0
+            looks = looks + 1 if wait([worker.sentinel for worker in workers], 0) else 0
             if looks > LOOKS:
-                for each in workers:
+                for worker in workers:
                     with suppress(ProcessLookupError):
-                        os.kill(each.pid, signal.SIGKILL)
+                        os.kill(worker.pid, signal.SIGKILL)
                 pool._result_queue._writer.close()  # noqa: SLF001 - nobody is left who could write: the reader is at the end
                 return
 
@@ -151,18 +151,18 @@ def _started_here() -> Iterator[None]:
     from this process waits for no other, and no worker complains if this process is killed.
     """
     before, waiting = os.environ.get(SAFE_PATH), block(STOPPING) if MASKS else ()
-    null, kept = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}
+    null, saved = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}
     try:
         os.environ[SAFE_PATH] = "1"
         for stream in filter(None, (sys.stdout, sys.stderr)):
             stream.flush()
-        for number in kept:
+        for number in saved:
             os.dup2(null, number)
         yield
     finally:
-        for number, own in kept.items():
-            os.dup2(own, number)
-            os.close(own)
+        for number, copy in saved.items():
+            os.dup2(copy, number)
+            os.close(copy)
         os.close(null)
         os.environ.pop(SAFE_PATH)
         os.environ.update({SAFE_PATH: before} if before is not None else {})

@@ -72,8 +72,8 @@ class Work:
         return Work(**given)
 
     def __post_init__(self):
-        whole = isinstance(self.jobs, Integral) and not isinstance(self.jobs, bool)
-        if self.jobs is not None and not (whole and self.jobs >= 1):
+        integral = isinstance(self.jobs, Integral) and not isinstance(self.jobs, bool)
+        if self.jobs is not None and not (integral and self.jobs >= 1):
             raise UsageError(f"jobs: expected a whole number >= 1, found {self.jobs!r}")
         if self.scheduler is not None and self.backend != "dask":
             raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
@@ -213,7 +213,7 @@ def compute(
     numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are added to.
     """
     numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or Tally()
-    for number in (each for each in store.finished() if each in numbers):
+    for number in (chunk for chunk in store.finished() if chunk in numbers):
         try:
             tally.add(job, store.load(number), kept=True)
         except DamagedError as error:
@@ -248,8 +248,8 @@ def resumable(job: Job, store, tally: Tally) -> Iterator[None]:
             with suppress(OSError):
                 store.remove()
         elif store.place and store.place.is_file() and not getattr(error, "__notes__", ()):
-            kept = f"{min(tally.done, job.slices)} of {job.slices} {job.kind.noun} are kept in {store.place}"
-            error.add_note(f"{kept}; the same command goes on from there.")
+            told = f"{min(tally.done, job.slices)} of {job.slices} {job.kind.noun} are kept in {store.place}"
+            error.add_note(f"{told}; the same command goes on from there.")
         with suppress(OSError):
             store.close()
         raise
@@ -268,8 +268,8 @@ def records_of(job: Job, store, number: int) -> np.ndarray:
 def blocks(job: Job, store) -> Iterator[Columns]:
     """Yield the table's columns for consecutive combinations; store: a checkpoint in which all chunks are finished."""
     for combination in stretches(job.size):
-        which, records = gather(job, store, job.slice_of(combination))
-        yield job.columns(combination[which], records)
+        index, records = gather(job, store, job.slice_of(combination))
+        yield job.columns(combination[index], records)
 
 
 def stretches(size: int) -> Iterator[np.ndarray]:
@@ -288,14 +288,14 @@ def gather(job: Job, store, slices: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         return records["slice"], records
     owner = job.chunks.of(slices)
     order = np.argsort(owner, kind="stable")
-    which, parts = [], []
+    index, chunks_of_records = [], []
     for members in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1):
         chunk = job.chunks[int(owner[members[0]])]
         records = records_of(job, store, chunk.number)
         first, end = (np.searchsorted(records["slice"], slices[members] - chunk.first, side=side) for side in ("left", "right"))
         rows = end - first
-        which.append(np.repeat(members, rows))
-        parts.append(records[np.repeat(first - (np.cumsum(rows) - rows), rows) + np.arange(rows.sum())])
-    which = np.concatenate(which)
-    back = np.argsort(which, kind="stable")
-    return which[back], np.concatenate(parts)[back]
+        index.append(np.repeat(members, rows))
+        chunks_of_records.append(records[np.repeat(first - (np.cumsum(rows) - rows), rows) + np.arange(rows.sum())])
+    index = np.concatenate(index)
+    back = np.argsort(index, kind="stable")
+    return index[back], np.concatenate(chunks_of_records)[back]

@@ -119,7 +119,7 @@ def _on_cluster(workers, calls):
             for future in done:
                 waiting |= handed_out(1)
                 results = _of_our_version(*future.result())
-                seconds = sum(each for *_, each in results)
+                seconds = sum(taken_s for *_, taken_s in results)
                 size = max(1, min(TOGETHER, int(TASK * len(results) / max(TINY, seconds))))
                 yield from results
 
@@ -132,8 +132,10 @@ def each_of(function: Callable, calls: list[tuple]) -> list:
 def _of_our_version(results, theirs):
     """What a worker has computed. Raises WavesweepError if it has other versions, on which the last digits depend."""
     if theirs != versions():
-        here, there = (f"wavesweep {each['tool_version']} and numpy {each['numpy_version']}" for each in (versions(), theirs))
-        raise WavesweepError(f"expected workers with {here}, found one with {there}")
+        ours, their_words = (
+            f"wavesweep {version['tool_version']} and numpy {version['numpy_version']}" for version in (versions(), theirs)
+        )
+        raise WavesweepError(f"expected workers with {ours}, found one with {their_words}")
     return results
 
 
