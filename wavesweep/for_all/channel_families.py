@@ -138,7 +138,7 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
     varied = {path_of(name_of(number)): ANY} if number else {}
     pair = [_in_time(each, channels) for each in twins(drawing, values | varied)]
     own = assembled(drawing, values | dict.fromkeys(varied, 0.0), name_of(number) if number else "")
-    steps = list(_steps(channels, own.ticks))
+    steps = list(_steps(channels, own))
     rows, ticks = _ticks(own, channels, steps, pair[0].held(), number)
     drift = drift_of_drawn(*pair)
     _refuse_moved(ticks, drift)
@@ -168,7 +168,7 @@ def messages_over(
 
     pair = [_in_time(each, channels) for each in twins(drawing, with_numbers(inside))]
     held, drift = pair[0].held(), drift_of_drawn(*pair)
-    steps = list(_steps(channels, assembled(drawing, values).ticks))
+    steps = list(_steps(channels, assembled(drawing, values)))
 
     def ticks_at(points):
         return _ticks(assembled(drawing, with_numbers(points)), channels, steps, held)
@@ -204,12 +204,17 @@ def _ticks(own: MultirateLoop, channels, steps, held, number: str = "") -> tuple
     return [[index[kind] for kind in row] for row, *_ in steps], Ticks(tuple(maps), np.arange(len(maps)))
 
 
-def _steps(channels: tuple[Channel, ...], frame: int) -> Iterator[tuple]:
+def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple]:
     """Yield the kinds of the ticks of each step, what is sent, and the states of the channels after it and possible before it.
 
     A state is the moment's number, and for each channel how many messages in a row were lost and when those under way arrive.
-    A kind of tick is the tick in the frame and what each channel takes from where in it.
+    A kind of tick is the first tick in the frame in which the same blocks run, and what each channel takes from where in it.
     """
+    frame = loop.ticks
+    _, first_tick, same = np.unique(
+        [block.runs(frame) for block in loop.placed], axis=1, return_index=True, return_inverse=True
+    )
+    alike = first_tick[same.reshape(-1)].tolist()
     moments = [tick for tick in range(frame) if any(channel.sends(tick) for channel in channels)]
     first = (0, tuple((0, ()) for _ in channels))
     found, known, open_ = {}, {first}, [first]
@@ -224,7 +229,7 @@ def _steps(channels: tuple[Channel, ...], frame: int) -> Iterator[tuple]:
                 taken, arriving = zip(
                     *(channel.tick(at, *each) for channel, *each in zip(channels, arriving, late, strict=True)), strict=True
                 )
-                row.append((at % frame, taken))
+                row.append((alike[at % frame], taken))
             in_a_row = [
                 (lost + 1 if own is LOST else 0) if channel.sends(tick) and channel.lost > 0 else lost
                 for channel, own, (lost, _) in zip(channels, late, before, strict=True)

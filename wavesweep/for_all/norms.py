@@ -291,8 +291,8 @@ def hessian_of(inverse, moved, arriving, graph, nodes) -> np.ndarray:
     hessian[at, :, at] = sum(acting(_products(X, *graph.grouped(node)), n) for node, X in ends)
     pairs, first, last = graph.pairs
     mixed = acting(_products(_transposed(moved), *graph.grouped(pairs)), n)
-    np.subtract.at(hessian, (first, slice(None), last), mixed)
-    np.subtract.at(hessian, (last, slice(None), first), _transposed(mixed))
+    hessian[first, :, last] -= mixed  # each pair of nodes once
+    hessian[last, :, first] -= _transposed(mixed)
     return hessian.reshape(nodes * n * (n + 1) // 2, -1)
 
 
