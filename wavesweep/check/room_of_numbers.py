@@ -14,7 +14,7 @@ from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over, sea
 from wavesweep.program.analyses.own_design import searched
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
-from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid
+from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop
 from wavesweep.program.sweep.running import in_memory
 
 HALVINGS, FEW = 30, 8  # towards the end of what a spec takes; and of where it has loops, as an angle has up to a pole
@@ -53,8 +53,8 @@ def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     found |= {"stopped": False, "open": None, "of_key": list(of_key)}
     try:
-        job = _job(spec, name, path, span)
-        rows, (start, stop) = _rows(job, value, span)
+        near = _next_to(spec, path, value, span) if _poses(spec, path) else span
+        rows, (start, stop) = _rows(_job(spec, name, path, near), value, near)
     except WavesweepError as error:
         if value == 0 and span[0] < 0 and not _poses(spec, path):  # a number that may not be negative
             return _limit(spec, name, path, (0.0, span[1]), (True, of_key[1]))
@@ -105,10 +105,6 @@ def _rows(job, value, span):
     cost, way = cost_of(job.grid.spec, job.asked.axis)
     if cost > (SECONDS if way is Way.CUT else LONG):
         return None, (value, value)
-    axis, spec = job.asked.axis, job.grid.spec
-    if _poses(spec, axis.path):  # panels crowd towards a singular pose
-        span = _next_to(search, value, span)
-        job = _job(spec, axis.name, axis.path, span)
     return in_memory(job), span
 
 
@@ -117,12 +113,14 @@ def _poses(spec, path):
     return spec.drawing and path in spec.drawing.posing
 
 
-def _next_to(search, value, span):
-    """The part of a range that is NEAR the value of a number that a pose depends on, in which no pose is singular."""
-    ((_, loops),) = search.groups
-    away = NEAR * (abs(value) or min(abs(end) for end in span))
-    tiny = HARDLY * away
-    low, high = domain(*loops, search.along, (value - tiny, value + tiny))
+def _next_to(spec, path, value, span):
+    """The part of a range that is NEAR the value of a number that a pose depends on, in which no pose is singular.
+
+    Panels crowd towards a singular pose.
+    """
+    tiny = HARDLY * NEAR * (abs(value) or min(map(abs, span)))
+    low, high = domain(*own_loop(spec, path), path, (value - tiny, value + tiny))
+    away = NEAR * (abs(value) or min(map(abs, (*span, 2 * low, 2 * high))))  # half of the way to a singular pose is allowed
     return max(span[0], low, value - away), min(span[1], high, value + away)
 
 

@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from wavesweep.engine.drawing.block_types import LONGEST_DELAY, TICK_HZ, TYPES
 from wavesweep.engine.drawing.drawing import Drawing, scalars
 from wavesweep.engine.drawing.drawn_block import DrawnBlock, keys_of_block
-from wavesweep.engine.drawing.expressions import ONE, Tree, names_in, value_of
+from wavesweep.engine.drawing.expressions import ONE, SharedParts, Tree, names_in, value_of
 from wavesweep.engine.drawing.mass_matrix import MASS, is_mass
 from wavesweep.engine.keys.checking import SIZES, computable, expectation
 from wavesweep.engine.keys.key import LONGEST_FRAME, Key
@@ -93,12 +93,12 @@ def _within(key: Key, value):
 
 def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
     """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
-    numbers, wrong, every = scalars(values), set(), {}
+    numbers, wrong, every, shared = scalars(values), set(), {}, SharedParts()
     for condition in conditions(drawing):
         path, expected = condition.path, condition.expected
         if not condition.names <= numbers.keys() or wrong & {each for each, _ in condition.reads}:
             continue  # a number that has a mistake itself
-        known = [finite_value(tree, numbers) for _, tree in condition.reads]
+        known = [finite_value(tree, numbers, shared) for _, tree in condition.reads]
         if known[0] is None:
             wrong.add(path)
             yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
@@ -145,10 +145,10 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
             yield f"ports.{where}.displacement", OF_PLANT, found
 
 
-def finite_value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
-    """Return the value of a tree, None if there is no finite one."""
+def finite_value(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None) -> float | None:
+    """Return the value of a tree, None if there is no finite one; shared: of trees at the same numbers."""
     try:
-        value = value_of(tree, numbers)
+        value = value_of(tree, numbers, shared)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
     except (ArithmeticError, ValueError, TypeError):  # a TypeError is that of the root of a complex number
         return None

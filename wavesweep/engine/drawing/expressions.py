@@ -140,16 +140,46 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
     }
 
 
+class SharedParts:
+    """Values of the parts of trees at the same numbers, so that what trees have in common is computed once.
+
+    Parts are known by their `id`, so the trees must outlive this. lost: where digits are lost, of the parts that lose any.
+    """
+
+    def __init__(self) -> None:
+        self.values: dict[int, Any] = {}
+        self.lost: dict[int, Any] = {}
+
+    def lost_in(self, tree: Tree) -> list[Any]:
+        """Return where digits are lost, for each part of a tree that loses any."""
+        if not self.lost:
+            return []
+        seen, queue, lost = {id(tree)}, [tree], []
+        while queue:
+            part = queue.pop()
+            if id(part) in self.lost:
+                lost.append(self.lost[id(part)])
+            inner = [each for each in part[1:-1] if isinstance(each, tuple) and id(each) not in seen]
+            seen.update(map(id, inner))
+            queue += inner
+        return lost
+
+
 def evaluate(
-    tree: Tree, numbers: Mapping[str, Any], library: Any = math, watch: Callable[[Tree, Any, Any, Any], None] | None = None
+    tree: Tree,
+    numbers: Mapping[str, Any],
+    library: Any = math,
+    watch: Callable[[Tree, Any, Any, Any], None] | None = None,
+    shared: SharedParts | None = None,
 ) -> Any:
     """Return the value of a tree without signals.
 
     numbers: name -> number, or array of numbers, real or complex. library: has the functions of such values, as `math` has
-    them. watch: is called with every operation on two terms and every function, their values and its own.
+    them. watch: is called with every operation on two terms and every function, their values and its own. shared: of trees
+    evaluated before, at the same numbers with the same library and watch.
     Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
     """
-    return _evaluate(tree, numbers, library, watch, {})
+    return _evaluate(tree, numbers, library, watch, {} if shared is None else shared.values)
 
 
 def _evaluate(tree, numbers, library, watch, found):
@@ -207,14 +237,20 @@ def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
     return (abs(found) < SUBNORMAL) & (abs(first) >= SUBNORMAL) & (abs(second) >= SUBNORMAL)
 
 
-def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
+def value_of(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None) -> float:
     """Return the value of a tree without signals, correct to a few roundings of itself, for numbers that are exact.
 
-    Where digits are lost, as in sums that cancel, the value is computed again in ball arithmetic. Errors: those of `evaluate`.
+    Where digits are lost, as in sums that cancel, the value is computed again in ball arithmetic. shared: of trees at the same
+    numbers. Errors: those of `evaluate`.
     """
-    lost: list[bool] = []
-    rough = evaluate(tree, numbers, watch=lambda *operation: lost.append(lost_digits(*operation)))
-    if not any(lost):
+    shared = SharedParts() if shared is None else shared
+
+    def watch(part, *values):
+        if lost_digits(part, *values):
+            shared.lost[id(part)] = True
+
+    rough = evaluate(tree, numbers, watch=watch, shared=shared)
+    if not shared.lost_in(tree):
         return rough
     from wavesweep.engine.drawing.exact import exactly
 

@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.drawing.conditions import conditions, faults
 from wavesweep.engine.drawing.drawing import RATE, Drawing, name_of, scalars
-from wavesweep.engine.drawing.expressions import Tree, degree, names_in, singular
+from wavesweep.engine.drawing.expressions import SharedParts, Tree, degree, names_in, singular
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import computable
 from wavesweep.engine.loops.values import numbers_of, values_of
@@ -108,9 +108,9 @@ def bends_at_zero(drawing: Drawing, path: str) -> bool:
 def guards_at(drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
     found, name = [], name_of(path)
-    known = scalars(values)
+    known, shared = scalars(values), SharedParts()
     for _, guard, _, root in _guards_of(drawing, name):
-        value = np.broadcast_to(values_of(guard, known), shape)
+        value = np.broadcast_to(values_of(guard, known, shared), shape)
         found.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
     return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
 
@@ -132,6 +132,8 @@ def _touches_zero(guard, known, name, points):
     with np.errstate(all="ignore"):
         size = np.abs(values_of(guard, {**known, name: points})).reshape(-1, points.size)
         loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
+        if not at.size:
+            return False
         low, high, flat = points[at], points[at + 2], np.ones(at.size)
         own = {each: value[loop] if np.ndim(value) else value for each, value in known.items()}
         for _ in range(ZOOMS):
@@ -219,20 +221,22 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
     known = numbers_of(values)
     with np.errstate(all="ignore"):
+        shared = SharedParts()
         for condition in conditions(drawing) if arrays else ():
             if condition.names & varied:
-                wrong |= _broken(condition, known)
+                wrong |= _broken(condition, known, shared)
     return wrong
 
 
 @lru_cache(maxsize=64)
 def _unsuitable_alone(drawing, items, others):
     """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
-    known = numbers_of(dict(items))
+    known, shared = numbers_of(dict(items)), SharedParts()
     with np.errstate(all="ignore"):
-        return any(bool(np.any(_broken(each, known))) for each in conditions(drawing) if each.names and not each.names & others)
+        alone = (each for each in conditions(drawing) if each.names and not each.names & others)
+        return any(bool(np.any(_broken(each, known, shared))) for each in alone)
 
 
-def _broken(condition, known):
-    values = [values_of(tree, known) for _, tree in condition.reads]
+def _broken(condition, known, shared):
+    values = [values_of(tree, known, shared) for _, tree in condition.reads]
     return np.logical_not(computable(values[0]) & condition.holds(*values))

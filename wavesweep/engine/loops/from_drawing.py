@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.drawing.drawing import Drawing, decides, name_of
-from wavesweep.engine.drawing.expressions import ONE, degree, evaluate, names_in, with_number
+from wavesweep.engine.drawing.expressions import ONE, SharedParts, degree, evaluate, names_in, with_number
 from wavesweep.engine.loops import blocks, dead_time
 from wavesweep.engine.loops.block import numbers
 from wavesweep.engine.loops.integrator_modes import equations_of
@@ -129,7 +129,8 @@ def _with_numbers(block, known, tick):
 
 def _keys(block, known):
     """The keys of a block with their values."""
-    keys = keys_with(block, lambda tree: values_of(tree, known))
+    shared = SharedParts()
+    keys = keys_with(block, lambda tree: values_of(tree, known, shared))
     if block.type == "butterworth":
         keys["passes"] = keys.pop("pass")
     if block.type == "ss" and not keys["D"]:

@@ -26,8 +26,8 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing, name_of, scalars
 from wavesweep.engine.drawing.exact import constants_of, named
-from wavesweep.engine.drawing.expressions import FUNCTIONS, ONE, cancelled, degree, evaluate, is_constant, names_in
-from wavesweep.engine.drawing.mass_matrix import at_axes, determinant
+from wavesweep.engine.drawing.expressions import FUNCTIONS, ONE, SharedParts, cancelled, degree, evaluate, is_constant, names_in
+from wavesweep.engine.drawing.mass_matrix import MASS, at_axes, determinant
 from wavesweep.engine.loops.domain import divisors
 
 RHO = 4.25  # sum of the semi-axes of the largest ellipse on which functions of the numbers are sampled, in half widths
@@ -189,16 +189,18 @@ def _masses(drawing, asked) -> Iterator[Expression]:
         if block.type != "mass_matrix":
             continue
         keys = dict(block.keys)
-        trees = [tree for name in ("mass", "through") for row in keys[name] for tree in row]
+        matrices = {name: [[named(tree) for tree in row] for row in keys[name]] for name in MASS}
+        trees = [tree for name in MASS for row in keys[name] for tree in row]
         reads = frozenset(name for tree in trees for name, _ in names_in(tree))
         if reads & asked:
 
-            def value(numbers, library, watch=None, keys=keys):
-                own = {
-                    name: [[evaluate(named(tree), numbers, library, watch) for tree in row] for row in keys[name]]
-                    for name in ("mass", "through")
+            def value(numbers, library, watch=None, keys=keys, matrices=matrices):
+                shared = SharedParts()
+                entries = {
+                    name: [[evaluate(tree, numbers, library, watch, shared) for tree in row] for row in rows]
+                    for name, rows in matrices.items()
                 }
-                return 1 / determinant(at_axes({**keys, **own}, "mass"))
+                return 1 / determinant(at_axes({**keys, **entries}, "mass"))
 
             constants = frozenset().union(*map(constants_of, trees))
             yield Expression(value, reads, constants, tuple(sorted(reads & asked)))

@@ -8,30 +8,31 @@ import numpy as np
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.drawing.drawing import scalars
 from wavesweep.engine.drawing.drawn_block import DrawnBlock
-from wavesweep.engine.drawing.expressions import Tree, evaluate, is_given, lost_digits, names_in
+from wavesweep.engine.drawing.expressions import SharedParts, Tree, evaluate, is_given, lost_digits, names_in
 from wavesweep.engine.loops.block import numbers
 
 ROUNDED = "(rounded)"  # no number of a spec can have this name
 
 
-def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
+def values_of(tree: Tree, numbers: Mapping[str, Any], shared: SharedParts | None = None) -> Any:
     """Return the value of a tree without signals, correct to a few roundings of itself; the numbers are exact.
 
     numbers: name -> number, or array of numbers. Where digits are lost, as in sums that cancel, the value is computed again in
-    ball arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
+    ball arithmetic, each element from its own numbers alone. A missing value is NaN or infinite. shared: of trees at the same
+    numbers.
     """
     if tree[0] in ("number", "name"):
         return evaluate(tree, numbers)
-    without = []
+    shared = SharedParts() if shared is None else shared
 
-    def watch(*operation):
-        with np.errstate(all="ignore"):
-            lost = np.asarray(lost_digits(*operation))
+    def watch(part, *values):
+        lost = np.asarray(lost_digits(part, *values))
         if lost.any():
-            without.append(lost)
+            shared.lost[id(part)] = lost
 
     with np.errstate(all="ignore"):
-        rough = evaluate(tree, numbers, np, watch)
+        rough = evaluate(tree, numbers, np, watch, shared)
+    without = shared.lost_in(tree)
     if not without:
         return rough
     lost = np.logical_or.reduce(np.broadcast_arrays(*without)) & np.isfinite(rough)
