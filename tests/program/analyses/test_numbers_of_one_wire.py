@@ -31,7 +31,7 @@ def opened(monkeypatch):
     monkeypatch.setattr(
         open_loops, "open_frame", lambda *given, **how: made.append(open_loops.BESIDE in given[3]) or frame(*given, **how)
     )
-    open_loops.open_loop.cache_clear()
+    open_loops.remembered_loops.cache_clear()
     return made
 
 
@@ -44,6 +44,16 @@ def test_each_has_the_same_bits_whichever_others_there_are(opened):
         mine = whole[(whole.b == b) & whole.B.isin(some)].reset_index(drop=True)
         for name in ("low", "high", "low_omega", "high_omega", "residual", "felt_low", "felt_high"):
             np.testing.assert_array_equal(part[name], mine[name])
+
+
+def test_loops_that_were_asked_before_are_not_connected_again(opened):
+    loop = wavesweep.compile(wave_line())
+    loop.stable_intervals("K", (0, 20000), b=[15.0, 40.0], B=[2.0, 3.0])
+    before = len(opened)
+    loop.stable_intervals("K", (0, 10000), b=[15.0, 40.0], B=[1.0])
+    assert before == len(opened)
+    loop.stable_intervals("K", (0, 10000), b=[15.0, 41.0], B=[1.0])
+    assert before < len(opened)
 
 
 def test_a_number_with_which_a_loop_of_direct_terms_has_no_solution_is_named():

@@ -13,7 +13,6 @@ from wavesweep.engine.loops.batch import Loops, distinct_rows
 from wavesweep.engine.loops.dead_time import breaks, structure, timing
 from wavesweep.engine.loops.domain import domains, refuse_unsuitable
 from wavesweep.engine.loops.ports import feels
-from wavesweep.engine.monodromy.cut import with_batch
 from wavesweep.engine.rows import different
 from wavesweep.engine.search.interval_records import (
     FAILURES,
@@ -204,7 +203,7 @@ class Search:
         if opened is None or opened.loops.cut is None or (self.bound and self.bound.cost):
             return self._from_frames(loops, size, opened)
         count = int(opened.which.max()) + 1
-        cut = opened.loops.alone if count == 1 else with_batch(opened.loops.cut, count)
+        cut = opened.loops.batch(count)
         found = opened.intervals(cut, self.span, self.bound)
         doubtful = different(found.column[found.doubt != NONE])
         if not opened.alone and size > 1:  # each by itself

@@ -5,7 +5,6 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.from_drawing import PRODUCT
-from wavesweep.engine.monodromy.cut import with_batch
 from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
@@ -93,7 +92,7 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Require
     kinds, n, leads = ticks.kind.tolist(), len(ticks.states), [lead for lead, _ in loops.drift.moved]
     if len(kinds) == 1:
         return found
-    cut = loops.alone if count == 1 else with_batch(loops.cut, count)
+    cut = loops.batch(count)
     period = np.broadcast_to(np.asarray(cut.period), cut.batch)[which]
     s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
     kept, force = np.array([ticks.states.index(name) for name in cut.states]), loops.drawn.inputs.index(PRODUCT)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from wavesweep.engine.response.resting import Resting
 
 ANY = np.array([0.5, 2.0])  # a number that varies
+FEW = 256  # loops at most that are remembered together
 
 
 def exact_cut(loops: Loops, number: str) -> Cut | None:
@@ -67,10 +68,9 @@ class OpenLoops:
         """The loops cut at the number, or at the two numbers; None if their drift cannot be represented in a cut."""
         return cut_of(self.frame, self.drift, 1 + bool(self.beside), conserved=self.conserved)
 
-    @cached_property
-    def alone(self) -> Cut:
-        """The cut of a single loop, as a batch of one."""
-        return with_batch(self.cut, 1)
+    def batch(self, size: int) -> Cut:
+        """The cut as a batch of `size` loops."""
+        return self.cut.remembered(("batch", size), lambda: with_batch(self.cut, size))
 
     @cached_property
     def at_rest(self) -> "Resting | None":
@@ -116,10 +116,11 @@ def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = Fals
     return frame and OpenLoops(drawn, frame, drift, hand, beside, conserved)
 
 
-@lru_cache(maxsize=16)  # a compiled loop is asked again and again
-def open_loop(drawing, items, number, beside, felt):
-    """`open_loops` of a single loop."""
-    return open_loops(Loops(drawing, dict(items)), number, beside, felt=felt)
+@lru_cache(maxsize=8)  # compiled loops are asked again and again
+def remembered_loops(drawing, items, number, beside, felt):
+    """`open_loops` of a single loop or of few; items: their numbers, in tuples over the loops."""
+    values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
+    return open_loops(Loops(drawing, values), number, beside, felt=felt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -229,8 +230,8 @@ def _without(loops, number, size, path="", swapped=False, *, alone=False, felt):
         loops = some.changed({path: 0.0})
     elif size == 1 and not alone:
         loops = loops.one(0)
-    if any(np.ndim(v) for v in loops.values.values()):
+    if alone or max(map(np.size, loops.values.values()), default=1) > FEW:
         without = open_loops(loops, *numbers, felt=felt, each=alone)
     else:
-        without = open_loop(loops.drawing, loops.items, *numbers, felt)
+        without = remembered_loops(loops.drawing, loops.items, *numbers, felt)
     return without and Opened(without, of, beside, swapped, alone)
