@@ -118,9 +118,11 @@ def _next_to(spec, path, value, span):
 
     Panels crowd towards a singular pose.
     """
-    tiny = HARDLY * NEAR * (abs(value) or min(map(abs, span)))
+    if value == 0:
+        span = tuple(_reached(lambda end: spec.with_values({path: end}), value, end, HALVINGS) for end in span)
+    away = NEAR * (abs(value) or min(map(abs, span)))
+    tiny = HARDLY * away
     low, high = domain(*own_loop(spec, path), path, (value - tiny, value + tiny))
-    away = NEAR * (abs(value) or min(map(abs, (*span, 2 * low, 2 * high))))  # half of the way to a singular pose is allowed
     return max(span[0], low, value - away), min(span[1], high, value + away)
 
 
