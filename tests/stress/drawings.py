@@ -15,8 +15,8 @@ from support.drawn import random_feedback, random_tables
 
 import wavesweep
 from wavesweep.program.sweep.grid import loops_of
-from wavesweep.simulation.parts import DEPTH, FORCE, SPEED, loop_of
-from wavesweep.simulation.tick_sums import Ticks, keep, run
+from wavesweep.simulation.running_blocks import DEPTH, FORCE, SPEED, loop_of
+from wavesweep.simulation.tick_sums import TickSums, keep, run
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3), "rates.tick_hz": (700.0, 5000.0)}
 NUMBERS = [name for name in SPANS if "." not in name]
@@ -38,9 +38,9 @@ class Tally:
 
 def monodromy(drawing, values):
     """The map of states and held outputs over a frame, from a run of the blocks on unit numbers."""
-    ticks = Ticks(replace(loop_of(drawing, values), inputs=(), hand=""))
+    ticks = TickSums(replace(loop_of(drawing, values), inputs=(), hand=""))
     programs = [ticks.program(k, frozenset(), touching=True) for k in range(ticks.loop.frame)]
-    kept = [place for name, place in ticks.places.items() if name.partition(".")[0] in {part.name for part in ticks.parts}]
+    kept = [place for name, place in ticks.places.items() if name.partition(".")[0] in {part.name for part in ticks.blocks}]
     z = [np.zeros(len(kept)) for _ in ticks.places]
     for place, unit in zip(kept, np.eye(len(kept)), strict=True):
         z[place] = unit

@@ -51,13 +51,13 @@ def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
     name = next((name for name, signal, _ in drawing.inputs if signal == entry_of(spec)), None)
     if name is None:
         return {}
-    found = {}
+    settled = {}
     for output, _, _ in drawing.outputs:
         _, port = next(ports_of_batch(own_loop(spec), 1, (name, output)))
         value = transfer(Lifted.of(port), 0.0)[0].item().real
         if isfinite(value):
-            found[output] = size * value
-    return found
+            settled[output] = size * value
+    return settled
 
 
 def radius_of(spec: Spec) -> float:
@@ -77,21 +77,24 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
     If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
     """
     signals = {"f_device": simulation.signals["f_h"], **simulation.signals}  # without a reaction it is that of the whole port
-    seen = estimate(signals, tones, spec.tick_hz, simulation.frame)
+    estimated = estimate(signals, tones, spec.tick_hz, simulation.frame)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
     ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
-    seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * ratio / spec.tick_hz
+    estimated["omega_Ts"] = 2 * np.pi * estimated["frequency_hz"] * ratio / spec.tick_hz
     radius = radius_of(spec)
     stable = radius < 1
     columns = {name: np.full(len(tones), word, dtype=object) for name, word in (("spec", spec.name), ("controller", spec.kind))}
-    columns |= seen
+    columns |= estimated
     loop = loop_at_hand(spec)
-    linear = respond(loop, seen["frequency_hz"])
+    linear = respond(loop, estimated["frequency_hz"])
     columns |= complex_columns("linear_admittance", linear.admittance) | complex_columns("linear_impedance", linear.impedance)
     errors = (linear.admittance_error, linear.impedance_error)
     columns |= {f"linear_{name}_error": error for name, error in zip(("admittance", "impedance"), errors, strict=True)}
     if not stable:
         columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
     # What is beyond double precision is missing.
-    columns = {name: part if part.dtype == object else np.where(np.isinf(part), np.nan, part) for name, part in columns.items()}
+    columns = {
+        name: column if column.dtype == object else np.where(np.isinf(column), np.nan, column)
+        for name, column in columns.items()
+    }
     return columns | {"doubt": doubt_of(errors, stable, loop.lost | isnan(radius), radius == 1)}

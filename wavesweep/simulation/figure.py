@@ -129,7 +129,7 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     ports = facts["spec"].get("ports", {})
     inputs = [name for name in ports.get("inputs", {}) if name in units and columns[name].any()]
     outputs = [name for name in ports.get("outputs", {}) if name in units]
-    others = [name for name in units if name not in (*ports.get("inputs", {}), *outputs)]
+    unlisted = [name for name in units if name not in (*ports.get("inputs", {}), *outputs)]
 
     def alike(one: str, other: str) -> bool:
         low, high = sorted((sizes[one], sizes[other]))
@@ -137,17 +137,21 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
 
     panels: list[list[str]] = []
     for name in outputs:
-        with_those = next((panel for panel in panels if all(alike(name, each) for each in panel)), None)
+        with_those = next((panel for panel in panels if all(alike(name, shown) for shown in panel)), None)
         panels += [[name]] if with_those is None else []
         if with_those is not None:
             with_those.append(name)
     titles = [", ".join(panel) for panel in panels]
     panels = [[*panel, *(name for name in inputs if alike(name, panel[0]))] for panel in panels]
     alone = [name for name in inputs if not any(name in panel for panel in panels)]
-    named = [*((name, [name]) for name in alone), *zip(titles, panels, strict=True), *([("signals", others)] if others else [])]
+    named = [
+        *((name, [name]) for name in alone),
+        *zip(titles, panels, strict=True),
+        *([("signals", unlisted)] if unlisted else []),
+    ]
     return [
         (
-            "\n".join(wrap(with_unit(title, "" if names is others else printed([units[names[0]] or "1"])), _TITLE)),
+            "\n".join(wrap(with_unit(title, "" if names is unlisted else printed([units[names[0]] or "1"])), _TITLE)),
             [(name, name, IDEAL if name in inputs else distinct_colour(n), True) for n, name in enumerate(names)],
         )
         for title, names in named
@@ -180,14 +184,14 @@ def _messages(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
 def _in_turn(facts: Mapping[str, Any]) -> str:
     """Where frames are from, and the patterns of late and lost messages that a run repeats."""
     words = {0: "in time", 1: "1 tick late"}
-    given = facts["spec"]["simulate"].get("messages", {}).items()
+    patterns = facts["spec"]["simulate"].get("messages", {}).items()
     frames, begin = facts["spec"]["simulate"].get("frames"), ""
     if isinstance(frames, str):
         seed = facts["spec"]["simulate"]["seed"]
         begin = f"Frames at random, seed {seed}. " if frames == RANDOM else f"Frames as they were measured, {frames}. "
     said = [
         f"{name} {', '.join(each if isinstance(each, str) else words.get(each, f'{each} ticks late') for each in late)}"
-        for name, late in given
+        for name, late in patterns
     ]
     return begin + (f"Messages, repeated: {'; '.join(said)}." if said else "")
 
@@ -259,23 +263,23 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     from wavesweep.program.analyses.spec_loops import loop_at_hand
     from wavesweep.program.plots.response_figures import Curve, at_both_ports, draw_curves
 
-    spec, seen = spec_of(facts), columns["frequency_hz"]
+    spec, frequency_hz = spec_of(facts), columns["frequency_hz"]
     linear = {name.removeprefix("linear_"): column for name, column in columns.items() if name.startswith("linear_")}
-    linear, look = linear | {"frequency_hz": seen}, {"marker": "_", "markersize": 14, "linestyle": "none"}
+    linear, look = linear | {"frequency_hz": frequency_hz}, {"marker": "_", "markersize": 14, "linestyle": "none"}
     if spec is not None and not np.isnan(linear["admittance_abs"]).all():
-        band = np.geomspace(seen.min() / 2, min(2 * seen.max(), spec.tick_hz / 2), _LINEAR_POINTS)
-        frequency, look = np.unique(np.concatenate([band, seen])), {}
-        found = respond(loop_at_hand(spec), frequency)
-        linear = {"frequency_hz": frequency, **complex_columns("admittance", found.admittance.ravel())}
-        linear |= complex_columns("impedance", found.impedance.ravel())
-    slow, curves = float(np.median(columns["omega_Ts"] / seen)), []
-    for each, name, style in (
+        band = np.geomspace(frequency_hz.min() / 2, min(2 * frequency_hz.max(), spec.tick_hz / 2), _LINEAR_POINTS)
+        frequency, look = np.unique(np.concatenate([band, frequency_hz])), {}
+        response = respond(loop_at_hand(spec), frequency)
+        linear = {"frequency_hz": frequency, **complex_columns("admittance", response.admittance.ravel())}
+        linear |= complex_columns("impedance", response.impedance.ravel())
+    slow, curves = float(np.median(columns["omega_Ts"] / frequency_hz)), []
+    for values, name, style in (
         (linear, "linear loop", {"color": IDEAL, "linewidth": 0.9, **look}),
         (columns, "simulated", {"color": distinct_colour(0), "marker": "o", "markersize": 3, "linestyle": "none"}),
     ):
-        count = len(each["frequency_hz"])
-        own = {"omega_Ts": slow * each["frequency_hz"], "admittance_abs": 1e3 * each["admittance_abs"]}
-        own |= dict.fromkeys(("spec", "doubt"), np.full(count, "", object))
-        own |= dict.fromkeys(("admittance_error", "impedance_error"), np.zeros(count))
-        curves.append(Curve({**each, **own}, name, style))
+        count = len(values["frequency_hz"])
+        marks = {"omega_Ts": slow * values["frequency_hz"], "admittance_abs": 1e3 * values["admittance_abs"]}
+        marks |= dict.fromkeys(("spec", "doubt"), np.full(count, "", object))
+        marks |= dict.fromkeys(("admittance_error", "impedance_error"), np.zeros(count))
+        curves.append(Curve({**values, **marks}, name, style))
     return draw_curves(curves, at_both_ports(facts), "frequency_hz", facts)

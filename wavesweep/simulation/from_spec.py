@@ -17,8 +17,8 @@ from wavesweep.simulation.hardware import Effects, random_frames
 from wavesweep.simulation.inputs import Input
 from wavesweep.simulation.keys import FRAMES, RANDOM, Frame, entry_of, written_messages
 from wavesweep.simulation.march import simulate
-from wavesweep.simulation.parts import Frames
 from wavesweep.simulation.record import Simulation
+from wavesweep.simulation.running_blocks import FrameClock
 
 
 def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
@@ -31,14 +31,14 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     a force that is not a vector of finite numbers, an option that does not exist or is out of range, or frames that the loop
     cannot have.
     """
-    known, units = [field.name for field in fields(Effects)], (spec.at_port("m"), spec.at_port("N"))
-    if unknown := [name for name in changes if name not in known]:
-        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
+    effect_names, units = [field.name for field in fields(Effects)], (spec.at_port("m"), spec.at_port("N"))
+    if unknown := [name for name in changes if name not in effect_names]:
+        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(effect_names)}, found an unknown name")
     effects = replace(effects_of(spec), **changes)
     force = hand_force(spec.asking("simulate"), effects.seed).force if force is None else inputs.given(force).force
     frames = frames_of(spec, frames_in_turn(spec, len(force), effects))
-    own = {"drawing": spec.drawing, "units": units, "entry": entry_of(spec)}
-    return simulate(spec.values, force, effects, **own, frames=frames, messages=spec.simulate["messages"])
+    described = {"drawing": spec.drawing, "units": units, "entry": entry_of(spec)}
+    return simulate(spec.values, force, effects, **described, frames=frames, messages=spec.simulate["messages"])
 
 
 def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...]:
@@ -46,29 +46,29 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
 
     Errors: UsageError for a file that cannot be read, or without the capability that reads it.
     """
-    given = spec.simulate["frames"] or ()
-    if not isinstance(given, str):
-        return given
-    if given != RANDOM:
+    frames = spec.simulate["frames"] or ()
+    if not isinstance(frames, str):
+        return frames
+    if frames != RANDOM:
         module = next(modules("frames"), None)
         if module is None:
-            raise UsageError(f"{FRAMES}: expected the capability frame_times, which reads {given}, found that it is not there")
-        return tuple(map(Frame, module.read_run(beside(spec, given), spec.tick_hz).lengths.tolist()))
-    asked, found, length, ticks = spec.for_all, [], 0, 0
+            raise UsageError(f"{FRAMES}: expected the capability frame_times, which reads {frames}, found that it is not there")
+        return tuple(map(Frame, module.read_run(beside(spec, frames), spec.tick_hz).lengths.tolist()))
+    for_all, frames_run, length, ticks = spec.for_all, [], 0, 0
     lengths, delays = [spec.values.get("rates.ratio")], [None]
-    for axis in asked.changing:
+    for axis in for_all.changing:
         if axis.path == "environment.delay":
             delays = axis.values
         else:
             lengths = lengths_at(spec, axis)
     kinds = [Frame(0, delay) for delay in delays] + [Frame(0, lost=True)]
     draw = random_frames(effects)
-    while ticks < count or not found:
-        length = draw(asked.lengths[length % len(asked.lengths)])
-        result = kinds[draw(asked.results[length % len(asked.results)])]
-        found.append(replace(result, ticks=lengths[length]))
+    while ticks < count or not frames_run:
+        length = draw(for_all.lengths[length % len(for_all.lengths)])
+        result = kinds[draw(for_all.results[length % len(for_all.results)])]
+        frames_run.append(replace(result, ticks=lengths[length]))
         ticks += lengths[length]
-    return tuple(found)
+    return tuple(frames_run)
 
 
 MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
@@ -76,17 +76,17 @@ MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
 
 def run_in_words(spec: Spec) -> Run:
     """Return the frames and the messages of the spec's experiment in words."""
-    given, patterns, messages = spec.simulate["frames"] or (), spec.simulate["messages"] or {}, []
-    lengths = ", ".join(f"{each.ticks}" for each in given[:MOST_SHOWN]) if not isinstance(given, str) else ""
-    frames = f"frames of {lengths}{', ...' * (len(given) > MOST_SHOWN)} ticks in turn" if lengths else ""
-    if isinstance(given, str):
-        frames = f"frames at random, seed {spec.simulate['seed']}" if given == RANDOM else f"the frames of {given}"
-    elif any(each.lost or each.delay is not None for each in given):
+    frame_list, patterns, messages = spec.simulate["frames"] or (), spec.simulate["messages"] or {}, []
+    lengths = ", ".join(f"{frame.ticks}" for frame in frame_list[:MOST_SHOWN]) if not isinstance(frame_list, str) else ""
+    frames = f"frames of {lengths}{', ...' * (len(frame_list) > MOST_SHOWN)} ticks in turn" if lengths else ""
+    if isinstance(frame_list, str):
+        frames = f"frames at random, seed {spec.simulate['seed']}" if frame_list == RANDOM else f"the frames of {frame_list}"
+    elif any(frame.lost or frame.delay is not None for frame in frame_list):
         frames += ", some with results that are lost or have a delay of their own"
     for block in spec.drawing.channels if spec.drawing else ():
         if turns := written_messages(patterns.get(block.name, ())[:MOST_SHOWN]):
-            more = ", ..." * (len(patterns[block.name]) > MOST_SHOWN)
-            messages.append(f"messages of {block.name} late by {', '.join(map(str, turns))}{more} ticks in turn")
+            rest = ", ..." * (len(patterns[block.name]) > MOST_SHOWN)
+            messages.append(f"messages of {block.name} late by {', '.join(map(str, turns))}{rest} ticks in turn")
         elif block.loses_at_random:
             messages.append(f"messages of {block.name} lost at random, seed {spec.simulate['seed']}")
     return Run(frames, "; ".join(messages) or IN_TIME.messages)
@@ -101,7 +101,7 @@ def lengths_at(spec: Spec, axis: Axis) -> list[int]:
     return [int(value_of(every, scalars({**spec.values, axis.path: value}))) for value in values]
 
 
-def frames_of(spec: Spec, given: Sequence[Frame]) -> Frames | None:
+def frames_of(spec: Spec, given: Sequence[Frame]) -> FrameClock | None:
     """Return these frames of a spec as the simulation takes them, None for none.
 
     Results come after the delay of their frame, by default that of the spec; those of a drawn loop's blocks at once.
@@ -109,11 +109,13 @@ def frames_of(spec: Spec, given: Sequence[Frame]) -> Frames | None:
     if not given:
         return None
     delay = spec.values.get("environment.delay", 0)
-    usual = [each.ticks if spec.delay_of_frame else delay for each in given]
-    delays = [usual if each.delay is None else each.delay for each, usual in zip(given, usual, strict=True)]
+    usual = [frame.ticks if spec.delay_of_frame else delay for frame in given]
+    delays = [usual if frame.delay is None else frame.delay for frame, usual in zip(given, usual, strict=True)]
     nominal = spec.values["rates.ratio"] if spec.step == "nominal" else None
-    ticks, lost = tuple(each.ticks for each in given), [each.lost for each in given]
-    return Frames(ticks, tuple(None if gone else each for gone, each in zip(lost, delays, strict=True)), nominal)
+    ticks, lost = tuple(frame.ticks for frame in given), [frame.lost for frame in given]
+    return FrameClock(
+        ticks, tuple(None if gone else delay_of_result for gone, delay_of_result in zip(lost, delays, strict=True)), nominal
+    )
 
 
 def effects_of(spec: Spec) -> Effects:

@@ -85,11 +85,11 @@ def losses(effects: Effects, keys: Mapping[str, float], messages: int, *others: 
     """Return what happens to each message of a channel with these keys: 0, or None for one that is lost at random; others: a
     number of another channel."""
     changes, lost = _source(effects, 3, *others).uniform(size=(2, messages))
-    found, burst = [], False
+    lost_frames, burst = [], False
     for change, chance in zip(changes.tolist(), lost.tolist(), strict=True):
         burst = change >= keys["burst_end"] if burst else change < keys["burst"]
-        found.append(None if chance < (keys["burst_loss"] if burst else keys["loss"]) else 0)
-    return found
+        lost_frames.append(None if chance < (keys["burst_loss"] if burst else keys["loss"]) else 0)
+    return lost_frames
 
 
 def random_frames(effects: Effects) -> Callable[[Sequence[float]], int]:

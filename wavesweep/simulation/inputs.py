@@ -115,8 +115,8 @@ def given(force) -> Input:
         raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {force!r:.60}")
     force = numbers.astype(float)
     if force.ndim != 1 or not np.isfinite(force).all():
-        found = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
-        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {found}")
+        problem = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
+        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {problem}")
     return Input(force)
 
 
@@ -155,8 +155,8 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         # A spec may name any file, whose text is not for everybody: only that of a table of numbers is shown.
         cells = lines[0].split(",") if file.names else []
         table = len(cells) == len(file.names) and all(map(_is_number, cells))
-        found = file.listed if table or not file.names else "text that is no table of numbers"
-        raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {found}")
+        problem = file.listed if table or not file.names else "text that is no table of numbers"
+        raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {problem}")
     if len(lines) > MOST_TICKS:
         raise UsageError(f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more")
     names = ["force_N", *(["time_s"] if "time_s" in file.names else [])]
@@ -168,10 +168,10 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         off = np.abs(times[0] - expected) > _TOLERANCE / fast_hz
         if off.any():
             row = int(off.argmax())
-            wanted, found = apart(float(expected[row]), float(times[0][row]))
+            wanted, problem = apart(float(expected[row]), float(times[0][row]))
             raise UsageError(
                 f"{path}:{row + 2}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
-                f"fast rate, found {found}; resample the record or set {rate}"
+                f"fast rate, found {problem}; resample the record or set {rate}"
             )
     return Input(force.copy())
 

@@ -142,12 +142,12 @@ class Frame:
 
     def written(self) -> int | dict[str, int | bool]:
         """Return the frame as a spec could give it."""
-        more = {
+        optional = {
             name: value
             for name, value in (("delay", self.delay), ("lost", self.lost))
             if value is not None and value is not False
         }
-        return {"ticks": self.ticks, **more} if more else self.ticks
+        return {"ticks": self.ticks, **optional} if optional else self.ticks
 
 
 def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | None:
@@ -161,16 +161,16 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | No
     for index, item in enumerate(leaf.value):
         path = f"{FRAMES}[{index}]"
         if isinstance(item, dict):
-            parts = mistakes.read(FRAME_KEYS, {name: replace(leaf, value=value) for name, value in item.items()}, path)
+            frame_keys = mistakes.read(FRAME_KEYS, {name: replace(leaf, value=value) for name, value in item.items()}, path)
             if "ticks" not in item:
                 mistakes.refuse(leaf, path, "the ticks of the frame", "none", of_key=False)
         else:
-            parts = {"ticks": mistakes.check(FRAME_KEYS["ticks"], replace(leaf, value=item), path)}
-        if parts.get("ticks"):
-            frames.append(Frame(**parts))
-            if parts.get("delay", 0) > parts["ticks"]:
-                expected = f"a whole number <= {parts['ticks']}, the ticks of the frame"
-                mistakes.refuse(leaf, f"{path}.delay", expected, show(parts["delay"]), of_key=False)
+            frame_keys = {"ticks": mistakes.check(FRAME_KEYS["ticks"], replace(leaf, value=item), path)}
+        if frame_keys.get("ticks"):
+            frames.append(Frame(**frame_keys))
+            if frame_keys.get("delay", 0) > frame_keys["ticks"]:
+                expected = f"a whole number <= {frame_keys['ticks']}, the ticks of the frame"
+                mistakes.refuse(leaf, f"{path}.delay", expected, show(frame_keys["delay"]), of_key=False)
     ticks = sum(frame.ticks for frame in frames)
     if ticks > LONGEST_FRAME:
         mistakes.refuse(leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False)
@@ -198,8 +198,8 @@ def build_messages(given: Mapping[str, Leaf], mistakes: Mistakes) -> dict[str, t
 
 def written_messages(late: tuple[int | None, ...]) -> list[int | str]:
     """Return the ticks by which messages are late in turn, and the words for those that are lost, as a spec could give them."""
-    runs = [(each, len(list(run))) for each, run in groupby(late)]
-    return [item for each, count in runs for item in ([f"{count} lost"] if each is None else [each] * count)]
+    runs = [(ticks_late, len(list(run))) for ticks_late, run in groupby(late)]
+    return [item for ticks_late, count in runs for item in ([f"{count} lost"] if ticks_late is None else [ticks_late] * count)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +238,7 @@ class Experiment(Asked):
         present = {name: value for name, value in self.values.items() if value is not None}
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
         frames = present.get("frames", "")
-        frames = {} if isinstance(frames, str) else {"frames": [each.written() for each in frames]}
+        frames = {} if isinstance(frames, str) else {"frames": [frame.written() for frame in frames]}
         shown = {"show": list(present["show"])} if "show" in present else {}
         messages = {name: written_messages(late) for name, late in present.get("messages", {}).items()}
         return present | frequencies | frames | shown | ({"messages": messages} if messages else {})
@@ -246,14 +246,14 @@ class Experiment(Asked):
     def on(self, device: HapticDevice | None) -> Experiment:
         """Return the experiment with the limits of a device, except for keys that are given themselves."""
         numbers = device.simulation() if device else {}
-        known = {name: value for name, value in numbers.items() if f"simulate.{name}" not in self.given}
-        return replace(self, values=self.values | known) if known else self
+        missing = {name: value for name, value in numbers.items() if f"simulate.{name}" not in self.given}
+        return replace(self, values=self.values | missing) if missing else self
 
     def unread(self) -> list[str]:
         """Return the keys that are given, and not as their defaults, and that the input does not read."""
-        given = {path: leaf.value for path, leaf in self.given.items()} | {FREQUENCIES: self.frequencies}
+        settings = {path: leaf.value for path, leaf in self.given.items()} | {FREQUENCIES: self.frequencies}
         paths = {name: f"simulate.{name}" for name, inputs in READ_BY.items() if self.values["input"] not in inputs}
-        return [name for name, path in paths.items() if path in given and given[path] != KEYS[path].default]
+        return [name for name, path in paths.items() if path in settings and settings[path] != KEYS[path].default]
 
     def refuse_beyond_limits(self, fast_hz: float, rate: str, mistakes: Mistakes) -> None:
         """Add the mistakes that matter to a simulation alone. fast_hz, rate: the fast rate and the path of its key."""
@@ -263,7 +263,7 @@ class Experiment(Asked):
         late = kind in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz
         long = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
         table = next((leaf.place.parent() for leaf in self.given.values()), Place())
-        for name, wrong, expected, found in (
+        for name, wrong, expected, problem in (
             ("frequency_hz", stop >= half, f"numbers < {half!r} (half of {rate})", show(stop)),
             ("frequency_hz" if lasts is None else "duration_s", seconds > most, long, f"{seconds:g} s"),
             ("duration_s", lasts is not None and 0 < seconds * fast_hz <= 0.5, tick, show(seconds)),
@@ -272,13 +272,13 @@ class Experiment(Asked):
         ):
             if wrong:
                 leaf = self.given.get(f"simulate.{name}", table)
-                mistakes.refuse(leaf, f"simulate.{name}", expected, found, of_key=False)
+                mistakes.refuse(leaf, f"simulate.{name}", expected, problem, of_key=False)
 
     def _seconds(self) -> float:
         values, frequencies = self.values, self.values["frequency_hz"] or ()
         if values["duration_s"] is not None or values["input"] != "stepped-sine":
             return values["duration_s"] or 0.0
-        return sum(step_seconds(each, values["settle_s"], values["periods"]) for each in frequencies)
+        return sum(step_seconds(tone, values["settle_s"], values["periods"]) for tone in frequencies)
 
 
 def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
@@ -288,36 +288,38 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
 
 def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
     """Return the experiment and add its mistakes; usual: the input that is taken by default."""
-    given = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
-    of_messages = {path: given.pop(path) for path in list(given) if path.startswith(MESSAGES)}
-    checked = mistakes.read(KEYS, {path: leaf for path, leaf in given.items() if path not in (FRAMES, SHOW)})
+    leaves = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
+    of_messages = {path: leaves.pop(path) for path in list(leaves) if path.startswith(MESSAGES)}
+    checked = mistakes.read(KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW)})
     checked[MESSAGES] = build_messages(of_messages, mistakes) or None
-    if FRAMES in given:
-        checked[FRAMES] = build_frames(given[FRAMES], mistakes)
-    if SHOW in given:
-        checked[SHOW] = names_in_list(given[SHOW]) or None
+    if FRAMES in leaves:
+        checked[FRAMES] = build_frames(leaves[FRAMES], mistakes)
+    if SHOW in leaves:
+        checked[SHOW] = names_in_list(leaves[SHOW]) or None
         if not checked[SHOW]:
-            mistakes.refuse(given[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(given[SHOW].value), of_key=False)
+            mistakes.refuse(leaves[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(leaves[SHOW].value), of_key=False)
     defaults = {path: key.default for path, key in KEYS.items()} | {"simulate.input": usual}
     values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
     kind, axis = values["input"], None
-    parts, before = dict(belongs.axes["simulate"].get("frequency_hz", {})), len(mistakes)
-    if "" in parts and isinstance(parts[""].value, (int, float)):
-        parts[""] = replace(parts[""], value=[parts[""].value])
-    nothing = "" in parts and parts[""].value == [] and kind not in INPUT_FREQUENCIES  # as `Experiment.written` has it
-    if parts and not nothing:
-        axis = build_axis("simulate", "frequency_hz", parts, mistakes)
-    if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in given):
+    frequency_leaves, before = dict(belongs.axes["simulate"].get("frequency_hz", {})), len(mistakes)
+    if "" in frequency_leaves and isinstance(frequency_leaves[""].value, (int, float)):
+        frequency_leaves[""] = replace(frequency_leaves[""], value=[frequency_leaves[""].value])
+    nothing = (
+        "" in frequency_leaves and frequency_leaves[""].value == [] and kind not in INPUT_FREQUENCIES
+    )  # as `Experiment.written` has it
+    if frequency_leaves and not nothing:
+        axis = build_axis("simulate", "frequency_hz", frequency_leaves, mistakes)
+    if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in leaves):
         axis = axis or INPUT_FREQUENCIES.get(kind)
-        values["frequency_hz"] = _frequencies(kind, axis, parts, mistakes)
+        values["frequency_hz"] = _frequencies(kind, axis, frequency_leaves, mistakes)
     if values["duration_s"] is None and kind not in ("stepped-sine", "record"):
         values["duration_s"] = SECONDS
     if kind == "record" and values["record"] is None:
         expected = "the name of a CSV file for this input"
-        mistakes.refuse(given["simulate.input"], "simulate.record", expected, "nothing", of_key=False)
-    if parts:
-        given[FREQUENCIES] = Leaf(None, axis_place(parts))
-    return Experiment(values, axis, given)
+        mistakes.refuse(leaves["simulate.input"], "simulate.record", expected, "nothing", of_key=False)
+    if frequency_leaves:
+        leaves[FREQUENCIES] = Leaf(None, axis_place(frequency_leaves))
+    return Experiment(values, axis, leaves)
 
 
 def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple[float, ...]:
@@ -325,18 +327,18 @@ def _frequencies(kind: str, axis: Axis | None, parts: Mapping[str, Leaf], mistak
     if kind not in INPUT_FREQUENCIES:
         return ()
     ends = axis.values or (axis.start, axis.stop)
-    found = f"{len(ends)} frequencies" if axis.values else "only a span"
+    problem = f"{len(ends)} frequencies" if axis.values else "only a span"
     if kind == "chirp":
         if len(ends) <= 2 and ends[0] <= ends[-1]:
             return ends[0], ends[-1]
         expected = "one or two frequencies for a chirp, the lower one first"
-        found = found if len(ends) > 2 else " and ".join(map(repr, ends))
+        problem = problem if len(ends) > 2 else " and ".join(map(repr, ends))
     elif axis.values and (kind != "sine" or len(ends) == 1):
         return axis.values
     else:
-        one = 'one frequency for a sine (several are for input = "stepped-sine")'
-        expected = one if kind == "sine" else "num with start and stop, or a list"
-    mistakes.refuse(axis_place(parts), FREQUENCIES, expected, found)
+        single_frequency = 'one frequency for a sine (several are for input = "stepped-sine")'
+        expected = single_frequency if kind == "sine" else "num with start and stop, or a list"
+    mistakes.refuse(axis_place(parts), FREQUENCIES, expected, problem)
     return ()
 
 
@@ -359,8 +361,8 @@ def refuse_unknown_channels(belongs: Sorted, drawing: Drawing | None, mistakes: 
     for path, leaf in belongs.below(MESSAGES).items():
         if path not in channels:
             expected = f"channels of a drawn loop ({', '.join(channels) or 'it has none'}), each with a list"
-            found = path or show(leaf.value), nearest(path, channels)
-            mistakes.refuse(leaf, f"{MESSAGES}.{path}".rstrip("."), expected, *found, of_key=False)
+            problem = path or show(leaf.value), nearest(path, channels)
+            mistakes.refuse(leaf, f"{MESSAGES}.{path}".rstrip("."), expected, *problem, of_key=False)
 
 
 def demand(spec: Spec) -> None:

@@ -53,16 +53,16 @@ def inertia(period: float, inertia: float, damping: float, stiffness: float) -> 
 def mass_matrix(period: float, axes: Sequence[str], **keys) -> Law:
     """`M a + D v + K x = f` under forces that are held over the period: exact."""
     forces, velocities = ([f"{port}{name}" for name in axes] for port in "fv")
-    parts = (part.tolist() for part in _of_axes(axes, **keys))
-    return ss(period, *parts, forces, [*axes, *velocities], discrete=False)
+    matrices = (matrix.tolist() for matrix in _of_axes(axes, **keys))
+    return ss(period, *matrices, forces, [*axes, *velocities], discrete=False)
 
 
 def _of_axes(axes, mass, damping, stiffness, through):
-    n, seen = len(axes), np.array(through) if through else np.eye(len(axes))
+    n, axes_at_port = len(axes), np.array(through) if through else np.eye(len(axes))
 
     def at_axes(rows):
-        whole = np.array(rows) if rows else np.zeros((len(seen), len(seen)))
-        return seen.T @ (np.diag(whole[0]) if len(whole) < len(seen) else whole) @ seen
+        matrix = np.array(rows) if rows else np.zeros((len(axes_at_port), len(axes_at_port)))
+        return axes_at_port.T @ (np.diag(matrix[0]) if len(matrix) < len(axes_at_port) else matrix) @ axes_at_port
 
     slowed = np.linalg.solve(at_axes(mass), np.hstack([-at_axes(stiffness), -at_axes(damping), np.eye(n)]))
     still = np.zeros((n, n))
@@ -78,7 +78,7 @@ def spring(period: float, k: float, d: float) -> Law:
     """A spring and a damper between two ends, which they pull towards each other."""
     del period
     pull = ((k, "x2"), (-k, "x1"), (d, "v2"), (-d, "v1"))
-    return Law({"f1": pull, "f2": tuple((-each, name) for each, name in pull)})
+    return Law({"f1": pull, "f2": tuple((-gain, name) for gain, name in pull)})
 
 
 def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str], *, discrete: bool) -> Law:
@@ -87,9 +87,9 @@ def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str],
     D = D or [[0.0] * len(inputs) for _ in outputs]
     changes = [[*row, *pushed] for row, pushed in zip(A, B, strict=True)]
     if not discrete and n:
-        whole = np.zeros((len(names), len(names)))
-        whole[:n] = changes
-        changes = exponential_minus_one(whole * period)[:n].tolist()
+        matrix = np.zeros((len(names), len(names)))
+        matrix[:n] = changes
+        changes = exponential_minus_one(matrix * period)[:n].tolist()
     keeps = {name: _sum(row, names) + (() if discrete else ((1.0, name),)) for name, row in zip(names, changes, strict=False)}
     return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C or [[]] * len(D), D, strict=True)}, keeps)
 
@@ -104,7 +104,7 @@ def continuous(period: float, members, gains: Mapping[tuple[str, str], float], i
     from scipy.linalg import block_diag
 
     models = [_matrices(kind, keys, len(into), len(out)) for _, kind, keys, into, out in members]
-    A, B, C, D = (block_diag(*parts) for parts in zip(*models, strict=True))
+    A, B, C, D = (block_diag(*blocks) for blocks in zip(*models, strict=True))
     ports = {port: i for i, port in enumerate(f"{name}.{port}" for name, *_, into, _ in members for port in into)}
     shown = {port: i for i, port in enumerate(f"{name}.{port}" for name, *_, out in members for port in out)}
     order = len(A)
@@ -114,12 +114,12 @@ def continuous(period: float, members, gains: Mapping[tuple[str, str], float], i
     through = np.linalg.solve(np.eye(len(shown)) - D @ K, np.hstack([C, D]))  # all outputs of states and inputs from outside
     moved = np.hstack([A, B]) + B @ K @ through
     into, out = [ports[name] for name in inputs], [shown[name] for name in outputs]
-    parts = moved[:, :order], moved[:, order:][:, into], through[out, :order], through[out, order:][:, into]
+    matrices = moved[:, :order], moved[:, order:][:, into], through[out, :order], through[out, order:][:, into]
     if not (arriving or sensed):
-        return ss(period, *(part.tolist() for part in parts), [*inputs.values()], [*outputs.values()], discrete=False)
-    more = [(list(inputs).index(port), name, at) for port, name, at in arriving]
+        return ss(period, *(matrix.tolist() for matrix in matrices), [*inputs.values()], [*outputs.values()], discrete=False)
+    arrivals = [(list(inputs).index(port), name, at) for port, name, at in arriving]
     read = [(list(outputs).index(signal), name, at) for signal, name, at in sensed]
-    return _within_tick(period, *parts, [*inputs.values()], [*outputs.values()], more, read)
+    return _within_tick(period, *matrices, [*inputs.values()], [*outputs.values()], arrivals, read)
 
 
 def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
@@ -130,14 +130,14 @@ def _within_tick(period, A, B, C, D, inputs, outputs, arriving, sensed) -> Law:
     shown, now = {name: C[i] @ state + D[i] @ pushed for i, name in enumerate(outputs)}, 0.0
     events = [(at, 0, port, order + len(inputs) + k) for k, (port, _, at) in enumerate(arriving)]
     events += [(at, 1, row, name) for row, name, at in sensed]
-    for at, kind, which, what in (*sorted(events), (1.0, 2, 0, 0)):
-        whole = np.block([[A, B], [np.zeros((len(inputs), order + len(inputs)))]])
-        change = exponential_minus_one(whole * ((at - now) * period))[:order]
+    for at, kind, port, place in (*sorted(events), (1.0, 2, 0, 0)):
+        generator = np.block([[A, B], [np.zeros((len(inputs), order + len(inputs)))]])
+        change = exponential_minus_one(generator * ((at - now) * period))[:order]
         state, now = state + change @ np.vstack([state, pushed]), at
         if kind == 0:
-            pushed[which, what] += 1.0
+            pushed[port, place] += 1.0
         elif kind == 1:
-            shown[what] = C[which] @ state + D[which] @ pushed
+            shown[place] = C[port] @ state + D[port] @ pushed
     gives = {name: _sum(row.tolist(), names) for name, row in shown.items()}
     return Law(gives, {name: _sum(row.tolist(), names) for name, row in zip(names, state, strict=False)})
 
@@ -151,32 +151,34 @@ def _matrices(kind, keys, inputs, outputs):
         rows = _of_axes(**keys)
     elif kind == "spring":
         pull = [-keys["k"], -keys["d"], keys["k"], keys["d"]]
-        rows = [], [], [], [pull, [-each for each in pull]]
+        rows = [], [], [], [pull, [-row for row in pull]]
     elif kind == "tf":
         rows = _controllable(keys["num"], keys["den"])
     else:
         rows = (keys[name] for name in "ABCD")
     A, B, C, D = map(np.array, rows)
     shapes = (len(A), len(A)), (len(A), inputs), (outputs, len(A)), (outputs, inputs)
-    return [part.reshape(shape) if part.size else np.zeros(shape) for part, shape in zip((A, B, C, D), shapes, strict=True)]
+    return [
+        matrix.reshape(shape) if matrix.size else np.zeros(shape) for matrix, shape in zip((A, B, C, D), shapes, strict=True)
+    ]
 
 
 def tf(period: float, num: Sequence[float], den: Sequence[float], *, discrete: bool) -> Law:
     """Transfer function from coefficients of descending powers of s or z, in direct or in controllable form."""
     if not discrete:
         return ss(period, *_controllable(num, den), ("u",), ("y",), discrete=False)
-    a, b = [each / den[0] for each in den], [0.0] * (len(den) - len(num)) + [each / den[0] for each in num]
+    a, b = [coefficient / den[0] for coefficient in den], [0.0] * (len(den) - len(num)) + [each / den[0] for each in num]
     past = tuple(f"w{i}" for i in range(1, len(den)))
-    gives = {"w0": ((1.0, "u"), *_sum([-each for each in a[1:]], past)), "y": _sum(b, ("w0", *past))}
+    gives = {"w0": ((1.0, "u"), *_sum([-coefficient for coefficient in a[1:]], past)), "y": _sum(b, ("w0", *past))}
     return Law(gives, moves=(("w0", past),) if past else ())
 
 
 def _controllable(num, den):
     """A, B, C and D of a transfer function from coefficients of descending powers of s."""
-    n, a = len(den) - 1, [each / den[0] for each in den]
-    b = [0.0] * (len(den) - len(num)) + [each / den[0] for each in num]
-    A = [[-each for each in a[1:]], *([1.0 * (i == j) for j in range(n)] for i in range(n - 1))][:n]
-    C = [each - factor * b[0] for each, factor in zip(b[1:], a[1:], strict=True)]
+    n, a = len(den) - 1, [coefficient / den[0] for coefficient in den]
+    b = [0.0] * (len(den) - len(num)) + [coefficient / den[0] for coefficient in num]
+    A = [[-coefficient for coefficient in a[1:]], *([1.0 * (i == j) for j in range(n)] for i in range(n - 1))][:n]
+    C = [coefficient - factor * b[0] for coefficient, factor in zip(b[1:], a[1:], strict=True)]
     return A, [[1.0 * (i == 0)] for i in range(n)], [C], [[b[0]]]
 
 
@@ -352,10 +354,10 @@ def mean(period: float, n: int) -> Law:
 def wave(period: float, b: float, gives: str) -> Law:
     """End of a wave line of impedance b (N s/m): `force = b v - sqrt(2b) in`, `out = sqrt(2b) v - in`, or solved for `v`."""
     del period
-    own, other = root(2 * b), root(2 / b)
+    impedance, admittance = root(2 * b), root(2 / b)
     if gives == "force":
-        return Law({"force": ((b, "v"), (-own, "in")), "out": ((own, "v"), (-1.0, "in"))})
-    return Law({"v": ((other, "in"), (-1 / b, "f")), "out": ((1.0, "in"), (-other, "f"))})
+        return Law({"force": ((b, "v"), (-impedance, "in")), "out": ((impedance, "v"), (-1.0, "in"))})
+    return Law({"v": ((admittance, "in"), (-1 / b, "f")), "out": ((1.0, "in"), (-admittance, "f"))})
 
 
 def avatar(period: float, b: float, integration: str) -> Law:
@@ -363,13 +365,13 @@ def avatar(period: float, b: float, integration: str) -> Law:
 
     It moves from `before` by a step with its velocity; the spring reads where it was, if explicit, or where it is.
     """
-    other = root(2 / b)
+    admittance = root(2 / b)
     moved, keeps = _integral("before", "v", period, integration)
     gives = {
-        "v": ((other, "in"), (-1 / b, "f")),
+        "v": ((admittance, "in"), (-1 / b, "f")),
         "x_spring": ((1.0, "before"),) if integration == "explicit" else moved,
         "x": moved,
-        "out": ((1.0, "in"), (-other, "f")),
+        "out": ((1.0, "in"), (-admittance, "f")),
     }
     return Law(gives, keeps)
 
@@ -399,9 +401,9 @@ def in_delta_form(E, B, C, D, states: Sequence[str], inputs: Sequence[str], outp
     """A block that is given by matrices: `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`."""
     names = [*(f"state {state}" for state in states), *inputs]
     keeps = {}
-    for i, (own, e, b) in enumerate(zip(names, E.tolist(), B.tolist(), strict=False)):
-        last = (1.0, own) if e[i] != -1.0 else (0.0, own)  # a state that does not depend on itself gets a new value
-        keeps[own] = (*_sum([*(0.0 if last[0] == 0.0 and j == i else each for j, each in enumerate(e)), *b], names), last)
+    for i, (name, e, b) in enumerate(zip(names, E.tolist(), B.tolist(), strict=False)):
+        last = (1.0, name) if e[i] != -1.0 else (0.0, name)  # a state that does not depend on itself gets a new value
+        keeps[name] = (*_sum([*(0.0 if last[0] == 0.0 and j == i else entry for j, entry in enumerate(e)), *b], names), last)
     return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C.tolist(), D.tolist(), strict=True)}, keeps)
 
 

@@ -102,22 +102,28 @@ class DrawnLoop(drawn_loop.DrawnLoop):
         """
         from pandas import DataFrame
 
-        drawn, given = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
-        rows = {name: row.astype(float) for name, row in given.items() if row is not None and row.ndim == 1}
-        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
+        drawn, arrays = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
+        rows = {name: row.astype(float) for name, row in arrays.items() if row is not None and row.ndim == 1}
+        ports = {
+            f"{placed_block.block.name}.{port}"
+            for placed_block in drawn.placed
+            for port in (*placed_block.block.inputs, *placed_block.block.outputs)
+        }
         unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
         if drawn_loop.is_batch(drawn):
             raise UsageError("simulate: expected a single loop, found a batch")
-        if unknown or sorted(given) != sorted(drawn.inputs):
-            found = ", ".join(unknown or given) or "none"
-            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
-        if len(rows) < len(given) or len({row.size for row in rows.values()}) > 1:
+        if unknown or sorted(arrays) != sorted(drawn.inputs):
+            problem = ", ".join(unknown or arrays) or "none"
+            raise UsageError(
+                f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {problem}"
+            )
+        if len(rows) < len(arrays) or len({row.size for row in rows.values()}) > 1:
             raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
         with named_loops(drawn):
             closed_frame(drawn, self.drift)
-        seen = run_drawn(drawn, rows, tuple(signals))
-        count = len(next(iter(seen.values()), ()))
-        return DataFrame({"time_s": np.arange(count) * float(np.asarray(drawn.period))} | seen)
+        marched = run_drawn(drawn, rows, tuple(signals))
+        count = len(next(iter(marched.values()), ()))
+        return DataFrame({"time_s": np.arange(count) * float(np.asarray(drawn.period))} | marched)
 
 
 def simulate(source: Source) -> list[DataFrame]:
@@ -145,4 +151,4 @@ def simulate(source: Source) -> list[DataFrame]:
     150   0.150  0.0  0.0022
     999   0.999  0.0  0.0001
     """
-    return [framed(each) for each in table.simulate(spec_of(source).asking("simulate"))]
+    return [framed(run) for run in table.simulate(spec_of(source).asking("simulate"))]

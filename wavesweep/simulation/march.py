@@ -20,21 +20,21 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold
 from wavesweep.simulation.hardware import Effects, encoder, lateness, losses, tick_lengths
-from wavesweep.simulation.parts import (
+from wavesweep.simulation.record import Simulation, energies
+from wavesweep.simulation.running_blocks import (
     DEPTH,
     FORCE,
     POSITION,
     REACTION,
     SEEN,
     SPEED,
-    Frames,
-    Loop,
+    FrameClock,
+    MarchedLoop,
     Rhythm,
     loop_of,
     loop_of_blocks,
 )
-from wavesweep.simulation.record import Simulation, energies
-from wavesweep.simulation.tick_sums import Ticks, actual, arrived, besides, keep, run
+from wavesweep.simulation.tick_sums import TickSums, actual, arrived, besides, keep, run
 
 Messages = Mapping[str, Sequence[int | None]]
 SLOW_ALONE = MappingProxyType({"rates.ratio": 2, "environment.delay": 0})  # draw a slow environment without its timing
@@ -51,7 +51,7 @@ def simulate(
     drawing: Drawing | None = None,
     units: tuple[str, str] = ("m", "N"),
     entry: str = "",
-    frames: Frames | None = None,
+    frames: FrameClock | None = None,
     messages: Messages | None = None,
 ) -> Simulation:
     """Run the experiment under a record of hand forces.
@@ -115,43 +115,43 @@ class Results:
         """Take the result computed last of those that are there by tick k; one that was overtaken is never shown."""
         for place in range(len(self.waiting) - 1, -1, -1):
             if self.waiting[place][0] <= k:
-                found = self.waiting[place][1:]
+                due = self.waiting[place][1:]
                 self.waiting = self.waiting[place + 1 :]
-                return found
+                return due
         return None
 
 
-def results_of(loop: Loop) -> list[Results]:
+def results_of(loop: MarchedLoop) -> list[Results]:
     """The messages of channels, and the slow results that blocks of every tick read; the wall's force if no block is slow."""
     zero = {name: keys["missing"] == "zero" for name, keys in loop.channels.items()}
-    sent = [part for part in loop.parts if part.name in zero]
-    messages = [Results(((part.rhythm, 0),), False, part.name, zero[part.name], [f"{part.name}.y"]) for part in sent]
-    slow = {f"{part.name}.{port}": part for part in loop.parts if part.rhythm.slow for port in part.outputs}
+    sent = [block for block in loop.blocks if block.name in zero]
+    messages = [Results(((block.rhythm, 0),), False, block.name, zero[block.name], [f"{block.name}.y"]) for block in sent]
+    slow = {f"{block.name}.{port}": block for block in loop.blocks if block.rhythm.slow for port in block.outputs}
     if not slow and loop.wall:
         return [*messages, Results(((Rhythm(), 0),), touches=True, signals=[FORCE])]
-    alone, found = {((1.0, name),): part for name, part in slow.items()}, {}
-    for signal, part in slow.items():
-        if part.name in zero or all(rhythm.slow for rhythm in loop.readers(signal)):
+    alone, groups = {((1.0, name),): block for name, block in slow.items()}, {}
+    for signal, block in slow.items():
+        if block.name in zero or all(rhythm.slow for rhythm in loop.readers(signal)):
             continue
-        chain, at = [], part
+        chain, at = [], block
         while at.runs_late is not None and (terms := loop.wires.get(f"{at.name}.u")) and terms in alone:
             chain.append((at.rhythm, at.runs_late))
             at = alone[terms]
         chain.append((at.rhythm, 0))
-        found.setdefault(tuple(chain), Results(tuple(chain), at.rhythm == loop.wall_rhythm)).signals.append(signal)
-    return [*messages, *found.values()]
+        groups.setdefault(tuple(chain), Results(tuple(chain), at.rhythm == loop.wall_rhythm)).signals.append(signal)
+    return [*messages, *groups.values()]
 
 
 class March:
     """A loop with effects, ready to run once.
 
-    watched: names of numbers of `Ticks` that are recorded besides its signals. entry, messages: see `simulate`. drawn: whether
-    a spec draws the loop.
+    watched: names of numbers of `TickSums` that are recorded besides its signals. entry, messages: see `simulate`. drawn:
+    whether a spec draws the loop.
     """
 
     def __init__(
         self,
-        loop: Loop,
+        loop: MarchedLoop,
         effects: Effects,
         watched: Sequence[str] = (),
         entry: str = "",
@@ -164,8 +164,8 @@ class March:
         self.entry, self.drawn = entry or loop.hand, drawn
         self.effects, self.watched, self.results, self.messages = effects, tuple(watched), results_of(loop), messages
         self.late = bool(effects.late or effects.dropped or loop.waits or loop.channels)
-        delayed = [signal for each in self.results for signal in each.signals] if self.late else ()
-        self.ticks = Ticks(loop, {loop.device} - {""}, delayed)
+        delayed = [signal for result in self.results for signal in result.signals] if self.late else ()
+        self.ticks = TickSums(loop, {loop.device} - {""}, delayed)
 
     def under(self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")) -> Simulation:
         """The experiment under the hand's force (N), or the record of another input, `(ticks,)`, from rest at x (m)."""
@@ -202,19 +202,23 @@ class March:
         last tick.
         """
         drawn: dict[Rhythm, list[int | None]] = {}  # of slow results; those of a loop are late together
-        for each in self.results:
-            origin, others = each.origin, (len(drawn),) * bool(drawn)
-            if each.channel:
-                given, keys, most = self.messages.get(each.channel), self.loop.channels[each.channel], origin.count(count) + 1
-                number = [*self.loop.channels].index(each.channel)
-                each.late = list(islice(cycle(given), most)) if given else losses(self.effects, keys, most, number)
+        for result in self.results:
+            origin, drawn_count = result.origin, (len(drawn),) * bool(drawn)
+            if result.channel:
+                pattern, keys, most = (
+                    self.messages.get(result.channel),
+                    self.loop.channels[result.channel],
+                    origin.count(count) + 1,
+                )
+                number = [*self.loop.channels].index(result.channel)
+                result.late = list(islice(cycle(pattern), most)) if pattern else losses(self.effects, keys, most, number)
                 continue
             if origin not in drawn:
-                found = lateness(self.effects, origin.count(count - 1) if count else 0, *others)
-                pairs = zip([*found, 0], cycle(self.loop.delays), strict=False)
+                ticks_late = lateness(self.effects, origin.count(count - 1) if count else 0, *drawn_count)
+                pairs = zip([*ticks_late, 0], cycle(self.loop.delays), strict=False)
                 drawn[origin] = [None if delay is None else late for late, delay in pairs]
             pairs = zip(drawn[origin], cycle(self.loop.delays), strict=False)
-            each.late = [None if late is None else late + delay for late, delay in pairs]
+            result.late = [None if late is None else late + delay for late, delay in pairs]
         first = next(iter(self.results), None)
         origin = first.origin if first else Rhythm(self.loop.frame)
         frames, ticks = np.divmod(np.arange(count), origin.every)
@@ -225,9 +229,9 @@ class March:
     def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]):
         """A row of numbers per tick, whether the wall was touched in it, the last position, and why it ended early."""
         loop, ticks, device = self.loop, self.ticks, self.loop.device
-        seen = itemgetter(*(ticks.at(name) for name in names), ticks.at(POSITION))
-        hand, here, pull, net = (ticks.at(name) for name in (self.entry, POSITION, REACTION, besides(f"{device}.f")))
-        sensed_x, sensed_v, own_x, own_v = (ticks.at(each(f"{device}.{port}")) for each in (str, actual) for port in "xv")
+        shown = itemgetter(*(ticks.at(name) for name in names), ticks.at(POSITION))
+        hand, position, pull, net = (ticks.at(name) for name in (self.entry, POSITION, REACTION, besides(f"{device}.f")))
+        sensed_x, sensed_v, own_x, own_v = (ticks.at(at(f"{device}.{port}")) for at in (str, actual) for port in "xv")
         by_hand = self.entry == loop.hand
         share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand and by_hand)
         measure, most = encoder(self.effects.resolution), self.effects.max_force or np.inf
@@ -236,8 +240,8 @@ class March:
         plants = zip(lengths.tolist(), increments if self.effects.jitter else repeat(increments), strict=False)
         late, gone_by = loop.late
         change, of_motors = ticks.at(besides(f"{device}.f{AT}{late}")), ticks.at(AT + late)
-        parts = [each * loop.tick for each in (gone_by, 1.0 - gone_by)] if late else []
-        parts = [(each, zero_order_hold(*body[:3], each).tolist()) for each in parts]
+        spans = [share * loop.tick for share in (gone_by, 1.0 - gone_by)] if late else []
+        spans = [(span, zero_order_hold(*body[:3], span).tolist()) for span in spans]
         running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects.wall, self.late), [], [], 0.0
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
@@ -246,22 +250,22 @@ class March:
             z[hand], z[sensed_x], z[sensed_v], z[own_x], z[own_v] = f, measure(x), v, x, v
             running.tick(k)
             f_m = z[pull]
-            far = not abs(z[here]) <= FARTHEST  # also if it is NaN
+            far = not abs(z[position]) <= FARTHEST  # also if it is NaN
             if far or not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
                 said = f"the hand's position exceeds {FARTHEST:g} {units[0]}", f"a force exceeds {STRONGEST:g} {units[1]}"
-                return rows, touched, z[here], said[not far]
-            rows.append(seen(z)[:-1])
+                return rows, touched, z[position], said[not far]
+            rows.append(shown(z)[:-1])
             touched.append(running.touching)
             if device:
                 pushed = share * f + z[net]
-                for begun, part in enumerate(parts or (next(plants),)):
+                for begun, plant_span in enumerate(spans or (next(plants),)):
                     if begun:  # what the motors are late with has arrived
                         pushed, f_m = pushed + z[change], f_m + z[of_motors]
-                    x, v = slide(body, x, v, pushed + (f_m - min(max(f_m, -most), most)), *part)
+                    x, v = slide(body, x, v, pushed + (f_m - min(max(f_m, -most), most)), *plant_span)
         if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
             z[hand], z[own_x] = 0.0, x
             running.tick(len(force))
-            x = z[here]
+            x = z[position]
         return rows, touched, x, ""
 
 
@@ -271,16 +275,16 @@ class Running:
     wall: where it begins if it is one-sided. late: whether results may be late.
     """
 
-    def __init__(self, loop: Loop, ticks: Ticks, results: Sequence[Results], wall: float | None, late: bool) -> None:
+    def __init__(self, loop: MarchedLoop, ticks: TickSums, results: Sequence[Results], wall: float | None, late: bool) -> None:
         self.ticks, one_sided, self.late, self.z = ticks, wall is not None, late, [0.0] * len(ticks.places)
         self.results = results if one_sided or late else ()
-        self.shown = [[each for each in self.results if each.shown(k)] for k in range(loop.frame)]
+        self.shown = [[result for result in self.results if result.shown(k)] for k in range(loop.frame)]
         self.wall = [self.place(name) for name in (DEPTH, SPEED, FORCE)]
-        late_signals = [signal for each in results for signal in each.signals] if late else []
+        late_signals = [signal for result in results for signal in result.signals] if late else []
         self.places = {signal: (self.place(signal), self.place(arrived(signal))) for signal in late_signals}
         self.touching, self.gated = loop.walled and not (one_sided and wall >= 0.0), one_sided and loop.gated
         self.contacts: list[bool] = []  # of each force of the wall that was computed
-        self.at_once = not any(each.touches for each in self.results)
+        self.at_once = not any(result.touches for result in self.results)
 
     def place(self, name: str) -> int:
         """The place of a number, which is there from now on."""
@@ -290,7 +294,7 @@ class Running:
 
     def tick(self, k: int) -> None:
         """Run tick k on the numbers."""
-        z, shown = self.z, [(each, each.number(k)) for each in self.shown[k % len(self.shown)]]
+        z, shown = self.z, [(result, result.number(k)) for result in self.shown[k % len(self.shown)]]
         program = self.ticks.program(k, self._arriving(k, shown), self.touching or not self.gated)
         z.extend([0.0] * (len(self.ticks.places) - len(z)))
         run(program.first, z, program.limits)
@@ -300,26 +304,26 @@ class Running:
             self.contacts.append(touched)
             self.touching = touched if self.at_once else self.touching
             run(program.second, z, program.limits)
-        for each, number in shown:
-            self._send(k, each, number)
+        for result, number in shown:
+            self._send(k, result, number)
         keep(program, z)
 
     def _arriving(self, k: int, shown: list[tuple[Results, int]]) -> frozenset[str]:
         """Put late results in place that are there by now; the signals that are shown in this tick and not late."""
-        for each in self.results:
-            found = each.due(k) if each.waiting else None
-            if found is None and each.zero and each.shown(k):
-                self.z[self.places[each.signals[0]][1]] = 0.0
-            if found:
-                numbers, touched = found
-                for signal, number in zip(each.signals, numbers, strict=True):
+        for result in self.results:
+            arrived = result.due(k) if result.waiting else None
+            if arrived is None and result.zero and result.shown(k):
+                self.z[self.places[result.signals[0]][1]] = 0.0
+            if arrived:
+                numbers, touched = arrived
+                for signal, number in zip(result.signals, numbers, strict=True):
                     self.z[self.places[signal][1]] = number
-                self.touching = touched if each.touches else self.touching
-        in_time = [(each, number) for each, number in shown if number < 0 or each.late[number] == 0]
-        for each, number in in_time:
-            if each.touches and 0 <= number < len(self.contacts):  # computed in a tick before
+                self.touching = touched if result.touches else self.touching
+        in_time = [(result, number) for result, number in shown if number < 0 or result.late[number] == 0]
+        for result, number in in_time:
+            if result.touches and 0 <= number < len(self.contacts):  # computed in a tick before
                 self.touching = self.contacts[number]
-        return frozenset(signal for each, _ in in_time for signal in each.signals if self.late)
+        return frozenset(signal for result, _ in in_time for signal in result.signals if self.late)
 
     def _send(self, k: int, each: Results, number: int) -> None:
         """A result that was computed by now: it is in use if it is not late, and overtakes those under way."""
@@ -331,26 +335,31 @@ class Running:
             each.waiting.append((k + each.late[number], numbers, touched))
 
 
-def refuse(loop: Loop, effects: Effects) -> None:
+def refuse(loop: MarchedLoop, effects: Effects) -> None:
     """Raise UsageError for an effect that the loop cannot have, with what it lacks."""
-    asked = [name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)]
+    effects_asked = [name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)]
     wall, late = ["wall"] * (effects.wall is not None), [name for name in ("late", "dropped") if getattr(effects, name)]
-    plants = [part.name for part in loop.parts if part.plant and part.name != loop.device]
-    slow = [each for each in results_of(loop) if not each.channel]
+    plants = [block.name for block in loop.blocks if block.plant and block.name != loop.device]
+    slow = [result for result in results_of(loop) if not result.channel]
     linear = "a wall in [ports] whose numbers only multiply signals of wires"
     between = (
-        "one that dead times read or move between ticks" if any(part.type == "dead time" for part in loop.parts) else "none"
+        "one that dead times read or move between ticks" if any(block.type == "dead time" for block in loop.blocks) else "none"
     )
-    for names, met, expected, found in (
-        (asked, loop.device, "a device, the only block of type mass that the hand's force acts on", between),
-        (asked[:1] * bool(effects.max_force), REACTION in loop.wires, "ports.hand.reaction, the force of the motors", "none"),
+    for names, met, expected, problem in (
+        (effects_asked, loop.device, "a device, the only block of type mass that the hand's force acts on", between),
+        (
+            effects_asked[:1] * bool(effects.max_force),
+            REACTION in loop.wires,
+            "ports.hand.reaction, the force of the motors",
+            "none",
+        ),
         (["jitter"] * bool(effects.jitter), not plants, "no plant besides the device", ", ".join(plants)),
         (["jitter"] * bool(effects.jitter), not loop.late[0], "forces that change at ticks", f"the dead time {loop.late[0]}"),
         (wall, loop.wall, linear, "none"),
         (late + ["frames"] * loop.waits, slow, "slow blocks (every > 1) that others read, or a wall", "none"),
     ):
         if names and not met:
-            raise UsageError(f"option {', '.join(names)}: expected {expected}, found {found}")
+            raise UsageError(f"option {', '.join(names)}: expected {expected}, found {problem}")
 
 
 def run_drawn(drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[str]) -> dict[str, np.ndarray]:
@@ -358,14 +367,14 @@ def run_drawn(drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[st
 
     inputs: the value of each input from outside in every tick. The rows end before a signal is not finite.
     """
-    ticks = Ticks(loop := loop_of_blocks(drawn, signals))
+    ticks = TickSums(loop := loop_of_blocks(drawn, signals))
     running, rows = Running(loop, ticks, (), None, late=False), []
-    given, places = [running.place(name) for name in inputs], [running.place(name) for name in signals]
-    for k, row in enumerate(zip(*(each.tolist() for each in inputs.values()), strict=True)):
-        for place, number in zip(given, row, strict=True):
+    input_places, places = [running.place(name) for name in inputs], [running.place(name) for name in signals]
+    for k, row in enumerate(zip(*(column.tolist() for column in inputs.values()), strict=True)):
+        for place, number in zip(input_places, row, strict=True):
             running.z[place] = number
         running.tick(k)
         rows.append([running.z[place] for place in places])
-    found = np.array(rows).reshape(-1, len(places))
-    finite = np.isfinite(found).all(axis=1)
-    return dict(zip(signals, found[: len(found) if finite.all() else int(finite.argmin())].T, strict=True))
+    array = np.array(rows).reshape(-1, len(places))
+    finite = np.isfinite(array).all(axis=1)
+    return dict(zip(signals, array[: len(array) if finite.all() else int(finite.argmin())].T, strict=True))

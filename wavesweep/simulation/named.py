@@ -20,9 +20,9 @@ class Named(float):
 
     def __new__(cls, value: float, made: Any) -> Self:
         """Return the float with what it was made from."""
-        own = super().__new__(cls, value)
-        own.made = made
-        return own
+        number = super().__new__(cls, value)
+        number.made = made
+        return number
 
     def __bool__(self) -> bool:
         return True
@@ -61,8 +61,8 @@ def _made(sign: str, left: Any, right: Any) -> Named:
 
 def root(value: float) -> float:
     """Return the square root."""
-    found = math.sqrt(value)
-    return Named(found, ("sqrt", value)) if isinstance(value, Named) else found
+    value_of_root = math.sqrt(value)
+    return Named(value_of_root, ("sqrt", value)) if isinstance(value, Named) else value_of_root
 
 
 def again(value: float, numbers: Mapping[str, float], seen: dict[int | str, float]) -> float:
@@ -75,6 +75,10 @@ def again(value: float, numbers: Mapping[str, float], seen: dict[int | str, floa
     if isinstance(value.made, str):
         return seen.setdefault(value.made, numbers[value.made])
     if id(value) not in seen:
-        sign, first, *others = (each if isinstance(each, str) else again(each, numbers, seen) for each in value.made)
-        seen[id(value)] = -first if sign == "negative" else math.sqrt(first) if sign == "sqrt" else _SIGNS[sign](first, *others)
+        sign, first, *operands = (
+            operand if isinstance(operand, str) else again(operand, numbers, seen) for operand in value.made
+        )
+        seen[id(value)] = (
+            -first if sign == "negative" else math.sqrt(first) if sign == "sqrt" else _SIGNS[sign](first, *operands)
+        )
     return seen[id(value)]

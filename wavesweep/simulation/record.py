@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.columns import complex_columns
 from wavesweep.simulation.inputs import Tone
-from wavesweep.simulation.parts import REACTION, Loop
+from wavesweep.simulation.running_blocks import REACTION, MarchedLoop
 
 _MOTION = ("f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device")
 _WAVES = ("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2")
@@ -64,7 +64,7 @@ class Simulation:
     starts: tuple[int, ...] = (0,)
 
 
-def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -> Energy:
+def energies(loop: MarchedLoop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -> Energy:
     """Return the energies of a simulation. signals: its columns; moved: the change of position in each tick (m).
 
     Accuracy: rounding of the sums; an overflowed simulation gives infinities or NaN.
@@ -73,15 +73,15 @@ def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -
     def power(going, coming):
         return (signals[going] ** 2 - signals[coming] ** 2) / 2
 
-    late = {f"{part.name}.y" for part in loop.parts if part.type == "dead time"}
+    late = {f"{block.name}.y" for block in loop.blocks if block.type == "dead time"}
     changes = any(name in late for _, name in loop.wires.get(REACTION, ()))  # between two ticks
-    known = signals.keys() - ({"f_device"} if changes else ())
+    names = signals.keys() - ({"f_device"} if changes else ())
     with np.errstate(over="ignore", invalid="ignore"):
-        hand, device = (np.cumsum(signals[name] * moved) if name in known else None for name in ("f_h", "f_device"))
+        hand, device = (np.cumsum(signals[name] * moved) if name in names else None for name in ("f_h", "f_device"))
         if not {"u_m", "u_s"} <= signals.keys():
             return Energy(hand, device, None, None, None, None)
         user = np.cumsum(loop.tick * power("u_m", "v_m"))
-        rhythm = next(part.rhythm for part in loop.parts if part.name == loop.only("avatar"))
+        rhythm = next(block.rhythm for block in loop.blocks if block.name == loop.only("avatar"))
         updates = np.isin(np.arange(len(moved)) % rhythm.every, rhythm.phases)
         periods = np.zeros(len(moved))
         periods[updates] = np.resize(rhythm.lasting(loop.tick), np.count_nonzero(updates))
@@ -114,8 +114,8 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     if simulation.lacking is not None:
         columns = {k: column for k, column in columns.items() if column is not missing and k not in simulation.lacking}
     finite = np.all([np.isfinite(column) for column in columns.values() if column is not missing], axis=0)
-    whole = len(ticks) if finite.all() else int(finite.argmin())
-    return {name: column[:whole] for name, column in columns.items()}
+    finite_rows = len(ticks) if finite.all() else int(finite.argmin())
+    return {name: column[:finite_rows] for name, column in columns.items()}
 
 
 def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int) -> dict[str, np.ndarray]:
@@ -135,8 +135,8 @@ def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: 
     Accuracy: rounding, once the loop has settled. At multiples of half the slow rate the sine is its own image: there a
     single record depends on the phase of the sine against the slow clock, in an experiment as here.
     """
-    found = np.array([components(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex).reshape(-1, 3)
-    f_h, x, f_device = found.T
+    amplitudes = np.array([components(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex).reshape(-1, 3)
+    f_h, x, f_device = amplitudes.T
     frequency = np.array([tone.frequency_hz for tone in tones])
     columns = {"frequency_hz": frequency, "omega_Ts": 2 * np.pi * frequency * ratio / fast_hz}
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing moved, or nothing pushed: NaN says so
@@ -160,14 +160,14 @@ def components(signals: Mapping[str, np.ndarray], tone: Tone, tick_hz: float, fr
             f"found {tone.last - tone.first}; measure longer"
         )
     omega = 2 * np.pi * tone.frequency_hz / tick_hz
-    part = slice(tone.first, tone.first + frames * frame)
-    measured = np.concatenate([signals[name][part].reshape(frames, frame) for name in ("f_h", "x", "f_device")], axis=1)
+    rows = slice(tone.first, tone.first + frames * frame)
+    measured = np.concatenate([signals[name][rows].reshape(frames, frame) for name in ("f_h", "x", "f_device")], axis=1)
     turn = omega * frame * np.arange(frames)
     alone = own_image(omega * frame)  # each phase sees one number, or two in turn
     basis = [np.cos(turn)] if alone else [np.cos(turn), np.sin(turn)]
     basis += [] if alone and np.cos(omega * frame) > 0 else [np.ones(frames)]
-    found = np.linalg.lstsq(np.stack(basis, axis=1), measured, rcond=None)[0]
-    amplitudes = 2 * found[0] if alone else found[0] - 1j * found[1]
+    coefficients = np.linalg.lstsq(np.stack(basis, axis=1), measured, rcond=None)[0]
+    amplitudes = 2 * coefficients[0] if alone else coefficients[0] - 1j * coefficients[1]
     return list((amplitudes.reshape(3, frame) * np.exp(-1j * omega * np.arange(frame))).mean(axis=1))
 
 

@@ -22,6 +22,6 @@ def section(spec: Spec, _: str) -> tuple[str, Callable[[], Table]]:
 def _with_step(spec: Spec) -> Spec:
     """The spec of `simulate` with a step in place of the sine that is the default of a hand's force."""
     tables = replace(spec, parts=frozenset({"simulate"})).tables()
-    kept = {name: value for name, value in tables["simulate"].items() if name != "frequency_hz"}
-    run = load(tables | {"simulate": kept | {"input": "step"}})
+    settings = {name: value for name, value in tables["simulate"].items() if name != "frequency_hz"}
+    run = load(tables | {"simulate": settings | {"input": "step"}})
     return replace(run, name=spec.name, source=spec.source).asking("simulate")

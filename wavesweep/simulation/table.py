@@ -95,10 +95,10 @@ def _unlike_the_linear(spec, linear, tones, frame):
     from wavesweep.simulation.record import own_image
 
     tick = 1 / spec.tick_hz
-    own = [f"{tone.frequency_hz:g}" for tone in tones if own_image(2 * np.pi * tone.frequency_hz * tick * frame)]
-    if own and frame > 1:
+    images = [f"{tone.frequency_hz:g}" for tone in tones if own_image(2 * np.pi * tone.frequency_hz * tick * frame)]
+    if images and frame > 1:
         image = "a sine is its own image: the response seen depends on its phase"
-        yield f"at {', '.join(own)} Hz, a multiple of half the frame's rate, {image}"
+        yield f"at {', '.join(images)} Hz, a multiple of half the frame's rate, {image}"
     radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
     left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
     if left > SETTLED:
@@ -236,8 +236,8 @@ def _frames_line(frames: int, lengths: Mapping[str, int], seed: int | None) -> s
     """How many frames of which lengths a run had, that were drawn or read from a file."""
     most = sorted(sorted(lengths, key=lengths.__getitem__)[-SHOWN:], key=int)
     shares = ", ".join(f"{ticks} ticks {100 * lengths[ticks] / frames:.3g} %" for ticks in most)
-    more = f", {len(lengths) - len(most)} other lengths" if len(lengths) > len(most) else ""
-    return f"{frames} frames {'as they were measured' if seed is None else f'at random (seed {seed})'}: {shares}{more}"
+    rest = f", {len(lengths) - len(most)} other lengths" if len(lengths) > len(most) else ""
+    return f"{frames} frames {'as they were measured' if seed is None else f'at random (seed {seed})'}: {shares}{rest}"
 
 
 def _output_line(name: str, output: Numbers) -> str:
@@ -274,8 +274,8 @@ def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """Largest relative difference between the simulated response and that of the linear loop, None without one."""
     stable, radius = facts["linear_loop"]["stable"], facts["linear_loop"]["spectral_radius"]
     off = {f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")}
-    known = {"stable": stable, "undecided": not stable and (radius is None or radius == 1)}
-    return {"frequencies": len(columns["frequency_hz"]), **known, **(off if stable else dict.fromkeys(off))}
+    verdict = {"stable": stable, "undecided": not stable and (radius is None or radius == 1)}
+    return {"frequencies": len(columns["frequency_hz"]), **verdict, **(off if stable else dict.fromkeys(off))}
 
 
 def _response_lines(found: Numbers) -> Iterator[Line]:
@@ -298,8 +298,8 @@ def _response_lines(found: Numbers) -> Iterator[Line]:
 
 def _off(columns: Columns, name: str) -> float | None:
     """Largest relative difference over the frequencies at which both are known; None without such a frequency."""
-    seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
-    off = np.abs(seen - linear) / np.abs(linear)
+    response, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
+    off = np.abs(response - linear) / np.abs(linear)
     return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
 
 

@@ -1,7 +1,7 @@
 """A tick as sums of products, in an order in which each number is there before it is read.
 
 What goes round within a tick is solved: some of the numbers on the way are taken as zero, which shows what the others add to
-them, and a linear equation gives their values. `Ticks` has a program for each set of blocks that run together.
+them, and a linear equation gives their values. `TickSums` has a program for each set of blocks that run together.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.simulation.laws import Sum
-from wavesweep.simulation.parts import DEPTH, FORCE, POSITION, SPEED, VELOCITY, Loop, Part, Rhythm, Wall
+from wavesweep.simulation.running_blocks import DEPTH, FORCE, POSITION, SPEED, VELOCITY, MarchedLoop, Rhythm, RunningBlock, Wall
 
 Line = tuple[int, tuple[tuple[float, int], ...]]
 """A place, and the factors and places of the sum that is put there."""
@@ -89,40 +89,40 @@ def run(lines: Iterable[Line], z: list, limits: Mapping[int, tuple[float, float]
 
 def keep(program: Program, z: list) -> None:
     """Put what a tick keeps in its places, all of it from the numbers as they were before."""
-    found = []
+    kept_rows = []
     for _, terms in program.keeps:
         total = 0.0
         for factor, source in terms:
             total += factor * z[source]
-        found.append(total)
+        kept_rows.append(total)
     for line, free, limited, driven in program.stops:
         if (z[free] > z[limited] and z[driven] > 0.0) or (z[free] < z[limited] and z[driven] < 0.0):
-            found[line] = z[program.keeps[line][0]]
-    for (target, _), total in zip(program.keeps, found, strict=True):
+            kept_rows[line] = z[program.keeps[line][0]]
+    for (target, _), total in zip(program.keeps, kept_rows, strict=True):
         z[target] = total
     for source, first, last in program.moves:
         z[first + 1 : last] = z[first : last - 1]
         z[first] = z[source]
 
 
-class Ticks:
+class TickSums:
     """The programs of a loop, whose numbers have places in a row, by their names: ports, signals, states.
 
     host: plants that are moved by somebody else. late: signals that are read by others as they have arrived, see `arrived`.
     """
 
-    def __init__(self, loop: Loop, host: Collection[str] = (), late: Collection[str] = ()) -> None:
+    def __init__(self, loop: MarchedLoop, host: Collection[str] = (), late: Collection[str] = ()) -> None:
         self.loop, self.host, self.late = loop, host, frozenset(late)
         self.sent = {f"{name}.y" for name in loop.channels}
         self.places: dict[str, int] = {}
-        self.parts = [part for part in loop.parts if part.name not in host]
-        for part in self.parts:  # a row that moves has its places side by side
-            for _, names in part.law.moves:
+        self.blocks = [block for block in loop.blocks if block.name not in host]
+        for block in self.blocks:  # a row that moves has its places side by side
+            for _, names in block.law.moves:
                 for name in names:
-                    self.at(f"{part.name}.{name}")
-        sets: dict[tuple[Part, ...], int] = {}
-        running = (tuple(part.at(k) for part in self.parts if part.rhythm.runs(k)) for k in range(loop.frame))
-        self.kinds = [sets.setdefault(each, len(sets)) for each in running]
+                    self.at(f"{block.name}.{name}")
+        sets: dict[tuple[RunningBlock, ...], int] = {}
+        running = (tuple(block.at(k) for block in self.blocks if block.rhythm.runs(k)) for k in range(loop.frame))
+        self.kinds = [sets.setdefault(blocks_of_tick, len(sets)) for blocks_of_tick in running]
         self.sets, self._programs = list(sets), {}
 
     def at(self, name: str) -> int:
@@ -142,18 +142,20 @@ class Ticks:
     def _made(self, kind: int, arriving: frozenset[str], touching: bool) -> Program:
         running, wires = self.sets[kind], self.loop.wires if touching else self.loop.away
         sums, keeps, moves, limits, stops = {}, {}, [], {}, {}
-        for part in running:
-            law = part.law if touching else part.away
-            for port in (f"{part.name}.{each}" for each in part.inputs):
-                sums[port] = self._read(wires.get(port, ()), part.rhythm.slow)
-            sums |= {f"{part.name}.{name}": _named(part, terms) for name, terms in law.gives.items()}
-            keeps |= {f"{part.name}.{name}": _named(part, terms) for name, terms in law.keeps.items()}
-            limits |= {f"{part.name}.{name}": pair for name, pair in law.limits.items()}
-            stops |= {f"{part.name}.{name}": [f"{part.name}.{each}" for each in some] for name, some in law.stops.items()}
+        for block in running:
+            law = block.law if touching else block.away
+            for port in (f"{block.name}.{name}" for name in block.inputs):
+                sums[port] = self._read(wires.get(port, ()), block.rhythm.slow)
+            sums |= {f"{block.name}.{name}": _named(block, terms) for name, terms in law.gives.items()}
+            keeps |= {f"{block.name}.{name}": _named(block, terms) for name, terms in law.keeps.items()}
+            limits |= {f"{block.name}.{name}": pair for name, pair in law.limits.items()}
+            stops |= {
+                f"{block.name}.{name}": [f"{block.name}.{source}" for source in sources] for name, sources in law.stops.items()
+            }
             for source, names in law.moves:
-                first = self.at(f"{part.name}.{names[0]}")
-                moves.append((self.at(f"{part.name}.{source}"), first, first + len(names)))
-        for port in (f"{part.name}.{port}" for part in self.loop.parts if part.plant for port in part.inputs):
+                first = self.at(f"{block.name}.{names[0]}")
+                moves.append((self.at(f"{block.name}.{source}"), first, first + len(names)))
+        for port in (f"{block.name}.{port}" for block in self.loop.blocks if block.plant for port in block.inputs):
             pushed = [term for term in wires.get(port, ()) if term[1] in self.loop.inputs]
             sums[besides(port)] = self._read([term for term in wires.get(port, ()) if term not in pushed], slow=False)
             if port in sums:
@@ -161,11 +163,11 @@ class Ticks:
         for name, terms in ((name, wires[name]) for name in self.loop.signals):
             sums[name] = self._read(terms, slow=False)
             if name in (POSITION, VELOCITY):
-                sums[name] = tuple((each, actual(s) if s.rpartition(".")[0] in self.host else s) for each, s in terms)
+                sums[name] = tuple((gain, actual(s) if s.rpartition(".")[0] in self.host else s) for gain, s in terms)
         sums |= {arrived(name): ((1.0, name),) for name in sorted(arriving)}
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         wall = self.loop.wall
-        if wall and {Rhythm(), *(part.rhythm for part in running)}.intersection(self.loop.readers(FORCE)):
+        if wall and {Rhythm(), *(block.rhythm for block in running)}.intersection(self.loop.readers(FORCE)):
             slow = self.loop.wall_rhythm.slow
             sums |= {DEPTH: self._read(wall.depth, slow), SPEED: self._read(wall.speed, slow)}
             _refuse_limits_on_circles(limits, sums | {FORCE: ((1.0, DEPTH), (1.0, SPEED))})
@@ -184,7 +186,7 @@ class Ticks:
 
     def lines(self, sums: Iterable[tuple[str, Sum]]) -> list[Line]:
         """The sums with places in place of names, without products with zero."""
-        return [(self.at(name), tuple((each, self.at(source)) for each, source in terms if each)) for name, terms in sums]
+        return [(self.at(name), tuple((gain, self.at(source)) for gain, source in terms if gain)) for name, terms in sums]
 
 
 def _named(part, terms):
@@ -234,7 +236,7 @@ def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
     # A single one may be made from numbers with names.
     inverse = np.linalg.inv(rest).tolist() if len(torn) > 1 else [[1.0 / (1.0 - shares[0][0])]]
     solved = [
-        (name, tuple(zip(row, (each for each, _ in alone), strict=True))) for name, row in zip(torn, inverse, strict=True)
+        (name, tuple(zip(row, (gain for gain, _ in alone), strict=True))) for name, row in zip(torn, inverse, strict=True)
     ]
     moved = _closure(torn, _readers(sums))
     again = [(name, sums[name]) for name in order if name not in needed or name in moved]
@@ -245,14 +247,14 @@ def _around(sums: Sums, wall: Wall):
     """The lines up to the wall, how it is met, and the lines after it."""
     before = _closure((DEPTH, SPEED), {name: [s for _, s in terms] for name, terms in sums.items()})
     up, torn = straight({name: terms for name, terms in sums.items() if name in before})
-    own, alone = evaluated(up, {FORCE: 1.0}), evaluated(up, {FORCE: 1.0}, torn)
-    yields, slows, open_ = own[DEPTH], own[SPEED], alone[DEPTH]
-    parts = 1.0, wall.K * yields, wall.B * slows
-    whole, size = parts[0] - parts[1] - parts[2], sum(map(abs, parts))
+    gains, alone = evaluated(up, {FORCE: 1.0}), evaluated(up, {FORCE: 1.0}, torn)
+    yields, slows, open_ = gains[DEPTH], gains[SPEED], alone[DEPTH]
+    shares = 1.0, wall.K * yields, wall.B * slows
+    left, size = shares[0] - shares[1] - shares[2], sum(map(abs, shares))
     if abs(yields) <= OPEN * abs(open_):
         yields = 0.0
-    several = wall.position is not None and open_ and (whole < -OPEN * size or (wall.B and yields > 0.0))
-    if several or abs(whole) <= ROUNDING * size:
+    several = wall.position is not None and open_ and (left < -OPEN * size or (wall.B and yields > 0.0))
+    if several or abs(left) <= ROUNDING * size:
         raise IllPosedLoopError(
             "within the tick the one-sided wall is both touched and not, or neither: its force has no single value; "
             "give the environment or the local model a delay"
@@ -281,19 +283,19 @@ def evaluated(lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept
 
 def _closure(names: Iterable[str], graph: Mapping[str, Iterable[str]]) -> set[str]:
     """The names, and all that can be reached from them."""
-    found, open_ = set(), list(names)
+    closed, open_ = set(), list(names)
     while open_:
         name = open_.pop()
-        if name not in found:
-            found.add(name)
+        if name not in closed:
+            closed.add(name)
             open_ += graph.get(name, ())
-    return found
+    return closed
 
 
 def _readers(sums: Sums) -> dict[str, list[str]]:
     """The names of the sums that read each name."""
-    found: dict[str, list[str]] = {}
+    readers: dict[str, list[str]] = {}
     for name, terms in sums.items():
         for _, source in terms:
-            found.setdefault(source, []).append(name)
-    return found
+            readers.setdefault(source, []).append(name)
+    return readers

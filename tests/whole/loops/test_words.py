@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.engine.loops.from_drawing import assembled, scalar_place
 from wavesweep.engine.loops.integrator_modes import equations_of
 from wavesweep.program.spec import load
-from wavesweep.simulation.parts import loop_of
+from wavesweep.simulation.running_blocks import loop_of
 
 T = 1 / 400
 S = control.tf("s")
@@ -177,7 +177,7 @@ def test_a_word_does_what_its_difference_equation_says_and_control_makes_of_it(n
     keys, by_hand, continuous = WORDS[name]
     u = np.random.default_rng(5).normal(size=200)
     spec, expected = spec_of(keys), by_hand(u)
-    part = next(part for part in loop_of(spec.drawing, spec.values).parts if part.name == "w")
+    part = next(part for part in loop_of(spec.drawing, spec.values).blocks if part.name == "w")
     size = np.abs(expected).max()
     for found in (marched(word_of(spec), u), lawful(part.law, u)):
         assert np.abs(np.subtract(found, expected)).max() < 1e-12 * size

@@ -51,17 +51,17 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     loaded = specs.load(spec, overrides)
     folder = Path(out or own_folder([loaded.name], overrides) / to)
     results.refuse_unusable(folder)
-    found = exported(loaded, gains=gains)
-    paths = [folder / name for name in found]
+    program = exported(loaded, gains=gains)
+    paths = [folder / name for name in program]
     refuse_other_things(*paths)
     refuse_inputs(loaded.files, *paths)
     folder.mkdir(parents=True, exist_ok=True)
     expected = "another --out DIR, or --overwrite to replace the files"
-    write_whole(*zip(paths, found.values(), strict=True), overwrite=overwrite, expected=expected)
+    write_whole(*zip(paths, program.values(), strict=True), overwrite=overwrite, expected=expected)
     simulated = loaded.asking("simulate")
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
     outputs, assumed = terms_of(loaded), assumes(loaded, run=run_in_words(loaded))
-    seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
+    seconds, ticks = time.perf_counter() - started, program["vectors.csv"].count("\n") - 1
     if talk().as_json:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumed}
         facts |= {"notices": list(over_preset(loaded)), "computed": {port: made["sum"] for port, made in outputs.items()}}
@@ -73,7 +73,7 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
         if not linear["stable"]:
             say(unstable(linear), warning=True)
         say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")
-        if gains and "ws_tune" not in found["controller.h"]:
+        if gains and "ws_tune" not in program["controller.h"]:
             say("--gains: besides the wall's, no number enters this controller by arithmetic; all are constants")
         for port, made in outputs.items():
             say(f"computed from samples, in C: {port} = {made['sum']}{_coefficients(made['terms'])}")
@@ -88,5 +88,5 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
 
 def _coefficients(terms: list[dict[str, Any]]) -> str:
     """The coefficients of an output's terms, if not all are in its sum as numbers."""
-    found = [f"{term['coefficient']:g}" for term in terms]
-    return f" (coefficients {', '.join(found)})" if found != [term["gain"] for term in terms] else ""
+    gains = [f"{term['coefficient']:g}" for term in terms]
+    return f" (coefficients {', '.join(gains)})" if gains != [term["gain"] for term in terms] else ""

@@ -25,7 +25,7 @@ class Gains(NamedTuple):
 
 
 def gains_of(spec: Spec, made: Callable[[Mapping[str, Any]], Any], fixed: Sequence[str]) -> Gains:
-    """Return which numbers of a spec are gains. made: its `Controller` with these values. fixed: paths to be left out."""
+    """Return which numbers of a spec are gains. made: an `ExportedController` with these values. fixed: left out."""
     paths, constants = [], []
     for path, value in spec.values.items():
         if isinstance(value, str) or path in fixed:
@@ -45,31 +45,33 @@ def named(values: Mapping[str, Any], paths: Sequence[str]) -> dict[str, Any]:
 
 def _follows(spec, made, paths):
     """Whether C would compute all coefficients right for other values of some numbers, and what is read of these."""
-    other = {path: float(spec.values[path]) + 0.27 * max(1.0, abs(spec.values[path])) for path in paths}
-    own = made(named(spec.values, paths))
+    moved = {path: float(spec.values[path]) + 0.27 * max(1.0, abs(spec.values[path])) for path in paths}
+    as_given = made(named(spec.values, paths))
     try:
-        fresh = made(named({**spec.values, **other}, paths))
+        fresh = made(named({**spec.values, **moved}, paths))
     except (WavesweepError, ArithmeticError, ValueError):
         return False, {}
-    seen: dict[int | str, float] = {}
-    sums = [[(line[0], [source for _, source in line[1]]) for line in _lines(each.programs)] for each in (own, fresh)]
-    alike = sums[0] == sums[1] and own.ticks.kinds == fresh.ticks.kinds
-    expected = [again(value, other, seen) for value in _coefficients(own.programs)]
-    return alike and expected == [*map(float, _coefficients(fresh.programs))], seen
+    first_seen: dict[int | str, float] = {}
+    sums = [
+        [(line[0], [source for _, source in line[1]]) for line in _lines(made_so.programs)] for made_so in (as_given, fresh)
+    ]
+    alike = sums[0] == sums[1] and as_given.ticks.kinds == fresh.ticks.kinds
+    expected = [again(value, moved, first_seen) for value in _coefficients(as_given.programs)]
+    return alike and expected == [*map(float, _coefficients(fresh.programs))], first_seen
 
 
 def _lines(programs):
-    return [line for each in programs for line in (*each.first, *each.second, *each.keeps)]
+    return [line for program in programs for line in (*program.first, *program.second, *program.keeps)]
 
 
 def _coefficients(programs) -> Iterator[float]:
-    for each in programs:
-        yield from (each.wall.yields, each.wall.slows) if each.wall else ()
-        yield from (limit for pair in each.limits.values() for limit in pair)
+    for program in programs:
+        yield from (program.wall.yields, program.wall.slows) if program.wall else ()
+        yield from (limit for pair in program.limits.values() for limit in pair)
     yield from (value for _, terms in _lines(programs) for value, _ in terms)
 
 
-class Table:
+class CoefficientTable:
     """The coefficients that follow from gains, as C computes them. members: path -> what C calls the gain.
 
     lines: of C, in their order. count: of the coefficients.
@@ -108,16 +110,16 @@ class Table:
         if id(value) not in self._texts:
             text = self._written(value.made)
             if len(text) > LONGEST:
-                text, whole = f"part_{len(self.lines)}", text
-                self.lines.append(f"    const double {text} = {_bare(whole)};")
+                text, expression = f"part_{len(self.lines)}", text
+                self.lines.append(f"    const double {text} = {_bare(expression)};")
             self._texts[id(value)] = text
         return self._texts[id(value)]
 
     def _written(self, made):
         if isinstance(made, str):
             return f"s->gains.{self.members[made]}"
-        sign, first, *others = (each if isinstance(each, str) else self._text(each) for each in made)
-        return f"({first} {sign} {others[0]})" if others else f"sqrt({_bare(first)})" if sign == "sqrt" else f"(-{first})"
+        sign, first, *operands = (operand if isinstance(operand, str) else self._text(operand) for operand in made)
+        return f"({first} {sign} {operands[0]})" if operands else f"sqrt({_bare(first)})" if sign == "sqrt" else f"(-{first})"
 
 
 def _bare(text):

@@ -13,7 +13,7 @@ from wavesweep.program.spec import Spec
 from wavesweep.simulation.from_spec import effects_of, frames_in_turn, frames_of, hand_force, lengths_at
 from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.march import SLOW_ALONE, March, refuse
-from wavesweep.simulation.parts import SEEN, Frames, Loop, loop_of
+from wavesweep.simulation.running_blocks import SEEN, FrameClock, MarchedLoop, loop_of
 
 AMPLIFIER = ("device.delay", "device.dead_time")  # of the device, and so of no controller
 RATIO, DELAY = "rates.ratio", "environment.delay"
@@ -29,12 +29,12 @@ class Steps:
     """
 
     lengths: tuple[int, ...]
-    frames: Frames
+    frames: FrameClock
     delays: tuple[int, ...]
     usual: int
 
     @property
-    def all(self) -> Frames:
+    def all(self) -> FrameClock:
         """A frame of each length, with results that are in place at once."""
         return replace(self.frames, ticks=self.lengths, delays=(0,) * len(self.lengths))
 
@@ -44,27 +44,27 @@ def steps_of(spec: Spec) -> Steps | None:
 
     Errors: UsageError for frames in [simulate] whose lengths [for_all] does not have, and beside channels.
     """
-    given, asked = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec)), spec.for_all
-    if not given and (
-        not asked or spec.uneven or not (asked.changing or ((asked.lost or asked.loss) and spec.drawing is None))
+    frames, for_all = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec)), spec.for_all
+    if not frames and (
+        not for_all or spec.uneven or not (for_all.changing or ((for_all.lost or for_all.loss) and spec.drawing is None))
     ):
         return None
     if spec.drawing and spec.drawing.channels:
         raise UsageError(
             "export: expected frames of one length in a loop with channels, found frames that vary; leave either out"
         )
-    proved = {each for axis in (asked.changing if asked else ()) for each in lengths_at(spec, axis)}
-    if strange := sorted({each.ticks for each in given} - proved) if proved else []:
+    proved = {length for axis in (for_all.changing if for_all else ()) for length in lengths_at(spec, axis)}
+    if strange := sorted({frame.ticks for frame in frames} - proved) if proved else []:
         raise UsageError(
             f"simulate.frames: expected the lengths of [for_all] ({', '.join(map(str, sorted(proved)))}), found {strange[0]}; "
             "--set simulate.frames= leaves them out"
         )
-    lengths = tuple(sorted(proved or {each.ticks for each in given} or {int(spec.values[RATIO])}))
+    lengths = tuple(sorted(proved or {frame.ticks for frame in frames} or {int(spec.values[RATIO])}))
     usual = NEXT if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
-    delays = tuple(usual if each.delay is None else each.delay for each in given) or (usual,) * len(lengths)
+    delays = tuple(usual if frame.delay is None else frame.delay for frame in frames) or (usual,) * len(lengths)
     nominal = spec.values[RATIO] if spec.step == "nominal" and spec.drawing is None else None
-    every = tuple(each if usual == NEXT else usual for each in lengths)
-    return Steps(lengths, frames_of(spec, given) or Frames(lengths, every, nominal), delays, usual)
+    every = tuple(length if usual == NEXT else usual for length in lengths)
+    return Steps(lengths, frames_of(spec, frames) or FrameClock(lengths, every, nominal), delays, usual)
 
 
 def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False) -> Drawing:
@@ -73,27 +73,31 @@ def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = Fals
     return spec.drawing or loop_drawing({**spec.values, **changed}, ("controller.Kp",) * gains)
 
 
-def loop_with(spec: Spec, drawing: Drawing, values: Mapping[str, Any], frames: Frames | None) -> Loop:
+def loop_with(spec: Spec, drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None) -> MarchedLoop:
     """Return the loop of a drawing with these numbers, and with the wall of the experiment; frames: see `loop_of`."""
     effects = effects_of(spec)
-    own = loop_of(drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames)
-    refuse(own, effects)
-    return own if effects.wall is None else own.behind(effects.wall)
+    loop = loop_of(drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames)
+    refuse(loop, effects)
+    return loop if effects.wall is None else loop.behind(effects.wall)
 
 
-def march_of(spec: Spec, loop: Loop, steps: Steps | None, inputs: list[str], outputs: Mapping[str, str]) -> March:
+def march_of(spec: Spec, loop: MarchedLoop, steps: Steps | None, inputs: list[str], outputs: Mapping[str, str]) -> March:
     """Return the march of the whole loop that shows what its controller reads and gives.
 
     loop: the controller's. inputs: signals. outputs: name -> port of a device, without forces from outside.
     """
-    whole = loop_with(spec, drawing_of(spec, steps, amplifier=True), spec.values, steps and steps.frames)
+    loop_with_hardware = loop_with(spec, drawing_of(spec, steps, amplifier=True), spec.values, steps and steps.frames)
 
     def seen(sums):
         return {SEEN + name: tuple(term for term in sums[port] if term[1] not in loop.inputs) for name, port in outputs.items()}
 
-    whole = replace(whole, wires={**whole.wires, **seen(loop.wires)}, away={**whole.away, **seen(loop.away)})
+    loop_with_hardware = replace(
+        loop_with_hardware,
+        wires={**loop_with_hardware.wires, **seen(loop.wires)},
+        away={**loop_with_hardware.away, **seen(loop.away)},
+    )
     entry, messages = entry_of(spec) or loop.hand, spec.simulate["messages"] or {}
-    return March(whole, effects_of(spec), (*inputs, *(SEEN + name for name in outputs)), entry, messages=messages)
+    return March(loop_with_hardware, effects_of(spec), (*inputs, *(SEEN + name for name in outputs)), entry, messages=messages)
 
 
 def timing_of(march: March, steps: Steps | None, count: int, *, late: bool) -> dict[str, np.ndarray]:
@@ -108,11 +112,11 @@ def timing_of(march: March, steps: Steps | None, count: int, *, late: bool) -> d
         frame = np.searchsorted(starts, columns["tick"] % march.loop.frame, side="right") - 1
         columns["step"] = np.isin(columns["tick"] % march.loop.frame, starts).astype(int)
         columns["delay"] = np.array(steps.delays)[frame]
-    for g, each in enumerate(march.results if late else ()):
-        found = np.zeros(count, dtype=int)
+    for g, result in enumerate(march.results if late else ()):
+        ticks_late = np.zeros(count, dtype=int)
         for k in range(count):
-            if each.shown(k) and (number := each.number(k)) >= 0:
-                own, usual = each.late[number], 0 if each.channel else delays[number % len(delays)]
-                found[k] = -1 if own is None else own * (own != usual)
-        columns[f"late_{g}"] = found
+            if result.shown(k) and (number := result.number(k)) >= 0:
+                lateness, usual = result.late[number], 0 if result.channel else delays[number % len(delays)]
+                ticks_late[k] = -1 if lateness is None else lateness * (lateness != usual)
+        columns[f"late_{g}"] = ticks_late
     return columns

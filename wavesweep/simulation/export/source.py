@@ -17,21 +17,21 @@ from wavesweep.engine.drawing.expressions import sum_of, text_of, value_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
-from wavesweep.simulation.export.gains import Gains, Table, gains_of, named
+from wavesweep.simulation.export.gains import CoefficientTable, Gains, gains_of, named
 from wavesweep.simulation.export.repeated_experiment import NEXT, Steps, drawing_of, loop_with, march_of, steps_of, timing_of
 from wavesweep.simulation.export.text import comment, constants, factor, filled, number, table_of
 from wavesweep.simulation.from_spec import effects_of, hand_force
 from wavesweep.simulation.laws import Sum
 from wavesweep.simulation.march import Results, results_of
 from wavesweep.simulation.named import Named
-from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SEEN, SPEED, Loop, Part, divided
-from wavesweep.simulation.tick_sums import Line, Program, Ticks, arrived, besides
+from wavesweep.simulation.running_blocks import DEPTH, FORCE, REACTION, SEEN, SPEED, MarchedLoop, RunningBlock, divided
+from wavesweep.simulation.tick_sums import Line, Program, TickSums, arrived, besides
 
 MOST_TERMS = 50_000  # in all programs together; each is a product in the source
 MOST_PROGRAMS = 1000
 
 
-class Controller(NamedTuple):
+class ExportedController(NamedTuple):
     """A controller without its device.
 
     ticks: the lines and places of its programs. programs; table: the number of the program for each kind of tick, for each set
@@ -40,8 +40,8 @@ class Controller(NamedTuple):
     name in C of each place. beside: ports of the device that only signals from outside enter.
     """
 
-    loop: Loop
-    ticks: Ticks
+    loop: MarchedLoop
+    ticks: TickSums
     programs: list[Program]
     table: list[int]
     results: list[Results]
@@ -68,31 +68,33 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     effects, steps = effects_of(spec), steps_of(spec)
     drawing = drawing_of(spec, steps, gains=gains)
 
-    def made(values: Mapping[str, Any]) -> Controller:
+    def made(values: Mapping[str, Any]) -> ExportedController:
         loop = loop_with(spec, drawing, values, steps and steps.all)
         return controller_of(loop, bool(effects.late or effects.dropped or loop.channels or steps))
 
-    loop, found = loop_with(spec, drawing, spec.values, steps and steps.all), Gains((), ())
+    loop, gains_found = loop_with(spec, drawing, spec.values, steps and steps.all), Gains((), ())
     if gains:
-        found = gains_of(spec, made, () if loop.wall is None else spec.wall)
-    own = made(named(spec.values, found.paths))
-    march = march_of(spec, loop, steps, own.inputs, {name: name.removesuffix(" besides") for name in own.outputs})
+        gains_found = gains_of(spec, made, () if loop.wall is None else spec.wall)
+    numbered = made(named(spec.values, gains_found.paths))
+    march = march_of(spec, loop, steps, numbered.inputs, {name: name.removesuffix(" besides") for name in numbered.outputs})
     entry, signals = march.entry, march.under(hand_force(spec).force).signals
     count = len(signals["time"])
     if not count:
         raise UsageError("export: expected an experiment with at least one tick for the vectors, found none")
-    members = dict(zip((*own.inputs, *own.outputs), _identifiers([*own.inputs, *own.outputs]), strict=True))
-    columns = timing_of(march, steps, count, late=own.late)
-    columns |= {member: signals[name if name in own.inputs else SEEN + name] for name, member in members.items()}
-    table = Table(dict(zip(found.paths, _identifiers([path.rpartition(".")[2] for path in found.paths]), strict=True)))
-    own = own._replace(programs=[table.of(each) for each in own.programs])
-    flags, values = _values(spec, own, march.loop, members, entry, steps)
-    longest = max((each for name in columns if name.startswith("late_") for each in columns[name].tolist()), default=0)
-    values["pending"] = (longest + 2) * max(1, len(own.results))
-    flags |= {"gains": bool(found.paths), "constants": bool(found.constants)}
+    members = dict(zip((*numbered.inputs, *numbered.outputs), _identifiers([*numbered.inputs, *numbered.outputs]), strict=True))
+    columns = timing_of(march, steps, count, late=numbered.late)
+    columns |= {member: signals[name if name in numbered.inputs else SEEN + name] for name, member in members.items()}
+    table = CoefficientTable(
+        dict(zip(gains_found.paths, _identifiers([path.rpartition(".")[2] for path in gains_found.paths]), strict=True))
+    )
+    numbered = numbered._replace(programs=[table.of(program) for program in numbered.programs])
+    flags, values = _values(spec, numbered, march.loop, members, entry, steps)
+    longest = max((ticks for name in columns if name.startswith("late_") for ticks in columns[name].tolist()), default=0)
+    values["pending"] = (longest + 2) * max(1, len(numbered.results))
+    flags |= {"gains": bool(gains_found.paths), "constants": bool(gains_found.constants)}
     flags["library"] = any("sqrt" in line for line in table.lines)
     values["and_no_library"] = "" if flags["library"] else " and no mathematical library"
-    values |= _gains(spec, table, found.constants)
+    values |= _gains(spec, table, gains_found.constants)
     return {
         "controller.h": filled("controller.h", flags, values),
         "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
@@ -110,7 +112,7 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
     """
     drawing, numbers = drawing_of(spec), scalars(spec.values)
     plants, hand = {block.name for block in drawing.blocks if block.plant}, (drawing.hand or ("",))[0]
-    own = {port: tuple(term for term in terms if term[0] != hand) for port, terms in drawing.wires}
+    wires = {port: tuple(term for term in terms if term[0] != hand) for port, terms in drawing.wires}
     outside = {signal for _, signal, _ in drawing.inputs}
     return {
         port: {
@@ -119,79 +121,79 @@ def terms_of(spec: Spec) -> dict[str, dict[str, Any]]:
                 {"from": name, "gain": text_of(gain), "coefficient": 0.0 + value_of(gain, numbers)} for name, gain in terms
             ],
         }
-        for port, terms in own.items()
+        for port, terms in wires.items()
         if port.rpartition(".")[0] in plants and any(name not in outside for name, _ in terms)
     }
 
 
-def controller_of(loop: Loop, late: bool) -> Controller:
+def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     """Return the controller of a loop, and what it reads of its device and puts there.
 
     late: whether its slow results may be late. Errors: see `exported`.
     """
-    plants = [part for part in loop.parts if part.plant]
+    plants = [block for block in loop.blocks if block.plant]
     _refuse(loop, plants)
     one_sided = loop.wall is not None and loop.wall.position is not None
     results = results_of(loop) if late or one_sided else []
     outside = [*loop.inputs, *(signal for _, signal in loop.entries)]
-    pushed = [f"{part.name}.{port}" for part in plants for port in part.inputs]
+    pushed = [f"{block.name}.{port}" for block in plants for port in block.inputs]
     pushed = [port for port in pushed if any(gain and name not in outside for gain, name in loop.wires.get(port, ()))]
-    beside = {f"{part.name}.{port}" for part in plants for port in part.inputs}.difference(pushed)
-    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports and port not in beside}
-    cut = replace(loop, wires=ports, away={port: terms for port, terms in loop.away.items() if port not in beside})
+    unforced = {f"{block.name}.{port}" for block in plants for port in block.inputs}.difference(pushed)
+    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports and port not in unforced}
+    cut = replace(loop, wires=ports, away={port: terms for port, terms in loop.away.items() if port not in unforced})
     if cut.wall_rhythm != loop.wall_rhythm:  # the force against the hand reads the wall's in every tick
         cut = replace(loop, wires=ports | {REACTION: loop.wires[REACTION]})
-    delayed = [signal for each in results for signal in each.signals] if late else ()
-    ticks = Ticks(cut, [part.name for part in plants], delayed)
+    delayed = [signal for result in results for signal in result.signals] if late else ()
+    ticks = TickSums(cut, [block.name for block in plants], delayed)
     programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
     names = list(ticks.places)
     read = {names[source] for program in programs for _, terms in _lines(program) for _, source in terms}
-    inputs = [f"{part.name}.{port}" for part in plants for port in part.outputs]
+    inputs = [f"{block.name}.{port}" for block in plants for port in block.outputs]
     inputs += outside
     outputs = [besides(port) for port in pushed]
     inputs = [name for name in inputs if name in read]
     if not outputs or not inputs:
         raise UsageError("export: expected a controller that reads the device and acts on it, found one that does not")
-    for name in (DEPTH, SPEED, FORCE, *(each(s) for s in delayed for each in (str, arrived))):
+    for name in (DEPTH, SPEED, FORCE, *(naming(s) for s in delayed for naming in (str, arrived))):
         ticks.at(name)  # even if nothing reads it
     places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_"), strict=True))
-    given = {port: loop.wires[port] for port in sorted(beside) if loop.wires.get(port)}
-    return Controller(cut, ticks, programs, table, results, inputs, outputs, late, places, given)
+    sums = {port: loop.wires[port] for port in sorted(unforced) if loop.wires.get(port)}
+    return ExportedController(cut, ticks, programs, table, results, inputs, outputs, late, places, sums)
 
 
-def _refuse(loop: Loop, plants: Sequence[Part]) -> None:
+def _refuse(loop: MarchedLoop, plants: Sequence[RunningBlock]) -> None:
     """Raise UsageError if the loop is not a device, whose outputs are states, and a controller."""
-    if not plants or (len(plants) == len(loop.parts) and not loop.wall):
-        found = "nothing else" if plants else "none"
-        raise UsageError(f"export: expected a device (continuous blocks, as a mass) and further blocks, found {found}")
-    if waits := [f"block.{part.name}" for part in loop.parts if part.type == "dead time"]:
-        found = f"{waits[0]} with a dead time in seconds, which is between the ticks of a program"
+    if not plants or (len(plants) == len(loop.blocks) and not loop.wall):
+        problem = "nothing else" if plants else "none"
+        raise UsageError(f"export: expected a device (continuous blocks, as a mass) and further blocks, found {problem}")
+    if waits := [f"block.{block.name}" for block in loop.blocks if block.type == "dead time"]:
+        problem = f"{waits[0]} with a dead time in seconds, which is between the ticks of a program"
         raise UsageError(
-            f"export: expected delays of whole steps, or none where the network or the motor is what is late, found {found}"
+            f"export: expected delays of whole steps, or none where the network or the motor is what is late, found {problem}"
         )
     read = {name for terms in loop.wires.values() for _, name in terms}
-    for part in plants:
-        shown = [port for port in part.outputs if f"{part.name}.{port}" in read]
-        if any(factor and name in part.inputs for port in shown for factor, name in part.law.gives[port]):
-            found = f"block.{part.name} with direct terms"
-            raise UsageError(f"export: expected a device whose outputs follow its inputs a tick later, found {found}")
+    for block in plants:
+        shown = [port for port in block.outputs if f"{block.name}.{port}" in read]
+        if any(factor and name in block.inputs for port in shown for factor, name in block.law.gives[port]):
+            problem = f"block.{block.name} with direct terms"
+            raise UsageError(f"export: expected a device whose outputs follow its inputs a tick later, found {problem}")
 
 
-def _programs(ticks: Ticks, results: Sequence[Results], gated: bool) -> tuple[list[Program], list[int]]:
+def _programs(ticks: TickSums, results: Sequence[Results], gated: bool) -> tuple[list[Program], list[int]]:
     """The programs, and which of them belongs to each kind of tick, results in time and contact."""
     firsts = [ticks.kinds.index(kind) for kind in range(len(ticks.sets))]
     number: dict[tuple, int] = {}
     programs, table = [], []
     for k, mask, touching in product(firsts, range(2 ** len(results)), (False, True)):
-        in_time = [each for g, each in enumerate(results) if mask >> g & 1 and each.shown(k)]
+        in_time = [result for g, result in enumerate(results) if mask >> g & 1 and result.shown(k)]
         key = k, frozenset(signal for each in in_time for signal in each.signals), touching or not gated
         if key not in number and len(number) < MOST_PROGRAMS:
             programs.append(ticks.program(*key))
         table.append(number.setdefault(key, len(number)))
     terms = sum(len(line[1]) for program in programs for line in _lines(program))
     if terms > MOST_TERMS or len(number) > MOST_PROGRAMS:
-        found = f"{terms} in {len(number)}"
-        raise UsageError(f"export: expected at most {MOST_TERMS} terms in {MOST_PROGRAMS} kinds of ticks, found {found}")
+        size = f"{terms} in {len(number)}"
+        raise UsageError(f"export: expected at most {MOST_TERMS} terms in {MOST_PROGRAMS} kinds of ticks, found {size}")
     return programs, table
 
 
@@ -201,19 +203,19 @@ def _lines(program: Program) -> list[Line]:
 
 def _identifiers(signals: Sequence[str], start: str = "ws_") -> list[str]:
     """A name in C for each signal, no two the same; start: of all of them, which no word or macro of C has, as EOF or unix."""
-    found: dict[str, None] = {}
+    identifiers: dict[str, None] = {}
     for signal in map(_port, signals):
         base = name = start + re.sub(r"\W", "_", signal, flags=re.ASCII)
         count = 1
-        while name in found:
+        while name in identifiers:
             count += 1
             name = f"{base}_{count}"
-        found[name] = None
-    return list(found)
+        identifiers[name] = None
+    return list(identifiers)
 
 
 def _values(
-    spec: Spec, own: Controller, whole: Loop, members: Mapping[str, str], entry: str, steps: Steps | None
+    spec: Spec, own: ExportedController, whole: MarchedLoop, members: Mapping[str, str], entry: str, steps: Steps | None
 ) -> tuple[dict[str, bool], dict[str, Any]]:
     """Flags and texts for the templates' names.
 
@@ -232,7 +234,7 @@ def _values(
         "name": comment(spec.name),
         "digest": spec.sha256,
         "tick_ms": f"{1e3 * loop.tick:g}",
-        "plants": ", ".join(part.name for part in loop.parts if part.plant),
+        "plants": ", ".join(block.name for block in loop.blocks if block.plant),
         "frame": loop.frame,
         "count": len(own.outputs),
         "programs": "\n".join(programs),
@@ -255,9 +257,9 @@ def _values(
         "wall": wall is not None,
         "late": own.late,
         "results": bool(own.results),
-        "tells": any(each.touches for each in own.results),
+        "tells": any(result.touches for result in own.results),
         "several": len(programs) > 1,
-        "zero": own.late and any(each.zero for each in own.results),
+        "zero": own.late and any(result.zero for result in own.results),
         "steps": steps is not None,
         "amplifier": bool(late),
     }
@@ -267,14 +269,14 @@ def _values(
     sums = []  # what enters each output, a line for each term
     for port, made in terms_of(spec).items():
         sums.append(f" *   {port} = {made['sum']}")
-        sums += [f" *     {each['coefficient']:g} times {each['from']}" for each in made["terms"]]
+        sums += [f" *     {term['coefficient']:g} times {term['from']}" for term in made["terms"]]
     sums += [f" *   {_port(port)}: from outside alone, so the host's" for port in own.beside]
     texts["sums"] = "\n".join(sums)
     texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
     return flags, constants(numbers) | texts
 
 
-def _phases(own: Controller, steps: Steps | None) -> tuple[list[int], list[int]]:
+def _phases(own: ExportedController, steps: Steps | None) -> tuple[list[int], list[int]]:
     """The kind of each tick of a frame, and a tick with each phase that slow blocks and results have.
 
     With steps that the caller triggers the kinds are in rows, one for each length of the frame before, and the last phase is
@@ -282,7 +284,7 @@ def _phases(own: Controller, steps: Steps | None) -> tuple[list[int], list[int]]
     """
     if steps is None:
         return own.ticks.kinds, [*range(own.loop.frame)]
-    latest = max(part.rhythm.phases[0] for part in own.loop.parts if part.rhythm.periods)
+    latest = max(block.rhythm.phases[0] for block in own.loop.blocks if block.rhythm.periods)
     starts, last = own.loop.frames.starts, steps.lengths.index(max(steps.lengths))
     if steps.lengths[last] <= latest + 1:
         raise UsageError(f"export: expected frames of more than {latest + 1} ticks, found none")
@@ -308,7 +310,7 @@ def _steps(steps: Steps) -> dict[str, Any]:
     }
 
 
-def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]:
+def _gains(spec: Spec, table: CoefficientTable, constants: Sequence[str]) -> dict[str, Any]:
     """The texts about gains, and about numbers that are constants."""
     keys = spec.names.keys
     units = {path: f" {comment(keys[path].unit)}" if path in keys and keys[path].unit != "1" else "" for path in table.members}
@@ -323,14 +325,20 @@ def _gains(spec: Spec, table: Table, constants: Sequence[str]) -> dict[str, Any]
     }
 
 
-def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
+def _signals(own: ExportedController, members: Mapping[str, str]) -> dict[str, str]:
     """The texts with a line for each input, or for each output."""
-    beside = {
-        name: [_port(each) for each in own.outputs if any(s == name for _, s in own.loop.wires[each.removesuffix(" besides")])]
+    terms_besides = {
+        name: [
+            _port(output)
+            for output in own.outputs
+            if any(s == name for _, s in own.loop.wires[output.removesuffix(" besides")])
+        ]
         for name in own.inputs
     }
     notes = {
-        name: f"; part of {', '.join(ports)}: 0 where it acts on the device itself" for name, ports in beside.items() if ports
+        name: f"; part of {', '.join(ports)}: 0 where it acts on the device itself"
+        for name, ports in terms_besides.items()
+        if ports
     }
     outside = {signal for _, signal in own.loop.entries}
     lines = {
@@ -343,33 +351,33 @@ def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
             f'        compare(out.{members[name]}, strtod(at + 1, &at), "{_port(name)}", ticks);' for name in own.outputs
         ],
     }
-    return {name: "\n".join(each) for name, each in lines.items()}
+    return {name: "\n".join(text_lines) for name, text_lines in lines.items()}
 
 
-def _results(own: Controller, ticks: Sequence[int]) -> dict[str, Any]:
+def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
     """The texts about slow results: for each of them, when it is shown, and how many forces of the wall are newer by then."""
     frame, results, behind = own.loop.frame, own.results, []
-    for each in results:
-        later = [each.origin.count(k + frame) - each.origin.runs(k) - 1 - each.number(k + frame) for k in ticks]
-        behind.append([number if each.shown(k) else -2 for k, number in zip(ticks, later, strict=True)])
-    most = max((len(each.signals) for each in results), default=1)
+    for result in results:
+        later = [result.origin.count(k + frame) - result.origin.runs(k) - 1 - result.number(k + frame) for k in ticks]
+        behind.append([number if result.shown(k) else -2 for k, number in zip(ticks, later, strict=True)])
+    most = max((len(result.signals) for result in results), default=1)
     rows = {"computed": str, "arrived": arrived} if own.late else {}
-    texts = {name: [[own.places[of(signal)] for signal in each.signals] for each in results] for name, of in rows.items()}
+    texts = {name: [[own.places[of(signal)] for signal in result.signals] for result in results] for name, of in rows.items()}
     return {
         "groups": len(results),
         "most": most,
         "ring": max((number for row in behind for number in row), default=0) + 2,
         "behind": ",\n    ".join(f"{{{_listed(row)}}}" for row in behind),
-        "zero_groups": ", ".join(str(int(each.zero)) for each in results),
-        "messages": ", ".join(str(int(bool(each.channel))) for each in results),
-        "told": ", ".join(str(int(each.touches)) for each in results),
-        "sizes": ", ".join(str(len(each.signals)) for each in results),
+        "zero_groups": ", ".join(str(int(result.zero)) for result in results),
+        "messages": ", ".join(str(int(bool(result.channel))) for result in results),
+        "told": ", ".join(str(int(result.touches)) for result in results),
+        "sizes": ", ".join(str(len(result.signals)) for result in results),
         "computed": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("computed", ())),
         "arrived": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("arrived", ())),
     }
 
 
-def _function(number: int, program: Program, own: Controller) -> str:
+def _function(number: int, program: Program, own: ExportedController) -> str:
     """A program as a function: a sum for each line, which begins with 0 and adds product after product, within limits."""
     names = [own.places[name] for name in own.ticks.places]
 
@@ -385,27 +393,27 @@ def _function(number: int, program: Program, own: Controller) -> str:
     if program.wall:
         lines.append(f"    meet(s, {factor(program.wall.yields)}, {factor(program.wall.slows)});")
         lines += summed(program.second)
-    stops = {line: [f"z[{names[place]}]" for place in (*some, program.keeps[line][0])] for line, *some in program.stops}
-    kept = []
+    stops = {line: [f"z[{names[place]}]" for place in (*sources, program.keeps[line][0])] for line, *sources in program.stops}
+    writes = []
     for i, (_, terms) in enumerate(program.keeps):
         total = _sum(terms, names)
         if i in stops:
             free, limited, driven, still = stops[i]
             up, down = f"({free} > {limited} && {driven} > 0.0)", f"({free} < {limited} && {driven} < 0.0)"
             total = f"{up} || {down} ? {still} : {total}"
-        kept.append(f"    const double kept_{i} = {total};")
-    kept += [f"    z[{names[target]}] = kept_{i};" for i, (target, _) in enumerate(program.keeps)]
+        writes.append(f"    const double kept_{i} = {total};")
+    writes += [f"    z[{names[target]}] = kept_{i};" for i, (target, _) in enumerate(program.keeps)]
     for source, first, last in program.moves:
-        kept += [f"    for (i = {last - 1}; i > {first}; i--)", "        z[i] = z[i - 1];"] if last - first > 1 else []
-        kept.append(f"    z[{first}] = z[{names[source]}];")
+        writes += [f"    for (i = {last - 1}; i > {first}; i--)", "        z[i] = z[i - 1];"] if last - first > 1 else []
+        writes.append(f"    z[{first}] = z[{names[source]}];")
     head = ["    double *const z = s->z;", *(["    int i;"] * any(last - first > 1 for _, first, last in program.moves))]
-    inner = [f"    {line}" for line in kept]
-    body = [*head, *lines, *(["    { /* what is kept */", *inner, "    }"] if kept else [])]
+    inner = [f"    {line}" for line in writes]
+    body = [*head, *lines, *(["    { /* what is kept */", *inner, "    }"] if writes else [])]
     return f"static void tick_{number}(ws_state *s)\n{{\n" + "\n".join(body) + "\n}\n"
 
 
 def _sum(terms: Iterable[tuple[float, int]], names: Sequence[str]) -> str:
-    return "0.0" + "".join(_term(each, f"z[{names[source]}]") for each, source in terms)
+    return "0.0" + "".join(_term(gain, f"z[{names[source]}]") for gain, source in terms)
 
 
 def _term(value: float, name: str) -> str:
@@ -414,22 +422,22 @@ def _term(value: float, name: str) -> str:
     return f" {sign} {name}" if sign else f" + {factor(value)} * {name}"
 
 
-def _host(own: Controller, whole: Loop, members: Mapping[str, str], entry: str, late: int) -> dict[str, Any]:
+def _host(own: ExportedController, whole: MarchedLoop, members: Mapping[str, str], entry: str, late: int) -> dict[str, Any]:
     """The texts of the device in the example: what is sensed, what pushes it, and how it moves.
 
     whole, entry: see `_values`. late: ticks after which what the amplifier is asked for is exerted, maybe before the last ends.
     """
-    plants, sensed, pushed, moved, after = [part for part in whole.parts if part.plant], [], [], [], []
-    names = [f"{part.name}.{name}" for part in plants for name in (*part.law.keeps, *part.inputs)]
+    plants, sensed, pushed, moved, after = [block for block in whole.blocks if block.plant], [], [], [], []
+    names = [f"{block.name}.{name}" for block in plants for name in (*block.law.keeps, *block.inputs)]
     own_names = dict(zip(names, _identifiers(names, "host_"), strict=True))
 
-    def sum_of(part: Part, terms: Iterable[tuple[float, str]]) -> str:
-        return "0.0" + "".join(_term(float(each), own_names[f"{part.name}.{s}"]) for each, s in terms if each)
+    def sum_of(part: RunningBlock, terms: Iterable[tuple[float, str]]) -> str:
+        return "0.0" + "".join(_term(float(gain), own_names[f"{part.name}.{s}"]) for gain, s in terms if gain)
 
-    for part in plants:
-        ports = [(f"{part.name}.{port}", part.law.gives[port]) for port in part.outputs]
-        sensed += [f"        in.{members[name]} = {sum_of(part, terms)};" for name, terms in ports if name in members]
-        for port in (f"{part.name}.{port}" for port in part.inputs):
+    for block in plants:
+        ports = [(f"{block.name}.{port}", block.law.gives[port]) for port in block.outputs]
+        sensed += [f"        in.{members[name]} = {sum_of(block, terms)};" for name, terms in ports if name in members]
+        for port in (f"{block.name}.{port}" for port in block.inputs):
             if AT in port:  # by how much it changes within the tick
                 pushed.insert(-1, f"        {own_names[port]} = -asked[tick % {late}];")
                 pushed.append(f"        {own_names[port]} += asked[(tick + 1) % {late}];")
@@ -437,14 +445,14 @@ def _host(own: Controller, whole: Loop, members: Mapping[str, str], entry: str, 
             terms = own.beside.get(port) or [term for term in own.loop.wires.get(port, ()) if term[1] in own.loop.inputs]
             share = sum(float(gain) for gain, name in terms if name == entry)
             force = f"out.{members[besides(port)]}" if besides(port) in members else "0.0"
-            given = _term(share, "given") if share else ""
-            pushed.append(f"        {own_names[port]} = {f'asked[tick % {late}]' if late else force}{given};")
+            share_text = _term(share, "given") if share else ""
+            pushed.append(f"        {own_names[port]} = {f'asked[tick % {late}]' if late else force}{share_text};")
             pushed += [f"        asked[tick % {late}] = {force};"] * bool(late)
-        for i, (name, terms) in enumerate(part.law.keeps.items(), len(moved)):
-            moved.append(f"        next[{i}] = {sum_of(part, terms)};")
-            after.append(f"        {own_names[f'{part.name}.{name}']} = next[{i}];")
+        for i, (name, terms) in enumerate(block.law.keeps.items(), len(moved)):
+            moved.append(f"        next[{i}] = {sum_of(block, terms)};")
+            after.append(f"        {own_names[f'{block.name}.{name}']} = next[{i}];")
     outside = (*own.loop.inputs, *(signal for _, signal in own.loop.entries))
-    sensed += [f"        in.{members[s]} = {'given' if s == entry else '0.0'};" for s in own.inputs if s in outside]
+    sensed += [f"        in.{members[s]} = {'share_text' if s == entry else '0.0'};" for s in own.inputs if s in outside]
     shown = [*(f"in.{members[name]}" for name in own.inputs), *(f"out.{members[name]}" for name in own.outputs)]
     return {
         "host": "\n".join(f"    double {name} = 0.0;" for name in own_names.values()),

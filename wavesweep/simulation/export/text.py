@@ -44,15 +44,15 @@ def filled(name: str, flags: Mapping[str, bool], values: Mapping[str, object]) -
     Lines between `@if flag` (or `@if !flag`) and `@end` are kept if the flag is true (or false); `@else` reverses that.
     """
     text = files("wavesweep.simulation.export").joinpath("c", name).read_text(encoding="utf-8")
-    kept, lines = [True], []
+    shown, lines = [True], []
     for line in text.splitlines():
         word, _, flag = line.partition(" ")
         if word == "@if":
-            kept.append(flags[flag.removeprefix("!")] is not flag.startswith("!"))
+            shown.append(flags[flag.removeprefix("!")] is not flag.startswith("!"))
         elif word == "@else":
-            kept[-1] = not kept[-1]
+            shown[-1] = not shown[-1]
         elif word == "@end":
-            kept.pop()
-        elif all(kept):
+            shown.pop()
+        elif all(shown):
             lines.append(line)
     return Template("\n".join(lines) + "\n").substitute(values)

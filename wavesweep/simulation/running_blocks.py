@@ -26,7 +26,7 @@ SAME = 1e-12  # relative, of the shares of the wall's two numbers in two wires
 
 
 @dataclass(frozen=True, slots=True)
-class Frames:
+class FrameClock:
     """Frames of slow blocks, repeated for ever.
 
     ticks: of each. delays: ticks from a frame's beginning until its results are in place, None if they never are. nominal: the
@@ -79,7 +79,7 @@ class Rhythm:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class RunningBlock:
     """A block: its ports, when it runs, its law, and its law while the wall is not touched. plant: whether its inputs are held
     over each tick. runs: the block with the law of each of its runs in turn, if these are not the same."""
 
@@ -91,9 +91,9 @@ class Part:
     law: Law
     away: Law
     plant: bool = False
-    runs: tuple[Part, ...] = ()
+    runs: tuple[RunningBlock, ...] = ()
 
-    def at(self, k: int) -> Part:
+    def at(self, k: int) -> RunningBlock:
         """The block as it runs in tick k."""
         return self.runs[(self.rhythm.count(k) - 1) % len(self.runs)] if self.runs else self
 
@@ -119,7 +119,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Loop:
+class MarchedLoop:
     """Blocks, and the sums that their input ports and the signals at the hand's port read.
 
     tick (s) and rate (Hz) of the common tick. wires: port or signal -> sum; away: the same while the wall is not touched. hand:
@@ -132,7 +132,7 @@ class Loop:
 
     tick: float
     rate: float
-    parts: tuple[Part, ...]
+    blocks: tuple[RunningBlock, ...]
     wires: Mapping[str, Sum]
     away: Mapping[str, Sum]
     inputs: tuple[str, ...] = ()
@@ -143,12 +143,12 @@ class Loop:
     wall: Wall | None = None
     walled: bool = False
     entries: tuple[tuple[str, str], ...] = ()
-    frames: Frames | None = None
+    frames: FrameClock | None = None
     channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     frame: int = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "frame", lcm(*(part.rhythm.every for part in self.parts)))
+        object.__setattr__(self, "frame", lcm(*(block.rhythm.every for block in self.blocks)))
 
     @property
     def delays(self) -> tuple[int | None, ...]:
@@ -161,9 +161,9 @@ class Loop:
         return any(delay != 0 for delay in self.delays)
 
     @property
-    def ports(self) -> dict[str, Part]:
+    def ports(self) -> dict[str, RunningBlock]:
         """The block of each input port."""
-        return {f"{part.name}.{port}": part for part in self.parts for port in part.inputs}
+        return {f"{block.name}.{port}": block for block in self.blocks for port in block.inputs}
 
     @property
     def signals(self) -> list[str]:
@@ -173,8 +173,8 @@ class Loop:
 
     def only(self, kind: str, port: str = "") -> str:
         """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
-        found = [part.name for part in self.parts if part.type == kind and (not port or port in part.outputs)]
-        return found[0] if len(found) == 1 else ""
+        names = [block.name for block in self.blocks if block.type == kind and (not port or port in block.outputs)]
+        return names[0] if len(names) == 1 else ""
 
     def readers(self, signal: str) -> list[Rhythm]:
         """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick.
@@ -186,34 +186,34 @@ class Loop:
         read = [port for port, terms in wires.items() if any(name == signal for _, name in terms)]
         return [ports[port].rhythm if port in ports else Rhythm() for port in read]
 
-    def behind(self, position: float) -> Loop:
+    def behind(self, position: float) -> MarchedLoop:
         """The loop whose wall is one-sided and begins at a position (m)."""
         return replace(self, wall=replace(self.wall, position=position))
 
     @property
     def gated(self) -> bool:
         """Whether a part or a wire is another one while the wall is not touched."""
-        return self.wires != self.away or any(part.law != part.away for part in self.parts)
+        return self.wires != self.away or any(block.law != block.away for block in self.blocks)
 
     @property
     def encoders(self) -> list[str]:
         """The blocks that give the change of the device's position."""
         sensed = ((1.0, f"{self.device}.x"),)
-        return [each.name for each in self.parts if each.type == "difference" and self.wires[f"{each.name}.u"] == sensed]
+        return [block.name for block in self.blocks if block.type == "difference" and self.wires[f"{block.name}.u"] == sensed]
 
     @property
     def shown(self) -> dict[str, str]:
         """The columns of a simulation that the loop has, and the names of their numbers."""
-        found = {column: name for column, name in (("x", POSITION), ("v", VELOCITY), ("f_m", REACTION)) if name in self.wires}
+        columns = {column: name for column, name in (("x", POSITION), ("v", VELOCITY), ("f_m", REACTION)) if name in self.wires}
         if self.device:
-            found |= {"x_hat": f"{self.device}.x", "v_hat": (*(f"{name}.y" for name in self.encoders), f"{self.device}.v")[0]}
+            columns |= {"x_hat": f"{self.device}.x", "v_hat": (*(f"{name}.y" for name in self.encoders), f"{self.device}.v")[0]}
         end, avatar, local = self.only("wave", "force"), self.only("avatar"), self.only("local_model")
-        found |= {"u_m": f"{end}.out", "v_m": f"{end}.in"} if end else {}
+        columns |= {"u_m": f"{end}.out", "v_m": f"{end}.in"} if end else {}
         if avatar:
-            found |= {"u_s": f"{avatar}.in", "v_s": f"{avatar}.out", "x_s": f"{avatar}.x", "x_dot_s": f"{avatar}.v"}
-        found |= {"F_s": FORCE} if self.wall else {}
-        found |= {name.removeprefix(SEEN): name for name in self.wires if name.startswith(SEEN)}
-        return found | ({"u_h": f"{local}.in", "v_l": f"{local}.out", "v_2": LOCAL_WAVE} if LOCAL_WAVE in self.wires else {})
+            columns |= {"u_s": f"{avatar}.in", "v_s": f"{avatar}.out", "x_s": f"{avatar}.x", "x_dot_s": f"{avatar}.v"}
+        columns |= {"F_s": FORCE} if self.wall else {}
+        columns |= {name.removeprefix(SEEN): name for name in self.wires if name.startswith(SEEN)}
+        return columns | ({"u_h": f"{local}.in", "v_l": f"{local}.out", "v_2": LOCAL_WAVE} if LOCAL_WAVE in self.wires else {})
 
     @property
     def wall_rhythm(self) -> Rhythm:
@@ -222,7 +222,7 @@ class Loop:
         return rhythms[0] if set(self.readers(FORCE)) == {rhythms[0]} else Rhythm()
 
 
-def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None = None) -> Loop:
+def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None = None) -> MarchedLoop:
     """Return the loop that a drawing with these numbers (flat keys) is.
 
     frames: of all blocks that do not run in every tick. Errors: UsageError for frames that they cannot have.
@@ -232,57 +232,63 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: Frames | None =
         _refuse(frames, [(block, *_schedule(block, known)) for block in drawing.alone])
     rate = float(value_of(drawing.tick_hz, known))
     waits = {name: divided(value_of(tree, known) * rate) for name, tree in drawing.dead_times.items()}
-    parts = tuple(_part(block, known, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
-    parts += tuple(_plant(plant, drawing, known, 1.0 / rate, waits) for plant in drawing.plants)
+    blocks = tuple(_part(block, known, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
+    blocks += tuple(_plant(plant, drawing, known, 1.0 / rate, waits) for plant in drawing.plants)
     for name, (ticks, _) in waits.items():
         law = dead_time(ticks)
-        parts += (Part(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law),)
+        blocks += (RunningBlock(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law),)
     terms, hand = dict(drawing.wires), ""
     if drawing.hand:
         hand, *signals = drawing.hand
-        terms |= {name: each for name, each in zip((POSITION, REACTION), signals, strict=True) if each is not None}
-    named = {name if name not in RUN_COLUMNS else f"signals.{name}": some for name, some in drawing.named}
-    named |= {name: some for name, some, _ in drawing.outputs}
-    taken = [name for name, _, _ in drawing.inputs]
+        terms |= {
+            name: terms_of_signal
+            for name, terms_of_signal in zip((POSITION, REACTION), signals, strict=True)
+            if terms_of_signal is not None
+        }
+    named = {name if name not in RUN_COLUMNS else f"signals.{name}": terms_of_name for name, terms_of_name in drawing.named}
+    named |= {name: terms_of_name for name, terms_of_name, _ in drawing.outputs}
+    taken_names = [name for name, _, _ in drawing.inputs]
     wall, shares = _wall_of(drawing, terms, known) if drawing.wall else (None, {})
-    beside = known | dict.fromkeys(wall.names if wall else (), 0.0)
-    inside, silent = drawing.inside, beside | dict.fromkeys(known.keys() & {*LOCAL}, 0.0)
+    without_wall = known | dict.fromkeys(wall.names if wall else (), 0.0)
+    inside, silent = drawing.inside, without_wall | dict.fromkeys(known.keys() & {*LOCAL}, 0.0)
 
     def wired(numbers):
-        own = {port: (*_valued(each, numbers), *shares.get(port, ())) for port, each in terms.items()}
-        own |= {SEEN + name: _valued(some, known) for name, some in named.items() if name not in taken}
-        return {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in own[port]) for port in own}
+        sums = {port: (*_valued(terms_of_port, numbers), *shares.get(port, ())) for port, terms_of_port in terms.items()}
+        sums |= {SEEN + name: _valued(terms_of_name, known) for name, terms_of_name in named.items() if name not in taken_names}
+        return {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sums[port]) for port in sums}
 
-    wires, away = wired(beside), wired(silent)
-    for name, each in product(waits, (wires, away)):
-        _within_ticks(name, drawing, each)
-    own = Loop(1.0 / rate, rate, parts, wires, away)
-    if (end := own.only("wave", "force")) and own.only("local_model"):
-        others = {f"{part.name}.{port}" for part in parts if not (part.rhythm.slow or part.plant) for port in part.outputs}
-        wires[LOCAL_WAVE] = away[LOCAL_WAVE] = tuple(term for term in wires[f"{end}.in"] if term[1] in others)
+    wires, away = wired(without_wall), wired(silent)
+    for name, wiring in product(waits, (wires, away)):
+        _within_ticks(name, drawing, wiring)
+    loop = MarchedLoop(1.0 / rate, rate, blocks, wires, away)
+    if (end := loop.only("wave", "force")) and loop.only("local_model"):
+        fast_outputs = {
+            f"{block.name}.{port}" for block in blocks if not (block.rhythm.slow or block.plant) for port in block.outputs
+        }
+        wires[LOCAL_WAVE] = away[LOCAL_WAVE] = tuple(term for term in wires[f"{end}.in"] if term[1] in fast_outputs)
     masses = [block.name for block in drawing.blocks if TYPES[block.type].body]
     speeds = {inside.get(f"{mass}.x", f"{mass}.x"): inside.get(f"{mass}.v", f"{mass}.v") for mass in masses}
     if hand and wires[POSITION] and all(name in speeds for _, name in wires[POSITION]):
         wires[VELOCITY] = away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in wires[POSITION])
-    plants = {f"{part.name}.{port}": part.name for part in parts if part.plant for port in part.inputs}
+    plants = {f"{block.name}.{port}": block.name for block in blocks if block.plant for port in block.inputs}
     moved = [plants[port] for port, sum_ in wires.items() if port in plants and any(name == hand for _, name in sum_)]
     sensed = {plant.name for plant in drawing.plants if plant.sensed}
     movable = {block.name for block in drawing.apart}.intersection(masses) - sensed
     device = moved[0] if len(moved) == 1 and moved[0] in movable else ""
     arriving = [name for plant in drawing.plants if plant.name == device for _, name in plant.arriving if waits[name][1]]
-    for name, each in product(arriving, (wires, away)):  # by how much the force of the motors is about to change
-        each[AT + name] = tuple((gain, f"{name}.next") for gain, signal in each.get(REACTION, ()) if signal == f"{name}.y")
+    for name, wiring in product(arriving, (wires, away)):  # by how much the force of the motors is about to change
+        wiring[AT + name] = tuple((gain, f"{name}.next") for gain, signal in wiring.get(REACTION, ()) if signal == f"{name}.y")
     late = next(((name, 1.0 - waits[name][1]) for name in arriving), ("", 1.0))
     body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
     entries = tuple((name, signal) for name, signal, _ in drawing.inputs if signal != hand)
     channels = {block.name: _numbers(block, known) for block in drawing.channels}
-    own = replace(own, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
-    return replace(own, device=device, body=body, late=late, wall=wall, walled=bool(drawing.wall), frames=frames)
+    loop = replace(loop, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
+    return replace(loop, device=device, body=body, late=late, wall=wall, walled=bool(drawing.wall), frames=frames)
 
 
 def _refuse(frames, schedules):
     """Refuse blocks that cannot have frames of varying length."""
-    slow = [each for each in schedules if each[1] > 1]
+    slow = [schedule for schedule in schedules if schedule[1] > 1]
     for ticks, delay in zip(frames.ticks, frames.delays, strict=True):
         if (delay or 0) > ticks:
             raise UsageError(f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}")
@@ -293,11 +299,11 @@ def _refuse(frames, schedules):
         raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
     if latest >= min(frames.ticks):
         raise UsageError(f"simulate.frames: expected more than {latest} ticks, a block's phase, found {min(frames.ticks)}")
-    others = without_rule(block for block, *_ in slow if block.type != "channel")
-    if others and len({*frames.rhythm(0).periods}) > 1:
+    unruled = without_rule(block for block, *_ in slow if block.type != "channel")
+    if unruled and len({*frames.rhythm(0).periods}) > 1:
         raise UsageError(
             "simulate.frames: expected slow blocks whose types have a rule for steps that vary (`wavesweep keys block`), found "
-            f"{', '.join(others)}"
+            f"{', '.join(unruled)}"
         )
 
 
@@ -329,7 +335,7 @@ def _part(block, known, tick, frames):
     for period in periods:
         law = LAWS[kind](period, **keys)
         away = local_model_away(period, **keys) if kind == "local_model" else law
-        runs.setdefault(period, Part(block.name, kind, *block.ports, rhythm, law, away, block.plant))
+        runs.setdefault(period, RunningBlock(block.name, kind, *block.ports, rhythm, law, away, block.plant))
     first = runs[periods[0]]
     return replace(first, runs=tuple(runs[period] for period in periods)) if len(runs) > 1 else first
 
@@ -337,18 +343,18 @@ def _part(block, known, tick, frames):
 def divided(ticks: float) -> tuple[int, float]:
     """Return a time in ticks as whole ticks less a share of one."""
     near = round(ticks)
-    whole = near if abs(ticks - near) <= SAME * max(1.0, ticks) else math.ceil(ticks)
-    return whole, max(0.0, whole - ticks)
+    whole_ticks = near if abs(ticks - near) <= SAME * max(1.0, ticks) else math.ceil(ticks)
+    return whole_ticks, max(0.0, whole_ticks - ticks)
 
 
 def _within_ticks(name, drawing, wires):
     """Lead what a dead time reads of plants, and what it is about to bring to them, to the ports that are for that."""
-    inside, sensed = drawing.inside, [each for plant in drawing.plants for each in plant.sensed if each[1] == name]
+    inside, sensed = drawing.inside, [pair for plant in drawing.plants for pair in plant.sensed if pair[1] == name]
     read = {inside[signal]: f"{inside[signal]}{AT}{name}" for signal, _ in sensed}
     terms = wires[f"{name}.u"]
     wires[f"{name}.u"] = tuple(term for term in terms if term[1] not in read)
     wires[f"{name}.sensed"] = tuple((gain, read[signal]) for gain, signal in terms if signal in read)
-    for port, _ in (each for plant in drawing.plants for each in plant.arriving if each[1] == name):
+    for port, _ in (pair for plant in drawing.plants for pair in plant.arriving if pair[1] == name):
         soon = tuple((gain, f"{name}.next") for gain, signal in wires[inside[port]] if signal == f"{name}.y")
         wires[f"{inside[port]}{AT}{name}"] = soon
 
@@ -358,13 +364,15 @@ def _plant(plant, drawing, known, tick, waits):
     members = [(block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members]
     gains = {(port, name): gain for port, terms in plant.couplings for gain, name in _valued(terms, known)}
     wired = {port for port, terms in drawing.wires if terms}
-    inputs, outputs = (dict(zip(*each, strict=True)) for each in zip(plant.drawn_ports, plant.ports, strict=True))
+    inputs, outputs = (dict(zip(*pair, strict=True)) for pair in zip(plant.drawn_ports, plant.ports, strict=True))
     inputs = {port: name for port, name in inputs.items() if port in wired}
     arriving = [(port, f"{inputs[port]}{AT}{name}", 1.0 - waits[name][1]) for port, name in plant.arriving if waits[name][0]]
     sensed = [(signal, f"{outputs[signal]}{AT}{name}", waits[name][1]) for signal, name in plant.sensed]
     law = continuous(tick, members, gains, inputs, outputs, arriving, sensed)
-    into, out = ((*ports.values(), *(name for _, name, _ in some)) for ports, some in ((inputs, arriving), (outputs, sensed)))
-    return Part(plant.name, "plant", into, out, Rhythm(), law, law, plant=True)
+    into, out = (
+        (*ports.values(), *(name for _, name, _ in further)) for ports, further in ((inputs, arriving), (outputs, sensed))
+    )
+    return RunningBlock(plant.name, "plant", into, out, Rhythm(), law, law, plant=True)
 
 
 def _valued(terms, numbers) -> Sum:
@@ -374,33 +382,34 @@ def _valued(terms, numbers) -> Sum:
 def _wall_of(drawing, terms, known):
     """The wall, and the term of its force in each wire; None if its numbers do more than multiply signals in wires."""
     names, first, shares = drawing.wall, None, {}
-    if any(name in names for _, some in drawing.couplings for _, tree in some for name, _ in names_in(tree)):
+    if any(name in names for _, terms_of_port in drawing.couplings for _, tree in terms_of_port for name, _ in names_in(tree)):
         return None, {}
     inside = {f"wire.{port}" for port, _ in drawing.wires} | {"ports.hand.reaction"}
     inside |= {f"ports.outputs.{name}" for name, _, _ in drawing.outputs}
     if any(path not in inside and any(name in names for name, _ in names_in(tree)) for path, tree in drawing.trees()):
         return None, {}
     none = known | dict.fromkeys(names, 0.0)
-    for port, each in terms.items():
-        found: dict[tuple[int, str], float] = {}  # of each number and signal, the factor of their product
-        for signal, gain in each:
+    for port, terms_of_port in terms.items():
+        factors: dict[tuple[int, str], float] = {}  # of each number and signal, the factor of their product
+        for signal, gain in terms_of_port:
             read = [name for name, _ in names_in(gain) if name in names]
             if not read:
                 continue
             rest, *ones, both = (
-                value_of(gain, none | some) for some in ({}, *({name: 1.0} for name in names), dict.fromkeys(names, 1.0))
+                value_of(gain, none | ones_for)
+                for ones_for in ({}, *({name: 1.0} for name in names), dict.fromkeys(names, 1.0))
             )
-            slopes = [one - rest for one in ones]
+            slopes = [with_one - rest for with_one in ones]
             if any(degree(gain, name) > 1 for name in read) or abs(both - sum(slopes) - rest) > SAME * abs(both):
                 return None, {}
-            found |= {(i, signal): found.get((i, signal), 0.0) + slope for i, slope in enumerate(slopes) if slope}
-        if not found:
+            factors |= {(i, signal): factors.get((i, signal), 0.0) + slope for i, slope in enumerate(slopes) if slope}
+        if not factors:
             continue
-        found = dict(sorted(found.items(), key=lambda item: item[0][0]))
-        lead = next(iter(found.values()))
-        first = first or {place: value if lead > 0 else -value for place, value in found.items()}
+        factors = dict(sorted(factors.items(), key=lambda item: item[0][0]))
+        lead = next(iter(factors.values()))
+        first = first or {place: value if lead > 0 else -value for place, value in factors.items()}
         share = lead / next(iter(first.values()))
-        if [*found] != [*first] or any(abs(found[at] - share * first[at]) > SAME * abs(found[at]) for at in found):
+        if [*factors] != [*first] or any(abs(factors[at] - share * first[at]) > SAME * abs(factors[at]) for at in factors):
             return None, {}
         shares[port] = ((share, FORCE),)
     if first is None:
@@ -411,10 +420,12 @@ def _wall_of(drawing, terms, known):
     return Wall(names, K, B, depth, speed), shares
 
 
-def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> Loop:
+def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:
     """Return the loop of blocks that are given by matrices, a `MultirateLoop`; junctions: signals that are looked at too."""
-    parts, tick = [], float(drawn.period)
-    made = {f"{each.block.name}.{port}" for each in drawn.placed for port in each.block.outputs} | {*drawn.inputs}
+    blocks, tick = [], float(drawn.period)
+    made = {f"{placed_block.block.name}.{port}" for placed_block in drawn.placed for port in placed_block.block.outputs} | {
+        *drawn.inputs
+    }
 
     def terms(signal: str, factor: float = 1.0) -> Sum:
         if signal in made:
@@ -422,10 +433,13 @@ def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> Loop:
         sources = drawn.sums.get(signal, {}).items()
         return tuple(term for source, gain in sources for term in terms(source, factor * float(gain)))
 
-    for each in drawn.placed:
-        block, phases = each.block, each.phase if isinstance(each.phase, tuple) else (each.phase,)
+    for placed_block in drawn.placed:
+        block, phases = (
+            placed_block.block,
+            placed_block.phase if isinstance(placed_block.phase, tuple) else (placed_block.phase,),
+        )
         law = in_delta_form(block.E, block.B, block.C, block.D, block.states, block.inputs, block.outputs)
-        parts.append(Part(block.name, "", block.inputs, block.outputs, Rhythm(each.every, phases), law, law))
-    ports = [f"{part.name}.{port}" for part in parts for port in part.inputs]
+        blocks.append(RunningBlock(block.name, "", block.inputs, block.outputs, Rhythm(placed_block.every, phases), law, law))
+    ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
     wires = {port: terms(port) for port in (*ports, *(name for name in junctions if name not in made))}
-    return Loop(tick, 1.0 / tick, tuple(parts), wires, wires, tuple(drawn.inputs))
+    return MarchedLoop(tick, 1.0 / tick, tuple(blocks), wires, wires, tuple(drawn.inputs))
