@@ -1,40 +1,16 @@
 """The capabilities: what the program does beyond its core, a line for each. Nothing of one is imported until it is asked for.
 
 A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, and what it offers to
-others stands in the module of that name, e.g. `on_check.py`. It imports the core and no other capability; the core asks this
-list what there is. A capability is taken away by deleting its folder, its tests and its line.
-
-diagram: the picture of a loop, `diagram` of a spec.
-locus: the root locus of a spec, `axis_over` a number, and `root_locus` of both.
-marks: points next to the curves of a figure: `facts_of` of a run, `walls` and `undrawn` of a plane, `responses`.
-keys: what the core has to know of a table of a spec, `TABLE` (see `program.reading.tables`).
-guarantee: kinds of rows of stable intervals for more than one loop, `ROWS` (see `program.tables.row_kinds`); `of_word`, the one
-for a word of --for-hands; `of_run`, those of a run (see `program.tables.hand_rows`).
-boxes: all loops of a box of numbers, for margins that hold for all of them.
-ticks: `Loop`, a loop tick by tick in ball arithmetic.
-bound: the region of eigenvalues that [sweep] require asks for, `words_of` and `BOUNDED` (see `engine.search.required_region`).
-on_check: any of `numbers(spec)`, which the numbers of a spec's own design have in addition; `facts(spec, own, report)` and
-    `lines(spec, found)` of its verdict, each with its rank, or what makes one that takes a while; `sweep_plan(spec)`, lines and
-    jobs of a command over [sweep]; `plan(spec)`, lines of another; `refuse(spec)`, before anything is printed;
-    `is_next(spec, found)`, whether its command goes on from it.
-verdict: what is known beside a spec's own numbers, `further(spec, own)` and `verdict_lines(spec, found)`.
-section: a section of a report: `TITLE`, `PLACE`, `KNOWN` (how its numbers are known), and `section(spec, cut)`: the command of
-    its table and what makes it.
-panel: what a page of `explore` shows in addition: `data(spec)`; `quick(spec, question, data, stable)` while a slider moves;
-    `ANSWERS`, more questions that it answers, of (spec, question, data).
-shell: what a shell completes, `register()` before the line is parsed, and `prepare(command)`.
-prover: `ball_prover` of stretches that doubles leave in doubt, `prove_again` of certified slices.
-frames: frames as they were measured, for --frames: `identified`, a table of them, and its `spec_text`, with `number_of` a spec;
-    whether a run is `within` what a spec's answers are for, and its `lines`; `read_run`, the frames of a file.
-classes: classes of blocks that specs may use without drawing them, `CLASSES`: the file of each by its name.
-wish: quantities that may be wished for of a design, `WISHES` (see `WishKind` of designs).
+others stands in modules such as `on_check.py`, whose names and signatures `program.seams` has. It imports engine and program and
+no other capability; the program asks this list what there is. A capability is taken away by deleting its folder, its tests and its
+line.
 """
 
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import reduce
+from functools import cache, reduce
 from importlib import import_module
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
@@ -47,7 +23,7 @@ class Capability(NamedTuple):
 
     name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
     library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins".
-    offers: modules of the folder that the core or others may ask for, see `modules`. package: that has its modules, its folder
+    offers: modules of the folder that others may ask for, see `program.seams`. package: that has its modules, its folder
     here by default.
     """
 
@@ -223,15 +199,35 @@ def where_explained(word: str) -> str:
     return f"wavesweep explain {word}" if home_of("explain") else ""
 
 
-def modules(name: str) -> Iterator[ModuleType]:
-    """Import the module of this name of every capability that offers it."""
+def modules(name: str) -> Iterator[Any]:
+    """Import the module of this name of every capability that offers it; `program.seams` says what such a module has.
+
+    Errors: UsageError if a capability offers something else.
+    """
+    _refuse_other_seams()
     for each in CAPABILITIES:
         if name in each.offers:
-            yield each.module(name)
+            yield _offered(each.name, name, each.name_of(name))
+
+
+@cache
+def _refuse_other_seams() -> None:
+    from wavesweep.program.seams import refuse_other_seams
+
+    refuse_other_seams({each.name: each.offers for each in CAPABILITIES})
+
+
+@cache
+def _offered(capability: str, name: str, path: str) -> ModuleType:
+    from wavesweep.program.seams import refuse_other_hooks
+
+    module = import_module(path)
+    refuse_other_hooks(capability, name, module)
+    return module
 
 
 def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:
-    """What a function gives in each module of this name that has it: a module leaves out what it has nothing to say to."""
+    """What a function gives in each module of this name that has it, of those that leave out what they have nothing to say to."""
     for module in modules(name):
         if hasattr(module, function):
             yield getattr(module, function)(*arguments)

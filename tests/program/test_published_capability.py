@@ -129,3 +129,11 @@ def test_a_capability_of_another_package_is_there_once_it_is_installed(tmp_path)
     assert float(said.stdout.split()[-1]) == pytest.approx(2 * float(row), rel=1e-9)
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".csv", ".parquet", ".png", ".json"}
     assert "time in which the slowest mode falls to the share" in (tmp_path / "out" / "decay.datapackage.json").read_text()
+
+    # A hook with a name that nobody asks for would be silent.
+    (tmp_path / "site/decays/__init__.py").write_text(FILES["decays/__init__.py"].replace('"keys",', '"keys", "on_check"'))
+    (tmp_path / "site/decays/on_check.py").write_text("def line(spec, found):\n    yield 2, 'decays'\n")
+    done = run("-m", "wavesweep", "check", "wall.toml")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("Error: capability decays: expected some of numbers, facts, lines")
+    assert done.stderr.endswith("in decays.on_check, found line; did you mean lines?\n")

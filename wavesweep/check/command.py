@@ -160,7 +160,7 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
 
     plan: the lines about all commands. whole: whether all that is known has been said.
     """
-    from wavesweep.check.on_check import distance
+    from wavesweep.check.verdict import distance
 
     possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") and ": not possible" not in line}
     doubts = [each["doubt"] for each in verdict["limits"] if each["doubt"] and each["doubt"] in DOUBTS]

@@ -6,11 +6,12 @@ Each line has a rank, by which the short form of `check` chooses: up to NEEDED i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import inf, pi
+from math import pi
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.check import room_of_numbers as ranges
+from wavesweep.check.verdict import distance
 from wavesweep.program.analyses.hardware_limits import hardware_of
 from wavesweep.program.reading.keys import readable
 
@@ -66,15 +67,6 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
             continue
         spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
         yield 5, f"{state} at every value searched: {spans}"
-
-
-def distance(limit: Facts) -> float:
-    """The rank of a limit among others, from 0 for one that is not known or not stable to 1 for ends that are far away."""
-    value = limit["value"]
-    if not limit["stable"] or not value:
-        return 0.0
-    factors = [value / limit["low"] if limit["low"] else inf, limit["high"] / value if limit["high"] else inf]
-    return 1 - 1 / max(min(abs(each) for each in factors), 1.0)
 
 
 def _bounded(limit: Facts) -> bool:

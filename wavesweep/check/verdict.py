@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -53,3 +54,12 @@ def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Rank
         yield from ((rank, partial(indented, line) if late and callable(line) else indented(line)) for rank, line in lines)
     if found["assumes"] and not is_first(spec, found):
         yield 0, f"  assumes: {found['assumes']}"
+
+
+def distance(limit: Facts) -> float:
+    """The rank of a limit among others, from 0 for one that is not known or not stable to 1 for ends that are far away."""
+    value = limit["value"]
+    if not limit["stable"] or not value:
+        return 0.0
+    factors = [value / limit["low"] if limit["low"] else inf, limit["high"] / value if limit["high"] else inf]
+    return 1 - 1 / max(min(abs(each) for each in factors), 1.0)

@@ -16,7 +16,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.capabilities import asked, modules
+from wavesweep.capabilities import asked
 from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.engine.loops.controllers import WALL
 from wavesweep.explore.answers import Plane, certified_plane, first_plane, fitted, is_gain, preview, quick, stable_ranges
@@ -61,8 +61,8 @@ class Page:
             "fit": self._fit,
             "toml": self._toml,
         }
-        for panel in modules("panel"):
-            answers |= {name: self._of_panel(answer) for name, answer in getattr(panel, "ANSWERS", {}).items()}
+        for of_panel in asked("panel", "answers"):
+            answers |= {name: self._of_panel(answer) for name, answer in of_panel.items()}
         return {name: self._said(answer) for name, answer in answers.items()}
 
     def _data(self) -> dict:

@@ -2,8 +2,7 @@
 the margins of that.
 """
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -94,7 +93,7 @@ def _numbers(step: Step, sign: float) -> dict:
     }
 
 
-def margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
+def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     """The margins of the loop that is broken at a signal, as the table has them, with L where each is set."""
     cut, _ = _chosen(question, shown)
     loop = broken_at(spec, cut)
@@ -116,4 +115,6 @@ def margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}
 
 
-ANSWERS = MappingProxyType({"margins": margins})
+def answers() -> Mapping[str, Callable]:
+    """The question of a page that takes longer."""
+    return {"margins": _margins}
