@@ -1,9 +1,9 @@
 """The capabilities: what the program does beyond its core, a line for each. Nothing of one is imported until it is asked for.
 
-A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, and what it offers to
-others stands in modules such as `on_check.py`, whose names and signatures `program.seams` has. It imports engine and program and
-no other capability; the program asks this list what there is. A capability is taken away by deleting its folder, its tests and its
-line.
+A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, `library.py` its calls.
+What it offers to others stands in modules such as `on_check.py`; `program.seams` has their names and signatures. It imports
+engine and program and no other capability, and the program asks this list what there is. A capability is taken away by deleting
+its folder, its tests and its line.
 """
 
 import os
@@ -227,7 +227,7 @@ def _offered(capability: str, name: str, path: str) -> ModuleType:
 
 
 def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:
-    """What a function gives in each module of this name that has it, of those that leave out what they have nothing to say to."""
+    """What a function gives in each module of this name that has it: a module leaves out what it has nothing to say to."""
     for module in modules(name):
         if hasattr(module, function):
             yield getattr(module, function)(*arguments)

@@ -2,7 +2,7 @@
 
 import inspect
 from importlib import import_module
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 import pytest
 
@@ -34,18 +34,19 @@ def test_a_module_that_is_offered_has_the_names_and_arguments_of_its_type(capabi
             assert rest or len(taken) >= len(wanted), hook
 
 
-def module_of(name, **names):
+def module_of(name, *names):
     module = ModuleType(name)
-    exec("\n".join(f"def {each}(*_): pass" for each in names), vars(module))
+    for each in names:
+        setattr(module, each, FunctionType((lambda: None).__code__, {"__name__": name}, each))
     return module
 
 
 def test_a_misspelt_hook_is_an_error_that_names_the_nearest():
     with pytest.raises(UsageError, match=r"capability decays: expected some of .* in decays.on_check, found line; .* lines\?"):
-        refuse_other_hooks("decays", "on_check", module_of("decays.on_check", line=1, facts=1))
+        refuse_other_hooks("decays", "on_check", module_of("decays.on_check", "line", "facts"))
     with pytest.raises(UsageError, match=r"expected further, verdict_lines in decays.verdict, found no further, but furthr"):
-        refuse_other_hooks("decays", "verdict", module_of("decays.verdict", furthr=1, verdict_lines=1))
-    refuse_other_hooks("decays", "on_check", module_of("decays.on_check", lines=1, _line=1))
+        refuse_other_hooks("decays", "verdict", module_of("decays.verdict", "furthr", "verdict_lines"))
+    refuse_other_hooks("decays", "on_check", module_of("decays.on_check", "lines", "_line"))
 
 
 def test_a_misspelt_module_is_an_error_that_names_the_nearest():

@@ -1,4 +1,4 @@
-"""What a capability can offer to the program and to other capabilities: a type for each module that `capabilities.modules` asks for.
+"""What a capability can offer to the program and to other capabilities: a type for each module that `modules` asks for.
 
 A capability that names a module in its `offers` has every name of the module's type. Of a type that is `AsYouLike` it has those
 that it has something to say to, and no other public name but constants.
