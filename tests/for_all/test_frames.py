@@ -247,6 +247,18 @@ def test_long_runs_of_the_shortest_and_of_the_longest_of_many_lengths_refute():
 
 
 @pytest.mark.slow
+def test_fast_and_slow_modes_beside_each_other_leave_room_for_rounding():
+    """A virtual coupling on the measured device: near K_VE = 0 the slow mode loses a millionth in a frame."""
+    device = {"device.mass": 0.25, "device.damping": 1.2, "device.dead_time": 0.0015}
+    loop = fig4("dc-vc", **device, **{"environment.B_VE": 5.0, "controller.K_VC": 500.0, "controller.B_VC": 5.0})
+    found = bracket(frames_of_controller(loop, Frames(tuple(range(14, 23)), (FRAME,))), 25.0, (0.0, 2000.0))
+    assert found.settled
+    assert 0 < found.low < 0.02
+    assert 216 < found.high < 216.87
+    assert found.fails_from == pytest.approx(216.8624, abs=1e-3)  # 22 ticks for ever
+
+
+@pytest.mark.slow
 def test_a_pattern_is_met_that_grows_below_all_others_and_decays_again_before_they_grow():
     """Frames of 14, 14, 22, 22, 22 ticks grow between 1536 and about 1670 N/m; a search from 2000 downwards ends at 1719."""
     changes = {"controller.b": 15.0, "environment.B_VE": 10.0, "filters.lp1.cutoff_hz": 10.0, "device.mass": 0.25}

@@ -36,6 +36,8 @@ SPENT = 0.9  # part of the work after which no more norms are searched
 SEARCHES = 8  # into which the work that is left is divided: one for norms that do not exist ends soon
 STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
 FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # factor and last value of finer tolerances that follow if cheap, and the work for them
+LEFT_OUT = 1e-4  # of an interval, next to its low limit: at 0 many loops do not decay, and rounding leaves no room next to it
+FRUITLESS = 3  # finer graphs without a longer stretch, after which rounding leaves no room
 STEPS = 300  # norms for one side of the start
 # The shortest stretch of a proof that goes on from the start, of one that goes back to what is proved, and of several together
 # without a finer graph; relative to the rest of the way or to the number itself.
@@ -71,8 +73,9 @@ class Bracket:
 
     low, high: every number from low to high, both included, is proved; NaN if nothing is, and then nothing else is known.
     fails_below, fails_from: the nearest refuted numbers below low and above high, NaN if there is none. words: the patterns
-    that refute them, or (). settled: whether each end is within the tolerance of the refuted number, or is the limit that was
-    asked for. stretches: the proof, from low to high without a gap.
+    that refute them, or (). settled: whether each end is within the tolerance of the refuted number, or of the limit that was
+    asked for, the low one also if it is within LEFT_OUT of the way to the high end. stretches: the proof, from low to high
+    without a gap.
     """
 
     low: float
@@ -120,7 +123,8 @@ def bracket(family: Family, start: float, limits: tuple[float, float], tolerance
     first, factor = (None, 0.0) if growing_of(A, short_words(family.follows)) else find_norms(A, family.follows, work=work)
     if factor < 1:
         return Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
-    below, above = (_side(family, start, limit, tolerance, first, work) for limit in limits)
+    above = _side(family, start, limits[1], tolerance, first, work)
+    below = _side(family, start, limits[0], tolerance, first, work, LEFT_OUT * abs(above.end - start))
     return Bracket(
         float(below.end),
         float(above.end),
@@ -142,8 +146,8 @@ class _Side:
     centre: Centre
 
 
-def _side(family, start, limit, tolerance, first, work):
-    """What is proved and refuted from the start towards a limit.
+def _side(family, start, limit, tolerance, first, work, near=0.0):
+    """What is proved and refuted from the start towards a limit, which counts as reached from the distance `near` on.
 
     first: forms for the start. They need few nodes, and the proof goes as far as it can with them. Then norms are searched for
     a number further on, and the proof goes back from there to what is already proved; and so on. Each search begins with the
@@ -154,7 +158,7 @@ def _side(family, start, limit, tolerance, first, work):
     stretches, reached, climbed = _covered(family, replace(first, work=0.0), start, goal, LEAST_CLIMB, work)
     # ceiling: a number for which no norms were found.
     spent, centre, ceiling, before = climbed.work, None, None, start
-    while reached != goal and spent < SPENT * work:
+    while reached != goal and (word or abs(limit - reached) > near) and spent < SPENT * work:
         if ceiling is not None and abs(ceiling - reached) <= tolerance / 2 * _scale(reached, start):
             if word or abs(reached - before) <= tolerance * _scale(reached, start):
                 break
@@ -187,7 +191,7 @@ def _side(family, start, limit, tolerance, first, work):
     if word:
         side = replace(side, fails=nearest(family, side.word, start, side.fails))
     end = side.fails if word else limit
-    return replace(side, settled=abs(end - side.end) <= tolerance * _scale(end, start))
+    return replace(side, settled=abs(end - side.end) <= max(tolerance * _scale(end, start), 0.0 if word else near))
 
 
 def _refined(family, side, start, tolerance):
@@ -215,14 +219,15 @@ def _back(family, centre, factor, aim, reached, work):
     centre, factor: the result of the search for norms at that number. Where a stretch cannot be made longer, norms are searched
     again, on a finer graph if that has not helped before.
     """
-    stretches, at, used = (), aim, centre.work
+    stretches, at, used, fruitless = (), aim, centre.work, 0
     if factor == 1 and not _proved(family, (aim,), (centre,)):  # rounding leaves no room, and a finer graph gives none
         return (), used
-    while factor == 1 and used < work:
+    while factor == 1 and used < work and fruitless < FRUITLESS:
         further, far, last = _covered(family, replace(centre, work=0.0), at, reached, LEAST_BACK, work - used)
         stretches, used = (*stretches, *further), used + last.work
         if far == reached:
             return stretches, used
+        fruitless = 0 if further else fruitless + 1
         stalled, at = abs(far - at) <= LEAST_AGAIN * abs(far - reached), far
         try:
             centre = finer(last, family.at(at), family.follows) if stalled else last

@@ -12,15 +12,15 @@ KEPT = 60  # words of each length that are extended
 LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST = 14  # matrices in a word
 RUN = 12  # matrices of each of the two runs of a word
-LEADING = 8  # words of each length, and of all lengths, that are joined in pairs
-JOINED = 2  # times that this is done
-IMPROVED = 3  # of these, the words that are changed matrix by matrix
+LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
+WALKS, WALKED = 32, 160  # walks of a state, and their matrices
+IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
 BEYOND = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)  # of a number where a word begins to grow, how far beyond it that is proved
 LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
 SHORTEST, MOST = 4, 400  # matrices of the words that are all tried, and how many these are at most
-SHORT = 2  # matrices of the words that are looked for to rank numbers, before these are joined and improved
+SHORT = 2  # matrices of the words that are looked for to rank numbers, before the best are improved
 RANKED, STEPS, HALVED = 1e-2, 24, 6  # of the limit, from where on numbers are tried; how many, and bisections after them
 
 Word = tuple[int, ...]
@@ -61,7 +61,7 @@ def growing(
     matrix first.
 
     basis: one in which the matrices are small. known: words to start from. kept: words of each length, those with the largest
-    norms, that are extended. These, and words of two runs, are joined in pairs if they lead, and the best of all are changed
+    norms, that are extended. Beside these there are words of two runs, and the ends of walks. The best of all are changed
     matrix by matrix. This is a search: it may return nothing although there are such words.
     """
     A = np.linalg.inv(basis) @ A @ basis
@@ -78,9 +78,8 @@ def growing(
         first = order[first]
         words = np.concatenate([words[first], symbol[:, None]], axis=1)
         products = A[symbol] @ products[first]
-    for _ in range(JOINED):
-        rates |= _joined(A, follows, _leading(rates))
-    for word in _leading(rates)[:IMPROVED]:
+    rates |= _of_walks(A, follows)
+    for word in sorted(rates, key=rates.get, reverse=True)[:IMPROVED]:
         better = improved(A, follows, word)
         rates[better] = growth(A, better) ** (1 / len(better))
     return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
@@ -110,21 +109,27 @@ def _of_two_runs(A, follows):
     return rates
 
 
-def _leading(rates):
-    return sorted(rates, key=rates.get, reverse=True)[:LEADING]
-
-
-def _joined(A, follows, words):
-    """The growth per matrix of the best pairs of words; the second word may begin at each of its matrices."""
-    turned = list(dict.fromkeys(word[i:] + word[:i] for word in words for i in range(len(word))))
-    short = LONGEST_IMPROVED
-    pairs = [(one, other) for one in words for other in turned if len(one + other) <= short and _allowed(follows, one + other)]
-    if not pairs:
-        return {}
-    products = {word: product_of(A, word) for word in {*words, *turned}}
-    radius = np.abs(np.linalg.eigvals(np.array([products[other] @ products[one] for one, other in pairs]))).max(-1)
-    rates = radius ** (1 / np.array([len(one) + len(other) for one, other in pairs]))
-    return {_least(pairs[i][0] + pairs[i][1]): rates[i] for i in np.argsort(-rates)[:LEADING].tolist()}
+def _of_walks(A, follows):
+    """The growth per matrix of the ends of walks, on which each matrix is that which leaves the state largest."""
+    symbols, n = A.shape[:2]
+    scale = np.linalg.norm(A, axis=(-2, -1)).max() or 1.0
+    A, state = A / scale, np.random.default_rng(0).normal(size=(WALKS, n))
+    may, walks = np.ones((WALKS, symbols), bool), np.empty((WALKS, WALKED), int)
+    for step in range(WALKED):
+        moved = np.einsum("sij,wj->wsi", A, state)
+        size = np.where(may, np.linalg.norm(moved, axis=-1), -1.0)
+        symbol = size.argmax(1)
+        largest = size[np.arange(WALKS), symbol]
+        state = moved[np.arange(WALKS), symbol] / np.where(largest > 0, largest, 1.0)[:, None]
+        walks[:, step], may = symbol, follows[symbol]
+    ends = np.unique(walks[:, -LONGEST_IMPROVED:], axis=0)
+    products, rates = np.broadcast_to(np.eye(n), (len(ends), n, n)), {}
+    for length in range(1, 1 + LONGEST_IMPROVED):
+        products = products @ A[ends[:, -length]]
+        closing = np.flatnonzero(follows[ends[:, -1], ends[:, -length]])
+        radius = scale * np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
+        rates |= {_least(tuple(ends[i, -length:].tolist())): rate for i, rate in zip(closing, radius, strict=True)}
+    return rates
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
