@@ -79,6 +79,13 @@ def test_waves_without_position_feedback_need_infinite_damping(values):
     assert damping_needed(values("pmw", **ENCODER | {"rates.ratio": 1})).damping < np.inf
 
 
+@pytest.mark.parametrize("dead_time", [0.0, 0.0015])
+def test_no_wall_of_waves_without_position_feedback_is_stable_with_every_hand(dead_time, values):
+    """The frame has a pole at z = 1 there, which is no rounding: values of K_VE are refuted away from it."""
+    found = any_hand_walls(values("pmw", **ENCODER) | {"device.dead_time": dead_time}, (0.0, 5000.0))
+    assert (found.low.tolist(), found.complete) == ([], True)
+
+
 @pytest.mark.slow
 def test_walls_that_are_passive_end_at_the_bound(values):
     found = any_hand_walls(values("dc", **ENCODER | {"device.damping": 3.5}), (0.0, 9000.0))

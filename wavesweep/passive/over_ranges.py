@@ -35,6 +35,7 @@ NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branc
 SLACK, SURE = 1e-11, 1e-9  # of the mean eigenvalue: accuracy of the smallest one, and what is surely not rounding
 NOISE = 2e-12  # of the largest eigenvalue, in which the smallest one may drown if a mode is slow
 SKEW = 1e-9  # relative, of a compliance that counts as symmetric
+DRIFT = 1e-14  # of the largest entry of a frame: an eigenvalue that is a drift
 TERMS = 16.0  # errors of the entries of a map of a frame, in roundings of the sizes of their terms
 
 ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
@@ -68,15 +69,26 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
 def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     """Maps whose Hermitian parts are positive where the loop is stable with every passive hand of at least this damping.
 
-    They are `d/T + C` of `damping_needed`, d (N*s/m) that of device and hand.
+    They are `d/T + C` of `damping_needed`, d (N*s/m) that of device and hand. Of a controller with a drift at z = 1, the
+    position prescribed, as waves without position feedback have one, the pole there is not set apart: no value is passive.
     """
 
-    def maps(p):
+    def reactions(p):
         at = loop.changed({path: away_from_0(p, span)})
         drawn = at.drawn()
         with np.errstate(all="ignore"):
             ticks, x = reaction(at, drawn, p.shape)
-            lifted = settled(ticks.lifted(measured=False), x)
+            return at, drawn, ticks.lifted(measured=False), x
+
+    _, _, lifted, x = reactions(np.linspace(*inner_numbers(span), 3))
+    rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
+    slowest = np.abs(np.linalg.eigvals(np.nan_to_num(lifted.E[:, rest][..., rest]))).min(-1, initial=np.inf)
+    drifts = (slowest <= DRIFT * np.abs(lifted.E).max((-1, -2), initial=0.0)).all()
+
+    def maps(p):
+        at, drawn, lifted, x = reactions(p)
+        with np.errstate(all="ignore"):
+            lifted = lifted if drifts else settled(lifted, x)
         paid = np.broadcast_to(device_keys(at)[1] / drawn.period, p.shape)
         T = lifted.T + paid[:, None, None] * np.eye(lifted.T.shape[-1])
         return replace(lifted, T=T), pivots_of(at, path, drawn, p.shape)

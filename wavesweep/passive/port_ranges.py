@@ -31,6 +31,7 @@ from wavesweep.passive.over_ranges import (
     least,
     port_maps,
     reaction_maps,
+    with_sizes,
 )
 from wavesweep.passive.two_ports import Pair, pairs_of
 
@@ -121,8 +122,13 @@ class _OneMap:
         return open_
 
     def witness(self, low: float, high: float) -> Witness:
-        """What takes energy in the middle of two values."""
-        return Witness(self.maps, (low + high) / 2, self.angle((low + high) / 2))
+        """What takes energy in the middle of two values, at the angle where it is farthest from rounding."""
+        lifted, _ = self.maps(np.array([p := (low + high) / 2]))
+        smallest = lifted.smallest(np.zeros(TRIED.size, int), TRIED)
+        with np.errstate(all="ignore"):
+            _, size = with_sizes(lifted.at(np.zeros(TRIED.size, int)), TRIED)
+            theta = TRIED[np.nanargmin(smallest / size.max((-1, -2)))]
+        return Witness(self.maps, p, float(theta))
 
     def angle(self, p: float) -> float:
         """An angle with about the smallest eigenvalue (rad per frame)."""
