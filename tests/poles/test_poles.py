@@ -12,7 +12,7 @@ from support.drawn import DRIVE
 
 import wavesweep
 from wavesweep.poles import table
-from wavesweep.poles.locus import ends_on_circle
+from wavesweep.poles.table import ends_on_circle
 from wavesweep.program import plots
 from wavesweep.program.analyses.asked import axes_asked
 from wavesweep.program.analyses.poles import poles

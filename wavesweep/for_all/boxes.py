@@ -1,7 +1,7 @@
 """What `margins` asks of [for_all]: all loops of a box, and the maps that prove that they are stable."""
 
+from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.guardian_maps import GuardianMaps, of_complex_frames
-from wavesweep.for_all.keys import values_of_range
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
 from wavesweep.for_all.unknown import drift_over, frames_over
 from wavesweep.program.spec import Spec

@@ -13,8 +13,8 @@ from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.stability.radii import radii_of
+from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
-from wavesweep.for_all.keys import values_of_range
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
 

@@ -15,9 +15,9 @@ from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.dead_time import pieces_of, timing
 from wavesweep.engine.search.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
 from wavesweep.engine.stability.certificate import CONTRADICTION, NONE, SEARCH
+from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
-from wavesweep.for_all.keys import GUARANTEES, values_of_range
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
 from wavesweep.for_all.members import agree, members, nowhere, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
@@ -31,6 +31,7 @@ from wavesweep.program.tables.row_kinds import counterexample_in_words
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
 NEAR = 4e-3  # of an end that is refuted, how far from it a proof is tried
+GUARANTEES = "for_all", "mean_square"  # words in the column `guarantee` of rows that hold for more than the spec's own numbers
 SETTLED = 1e-2  # of an end, how far proof and refutation may be apart; next to 0, FROM_ZERO of the other end
 QUICK = 3e10  # operations of a proof over ranges beside what varies, of each design that is looked at
 NEAR_ZERO = 0.01  # of the high end, from which on such a proof counts as one from about 0 on

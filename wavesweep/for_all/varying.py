@@ -15,6 +15,7 @@ from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.loops.resolution import Resolution, Side, to_divide
+from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
 from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.channel_families import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.frame_families import (
@@ -31,7 +32,6 @@ from wavesweep.for_all.frame_families import (
     refuse,
 )
 from wavesweep.for_all.joint import PROVED, REFUTED, UNKNOWN, Bracket, bracket, decide
-from wavesweep.for_all.keys import ForAll, values_of_range
 from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, frames_at_random, losses_at_random
 from wavesweep.for_all.norms import WORK
@@ -59,7 +59,7 @@ class Rules:
     operations of a proof over ranges beside what varies.
     """
 
-    for_all: ForAll
+    for_all: ForAllRanges
     drawing: Drawing | None = field(default=None, repr=False)
     with_frame: bool = False
     elapsed: bool = True

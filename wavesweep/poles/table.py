@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,14 @@ METHOD = (
 )
 
 
+End = tuple[float, list[float], list[float], float, bool]
+
+
 def poles(spec: Spec, number: str = "") -> Table:
     """The poles of the spec's own loop, or those over the range of a number.
 
     Errors: UsageError for a name that is not that of a number, SpecError for a range that the spec does not take.
     """
-    from wavesweep.poles.locus import axis_over
     from wavesweep.program.spec.loading import naming
 
     return over(spec := naming(spec, [number] if number else []), axis_over(spec, number) if number else None)
@@ -35,7 +38,6 @@ def poles(spec: Spec, number: str = "") -> Table:
 def over(spec: Spec, axis: Axis | None = None) -> Table:
     """The same over the values of an axis."""
     from wavesweep.engine.stability.radii import drift_of
-    from wavesweep.poles.locus import ends_on_circle
     from wavesweep.program.analyses.assumptions import over_preset
     from wavesweep.program.analyses.poles import poles as poles_of
     from wavesweep.program.sweep.grid import own_loop
@@ -53,6 +55,50 @@ def over(spec: Spec, axis: Axis | None = None) -> Table:
     facts = facts_of(spec, {"poles": METHOD}, counts, timings, said, swept, nominal=True)
     facts |= {"over": axis.name if axis else "", "period_s": float(drawn.period * drawn.ticks)}
     return Table.of("poles", columns, facts | {"ends": ends_on_circle(spec, axis) if axis else []})
+
+
+def axis_over(spec: Spec, name: str) -> Axis:
+    """The values of a root locus: over the range of a number in [sweep], from the least to the largest of a list, or in which
+    `check` looks. A number that decides how the loop is built has the values of its list alone. Errors: UsageError."""
+    from wavesweep.program.analyses.asked import axes_asked, key_named
+    from wavesweep.program.analyses.own_design import searched
+
+    key = key_named(spec, name)
+    of_sweep = [axis for axis in spec.sweep if axis.path == key.path]
+    listed = of_sweep[0].values if of_sweep else ()
+    if listed and of_sweep[0].structural:
+        return of_sweep[0]
+    ranged = of_sweep and of_sweep[0].start < of_sweep[0].stop
+    start, stop = (of_sweep[0].start, of_sweep[0].stop) if ranged else searched(spec, name, key.path)
+    spaced = np.geomspace if ranged and of_sweep[0].scale == "log" else np.linspace
+    values = spaced(start, stop, LOCUS)
+    (axis,) = axes_asked(spec, {name: np.unique(values.round().astype(int)) if key.type == "integer" else values})
+    return axis
+
+
+def ends_on_circle(spec: Spec, axis: Axis) -> list[End]:
+    """Ends of stable intervals between the least and the largest value of an axis: the value, real and imaginary parts of the
+    poles there that are on the unit circle, the strongest line of their oscillation (Hz), and whether the end is certified.
+
+    None of a number that decides how the loop is built, or without a range.
+    """
+    from wavesweep.program.analyses.interval_jobs import job_over
+    from wavesweep.program.analyses.poles import ON_CIRCLE
+    from wavesweep.program.analyses.poles import poles as poles_of
+    from wavesweep.program.sweep.grid import make_grid
+    from wavesweep.program.sweep.running import in_memory
+
+    if axis.structural or not axis.start < axis.stop:
+        return []
+    rows, found = in_memory(job_over(make_grid(spec, (), axis.path), replace(axis, values=()))), []
+    for end in ("low", "high"):
+        columns = (rows[name] for name in (end, f"{end}_omega", f"{end}_hz", "certified"))
+        for value, omega, hz, certified in zip(*columns, strict=True):
+            if np.isfinite(value) and np.isfinite(omega):  # one that stability sets
+                there = poles_of(spec.with_values({axis.path: float(value)}))
+                on = np.abs(there["radius"] - 1) <= ON_CIRCLE
+                found.append((float(value), there["z_re"][on].tolist(), there["z_im"][on].tolist(), float(hz), bool(certified)))
+    return sorted((each for each in found if each[1]), key=lambda each: each[0])  # what drifts there is left out
 
 
 def modes(columns: Columns) -> Iterator[dict[str, Any]]:

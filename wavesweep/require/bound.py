@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.stability.intervals import Intervals
 from wavesweep.engine.stability.spectrum import GONE
-from wavesweep.require.keys import SETTLED, GainBound
+from wavesweep.require.gain_bound import SETTLED, GainBound
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
 BY_DISCS, BY_GAIN = 0.1, 1.0  # s per slice, measured, of a damping ratio, or of loops that conserve; of a gain

@@ -45,7 +45,7 @@ from wavesweep.engine.stability.regions import NEAR_ZERO
 from wavesweep.engine.stability.sampled_frames import level as level_of
 from wavesweep.engine.stability.sampled_frames import pole_inside
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM, SAFE, Accuracy, along_panels
-from wavesweep.require.keys import BASE_BAND, GainBound
+from wavesweep.require.gain_bound import BASE_BAND, GainBound
 from wavesweep.require.maps import over_frame
 from wavesweep.require.pencil import angles_of, clear, off_circle
 from wavesweep.require.sines import Panel

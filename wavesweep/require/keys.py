@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Leaf, show
 from wavesweep.engine.keys.key import Key, by_path, number, positive, word
 from wavesweep.program.reading.tables import Asked, Table
+from wavesweep.require.gain_bound import BASE_BAND, LIFTED, GainBound
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
     from wavesweep.require.bound import Bound
 
-SETTLED = 0.02  # share of its size to which a mode has decayed when it has settled
 PATH = "sweep.require"
-LIFTED, BASE_BAND = "lifted", "base-band"
 KEYS = by_path(
     [
         number(
@@ -79,22 +78,6 @@ KEYS_BY_NAME = {path.removeprefix(f"{PATH}."): key for path, key in KEYS.items()
 OF_GAIN = tuple(name for name in KEYS_BY_NAME if name.startswith("gain."))
 NEEDED = OF_GAIN[:3]
 HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
-
-
-class GainBound(NamedTuple):
-    """What a gain has to be below: the names of an input and an output, the level, a band, and what the gain is."""
-
-    source: str
-    signal: str
-    at_most: float
-    band_hz: tuple[float, float] | None = None
-    measure: str = LIFTED
-
-    def written(self) -> dict[str, object]:
-        """Return the table as a spec could give it."""
-        found: dict[str, object] = {"from": self.source, "to": self.signal, "at_most": self.at_most}
-        found |= {"band_hz": list(self.band_hz)} if self.band_hz else {}
-        return found | ({"measure": self.measure} if self.measure != LIFTED else {})
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.engine.drawing.exact import exactly
-from wavesweep.engine.drawing.expressions import FUNCTIONS, Fault, evaluate, linear, singular, text_of, value_of
+from wavesweep.engine.drawing.expressions import FUNCTIONS, Fault, evaluate, exactly, linear, singular, text_of, value_of
 from wavesweep.engine.drawing.parsing import LONGEST, parse
 from wavesweep.engine.loops.values import values_of
 

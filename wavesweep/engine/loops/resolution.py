@@ -25,8 +25,18 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing, name_of, scalars
-from wavesweep.engine.drawing.exact import constants_of, named
-from wavesweep.engine.drawing.expressions import FUNCTIONS, ONE, SharedParts, cancelled, degree, evaluate, is_constant, names_in
+from wavesweep.engine.drawing.expressions import (
+    FUNCTIONS,
+    ONE,
+    SharedParts,
+    cancelled,
+    constants_of,
+    degree,
+    evaluate,
+    is_constant,
+    named,
+    names_in,
+)
 from wavesweep.engine.drawing.mass_matrix import MASS, at_axes, determinant
 from wavesweep.engine.loops.domain import divisors
 

@@ -48,7 +48,7 @@ def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
 
 def _again(tree, numbers, found, lost):
     """Return the values, those that have lost digits from ball arithmetic."""
-    from wavesweep.engine.drawing.exact import exactly
+    from wavesweep.engine.drawing.expressions import exactly
 
     at = np.flatnonzero(np.broadcast_to(lost, found.shape))
     names = dict(names_in(tree))

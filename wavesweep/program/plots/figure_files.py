@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.program.atomic_files import scratch
-from wavesweep.program.plots.style import DOTS_PER_INCH, style
+from wavesweep.program.plots.style import png, style
 
 MOST_MARKS, PRINTED = 500, 400  # marks of a line in an SVG, of which more are an image with so many dots per inch
 
@@ -56,21 +56,3 @@ def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], ab
 
 def _lines(about):
     return "; ".join(f"{name}: {text}" for name, text in about.items() if name not in ("Title", "Software"))
-
-
-def png(canvas: Any, about: Mapping[str, str]) -> bytes:
-    """A figure as PNG with a palette; about: see `save`."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from PIL import Image, PngImagePlugin
-
-    with style():
-        agg = FigureCanvasAgg(canvas)
-        agg.draw()
-    pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
-    # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
-    palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-    texts, file = PngImagePlugin.PngInfo(), BytesIO()
-    for name, text in about.items():
-        texts.add_text(name, text)
-    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
-    return file.getvalue()

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
+from io import BytesIO
 from itertools import pairwise, product
 from pathlib import Path
 from threading import RLock
@@ -103,8 +104,6 @@ def figure(width: float, height: float) -> Iterator[Any]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    from wavesweep.program.plots.figure_files import png
-
     with style():
         if (part := _INTO.get()) is not None:
             if not hasattr(part, "add_subfigure"):
@@ -137,6 +136,24 @@ def style() -> Iterator[None]:
             fontManager.addfont(path)
     with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, **_ASKED.get()[1], "backend": "agg"}):
         yield
+
+
+def png(canvas: Any, about: Mapping[str, str]) -> bytes:
+    """A figure as PNG with a palette; about: see `save`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image, PngImagePlugin
+
+    with style():
+        agg = FigureCanvasAgg(canvas)
+        agg.draw()
+    pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
+    # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
+    palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    texts, file = PngImagePlugin.PngInfo(), BytesIO()
+    for name, text in about.items():
+        texts.add_text(name, text)
+    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
+    return file.getvalue()
 
 
 def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from wavesweep.program.columns import Columns
-    from wavesweep.program.tables.table import Table
 
 Line = tuple[str, bool]  # a line of a summary, and whether it is a warning
 Numbers = Mapping[str, Any]  # of a summary, JSON-able
@@ -64,16 +63,15 @@ class Recompute:
 class Kind:
     """One kind of table.
 
-    name: of the table and its files. tally: makes the summary of a
-    table as numbers. lines: the same numbers in words, each line with a flag that is true for a warning. figure: the function
-    that draws it, as "package.module.function". again: a function of the facts of a table, and of one that gives
-    the name of its spec, that says how to compute its rows again; None if that is impossible. study: the table of the spec
-    that has its axes. before: number of its own columns that stand before those of the axes. vouched: the columns without
-    which no row is certified; a row of intervals may have none.
+    name: of the table and its files. tally: of a `Table`, makes its summary as numbers. lines: the same numbers in words, each
+    line with a flag that is true for a warning. figure: the function that draws it, as "package.module.function". again: a
+    function of the facts of a table, and of one that gives the name of its spec, that says how to compute its rows again; None
+    if that is impossible. study: the table of the spec that has its axes. before: number of its own columns that stand before
+    those of the axes. vouched: the columns without which no row is certified; a row of intervals may have none.
     """
 
     name: str
-    tally: Callable[[Table], Tally]
+    tally: Callable[..., Tally]
     lines: Callable[[Numbers], Iterator[Line]]
     figure: str
     again: Callable[[Mapping[str, Any], Callable[[], str]], Recompute | None] = field(default=lambda *_: None, repr=False)
@@ -142,9 +140,9 @@ def whole_kind(name: str, measure: Callable[[Columns, Numbers], Numbers], lines:
 
 
 def from_spec(
-    make: Callable[..., Table], *given: str, rows: Callable[[Any], int] = lambda _: 0
+    make: Callable[..., Any], *given: str, rows: Callable[[Any], int] = lambda _: 0
 ) -> Callable[[Mapping[str, Any], Callable[[], str]], Recompute]:
-    """A way to compute rows again: by `make`, of the spec and these facts of the table; rows: their number, of a spec."""
+    """A way to compute rows again: by `make`, of the spec and these facts of its `Table`; rows: their number, of a spec."""
 
     def again(facts: Mapping[str, Any], _: Callable[[], str]) -> Recompute:
         from wavesweep.program.spec import load

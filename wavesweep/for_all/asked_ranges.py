@@ -1,0 +1,102 @@
+"""The ranges and chances of the table [for_all] as a value; a spec has it, so that it loads no numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
+
+from wavesweep.program.reading.axes import Axis
+from wavesweep.program.reading.tables import Asked
+
+DELAY = "environment.delay"
+
+
+@dataclass(frozen=True, slots=True)
+class ForAllRanges(Asked):
+    """The table [for_all].
+
+    axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are
+    unknown but constant. lost: how many slow results in a row may fail to come. At random instead: shares, weights of lengths
+    of frames, a row if they are independent, or for each length a row of those of the next; delays, weights of
+    environment.delay, a row, or one for each length of the frame; both empty if none are given; loss, the probability that a
+    result never comes.
+    """
+
+    members: ClassVar[str] = "[for_all]"
+    axes: tuple[Axis, ...]
+    varying: frozenset[str] = frozenset()
+    lost: int = 0
+    shares: tuple[tuple[float, ...], ...] = ()
+    delays: tuple[tuple[float, ...], ...] = ()
+    loss: float = 0.0
+
+    @property
+    def at_random(self) -> bool:
+        """Whether what varies has probabilities."""
+        return bool(self.shares or self.delays or self.loss)
+
+    @property
+    def lengths(self) -> tuple[tuple[float, ...], ...]:
+        """The probabilities of lengths of frames, a row, or one after each length; of a single length without shares."""
+        return tuple(tuple(each / sum(row) for each in row) for row in self.shares or ((1.0,),))
+
+    @property
+    def results(self) -> tuple[tuple[float, ...], ...]:
+        """The probabilities of delays, and then that a result never comes: a row, or one in frames of each length."""
+        rows = self.delays or ((1.0,),)
+        return tuple((*((1 - self.loss) * each / sum(row) for each in row), self.loss) for row in rows)
+
+    @property
+    def changing(self) -> tuple[Axis, ...]:
+        """The numbers that may change from frame to frame; one with a single value is constant."""
+        return tuple(axis for axis in self.axes if axis.path in self.varying and len(values_of_range(axis)) > 1)
+
+    @property
+    def unknown(self) -> tuple[Axis, ...]:
+        """The numbers that are constant."""
+        return tuple(axis for axis in self.axes if axis not in self.changing)
+
+    def apart(self, values: Mapping[str, object]) -> list[str]:
+        """The numbers of a spec with these values that the table leaves out, each with its value, as texts."""
+        own = ((axis, values[axis.path]) for axis in self.axes)
+        return [
+            f"{axis.name} = {value:g}"
+            for axis, value in own
+            if (value not in axis.values if axis.values else not axis.start <= value <= axis.stop)
+        ]
+
+    def ends(self, design: Any) -> tuple[Axis, ...]:
+        """The numbers that are constant as axes of [design.for_all], which the search looks at: their ends, or their values.
+
+        Numbers that the design varies, or already has to hold for, are left out.
+        """
+        known = {axis.path for axis in (*design.vary, *design.for_all)}
+        others = (axis for axis in self.unknown if axis.path not in known)
+        return tuple(replace(axis, values=axis.values or (axis.start, axis.stop), scale=None) for axis in others)
+
+    def beside(self, design: Any) -> Self:
+        """Return the table with the values of [design.for_all] for the numbers that it does not have itself."""
+        known = {axis.path for axis in self.axes}
+        hand = ((f"operator.{part}", values) for part, values in design.hand.items())
+        axes = [axis for axis in design.for_all if axis.path not in known]
+        axes += [Axis(path, path, values, min(values), max(values), False) for path, values in hand if path not in known]
+        return replace(self, axes=(*self.axes, *axes))
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        table: dict[str, object] = {}
+        for axis in self.axes:
+            range_ = {"values": list(axis.values)} if axis.scale is None else {"start": axis.start, "stop": axis.stop}
+            table[axis.name] = range_ | ({"varying": True} if axis.path in self.varying else {})
+            of_delay = axis.path == DELAY
+            if rows := [list(row) for row in (self.delays if of_delay else self.shares) if axis in self.changing]:
+                table[axis.name] |= (
+                    {"next": rows} if len(rows) > 1 and not of_delay else {"shares": rows if rows[1:] else rows[0]}
+                )
+        return table | ({"lost": self.lost} if self.lost else {}) | ({"loss": self.loss} if self.loss else {})
+
+
+def values_of_range(axis: Axis) -> tuple:
+    """The values of a range, those of a whole number one by one."""
+    return axis.values or tuple(range(int(axis.start), int(axis.stop) + 1))
