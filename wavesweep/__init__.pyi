@@ -9,12 +9,12 @@ from wavesweep.engine.errors import UsageError as UsageError
 from wavesweep.engine.errors import WavesweepError as WavesweepError
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.identification.library import identify as identify
-from wavesweep.margins import library as margins
-from wavesweep.passive import library as passive
+from wavesweep.margins.library import LoopMargins
+from wavesweep.passive.library import LoopPassive
 from wavesweep.passive.library import filter_choices as filter_choices
 from wavesweep.passive.library import passivity as passivity
-from wavesweep.picture import library as picture
-from wavesweep.poles import library as poles
+from wavesweep.picture.library import LoopPicture
+from wavesweep.poles.library import LoopPoles
 from wavesweep.program import api
 from wavesweep.program import results as results
 from wavesweep.program.api import bode as bode
@@ -23,15 +23,15 @@ from wavesweep.program.api import zwidth as zwidth
 from wavesweep.program.spec import Spec as Spec
 from wavesweep.program.spec import load as load
 from wavesweep.reports.library import report as report
-from wavesweep.sensitivity import library as sensitivity
+from wavesweep.sensitivity.library import LoopSensitivity
 from wavesweep.sensitivity.library import why as why
-from wavesweep.simulation import library as simulation
+from wavesweep.simulation.library import DrawnLoopSimulation, LoopSimulation
 from wavesweep.simulation.library import simulate as simulate
 
 __version__: str
 
-class Loop(margins.Loop, passive.Loop, picture.Loop, poles.Loop, sensitivity.Loop, simulation.Loop): ...
-class DrawnLoop(simulation.DrawnLoop): ...
+class Loop(LoopMargins, LoopPassive, LoopPicture, LoopPoles, LoopSensitivity, LoopSimulation): ...
+class DrawnLoop(DrawnLoopSimulation): ...
 
 @overload
 def compile(source: api.Source) -> Loop: ...

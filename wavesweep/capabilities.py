@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import cache, reduce
+from functools import cache
 from importlib import import_module
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
@@ -22,7 +22,8 @@ class Capability(NamedTuple):
     """One capability.
 
     name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
-    library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins".
+    library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins", in a
+    class of its own, see `class_for`.
     offers: modules of the folder that others may ask for, see `program.seams`. package: that has its modules, its folder
     here by default.
     """
@@ -38,6 +39,10 @@ class Capability(NamedTuple):
     def name_of(self, module: str) -> str:
         """The whole name of one of its modules."""
         return f"{self.package or f'wavesweep.{self.name}'}.{module}"
+
+    def class_for(self, name: str) -> str:
+        """The class of `library.py` with its methods for a class of the library: `LoopMargins` for `Loop`."""
+        return name + self.name.title().replace("_", "")
 
     def module(self, name: str) -> ModuleType:
         """Import one of its modules."""
@@ -243,12 +248,13 @@ def of_library(name: str, known: Iterable[str] = ()) -> Any:
 
     known: the names of the core. Errors: AttributeError for another name, with the nearest.
     """
+    kind, _, last = name.rpartition(".")
     for each in CAPABILITIES:
         if name in each.library:
-            return reduce(getattr, name.split("."), each.module("library"))
+            library = each.module("library")
+            return getattr(getattr(library, each.class_for(kind)) if kind else library, last)
     from wavesweep.engine.keys.checking import nearest
 
-    kind, _, last = name.rpartition(".")
     meant = nearest(last, [each for each in (*known, *library_names(kind)) if each[0] != "_"]) if last[0] != "_" else ""
     hint = f"did you mean {meant}?" if meant else f"dir({kind.lower() or 'wavesweep'}) lists what there is"
     raise AttributeError(f"wavesweep has no {name}; {hint}", name=last)  # with the name, Python adds none of its own

@@ -22,12 +22,12 @@ DECAYS = Capability(
 """,
     "decays/keys.py": """
 from wavesweep.program.reading.keys import by_path, positive
-from wavesweep.program.reading.tables import Asked, Table
+from wavesweep.program.reading.tables import TableValue, SpecTable
 
 KEYS = by_path([positive("decay.to", None, "1", "share of its size to which a mode decays, 1/e by default", high=1)])
 
 
-class Decay(dict, Asked):
+class Decay(dict, TableValue):
     def written(self):
         return dict(self)
 
@@ -37,7 +37,7 @@ def build(request):
     return Decay({path.removeprefix("decay."): value for path, value in request.mistakes.read(KEYS, given).items()})
 
 
-TABLE = Table(path="decay", build=build, keys=KEYS, always=True)
+TABLE = SpecTable(path="decay", build=build, keys=KEYS, always=True)
 """,
     "decays/columns.py": """
 from wavesweep.program.tables.fields import Field

@@ -13,7 +13,7 @@ from support.drawn import random_network, random_tables
 import wavesweep
 from wavesweep.prove.ball_crossings import count_outside, crossings
 from wavesweep.prove.ball_polynomials import Budget, Family, Part, bernstein, chebyshev
-from wavesweep.prove.ticks import Loop, UndecidedError
+from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 
 def floats(matrix):
@@ -24,7 +24,7 @@ def floats(matrix):
 def test_a_frame_has_the_eigenvalues_of_the_loop_run_block_by_block(tables):
     spec = wavesweep.compile(tables).spec
     with ctx.workprec(128):
-        found = np.linalg.eigvals(floats(Loop(spec.drawing, spec.values, "k").frame(arb(spec.values["numbers.k"]))[0]))
+        found = np.linalg.eigvals(floats(BallLoop(spec.drawing, spec.values, "k").frame(arb(spec.values["numbers.k"]))[0]))
     expected = np.linalg.eigvals(monodromy(spec.drawing, dict(spec.values)))
     for one, other in ((found, expected), (expected, found)):
         assert all(np.abs(other - z).min() < 1e-9 for z in one[np.abs(one) > 1e-2])
@@ -36,7 +36,7 @@ def test_polynomials_on_a_part_enclose_those_of_each_value(number):
     spec, budget = wavesweep.compile(random_tables(9)).spec, Budget(1e9)
     span = (0.5, 0.6)
     with ctx.workprec(192):
-        family = Family(Loop(spec.drawing, spec.values, number), span, budget)
+        family = Family(BallLoop(spec.drawing, spec.values, number), span, budget)
         family.find_ones()
         for part in family.over_range():
             share = arb(3) / 8

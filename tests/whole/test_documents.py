@@ -14,10 +14,10 @@ import jsonschema
 import pytest
 
 import wavesweep
-from wavesweep.identification.table import Asked
+from wavesweep.identification.table import FitOptions
 from wavesweep.program.cli import main
 from wavesweep.program.cli.entry import COMMANDS, WITHOUT_SUMMARY
-from wavesweep.program.sweep.running import Options
+from wavesweep.program.sweep.running import WorkOptions
 
 ROOT = pathlib.Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -130,7 +130,7 @@ def test_the_library_example_runs_as_it_stands(page, monkeypatch):
 
 
 WITH_EXAMPLES = {"compile", "Loop.stable_intervals", "Loop.response", "zwidth", "simulate"}
-BY_NAME = {"zwidth": Options, "identify": Asked}  # what their **work and **asked take
+BY_NAME = {"zwidth": WorkOptions, "identify": FitOptions}  # what their **work and **asked take
 
 
 def test_docstrings_of_the_library_have_every_parameter_and_examples_that_run(reference):

@@ -17,7 +17,7 @@ from wavesweep.engine.loops.controllers import WALL
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import KEYS, MOST_SEED, VALUE_PATHS
 from wavesweep.program.reading.sorting import Sorted
-from wavesweep.program.reading.tables import Asked, Section, Table
+from wavesweep.program.reading.tables import Section, SpecTable, TableValue
 from wavesweep.program.spec.studies import K_VE_SPAN, hardware_of
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ NOT_VARIED = (*WALL, "rates.fast_hz", "rates.slow_hz", "rates.ratio")  # walls b
 
 
 @dataclass(frozen=True, slots=True)
-class Design(Asked):
+class Design(TableValue):
     """The table [design].
 
     vary: axes of numbers; their values if they are choices, otherwise a span. for_all: axes with the values for which a design
@@ -353,7 +353,7 @@ def _schema_of_wish(shapes: Shapes, name: str) -> dict[str, Any]:
     return shapes.table({kind.bound: {"type": "number"}, **options}, description=shapes.described(kind))
 
 
-TABLE = Table(
+TABLE = SpecTable(
     path="design",
     build=build,
     keys=DESIGN_KEYS,

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Unpack
 
 from wavesweep.designs import study
 from wavesweep.program.api import Source, spec_of
-from wavesweep.program.sweep.running import Options
+from wavesweep.program.sweep.running import WorkOptions
 from wavesweep.program.tables.frame import framed
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def design(source: Source, **work: Unpack[Options]) -> DataFrame:
+def design(source: Source, **work: Unpack[WorkOptions]) -> DataFrame:
     """Designs that meet the wishes of the spec's [design], the best first, as `wavesweep design` has them.
 
     Parameters

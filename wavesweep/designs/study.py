@@ -23,8 +23,8 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid
-from wavesweep.program.sweep.job import Chunks, Job, Kind
-from wavesweep.program.sweep.running import Tally, Work, checkpoint_of, compute, records_of, resumable
+from wavesweep.program.sweep.job import Chunks, Job, JobKind
+from wavesweep.program.sweep.running import RunCounts, Work, checkpoint_of, compute, records_of, resumable
 from wavesweep.program.sweep.workers import choose
 from wavesweep.program.tables.hand_rows import hands_of
 from wavesweep.program.tables.table import Table, facts_of
@@ -135,7 +135,7 @@ def _hold(spec, scenarios, designs, box, records):
 
 
 # Certificates of a search are those of its result.
-DESIGNS = Kind(_task, noun="designs", certifies=False, has_rows=False)
+DESIGNS = JobKind(_task, noun="designs", certifies=False, has_rows=False)
 
 
 def design(
@@ -304,7 +304,7 @@ class _Run:
 
     def __init__(self, job, store, progress):
         self.job, self.store, self.progress = job, store, progress
-        self.workers, self.tally, self.forget = None, Tally(), store.remove
+        self.workers, self.tally, self.forget = None, RunCounts(), store.remove
         self.latest = self.since = 0  # generations: the last one, and the first that was judged over all that is held for now
 
     def judge(self, number: int, genes: np.ndarray) -> Judged:

@@ -27,7 +27,7 @@ from wavesweep.program.columns import complex_columns
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import make_grid
 from wavesweep.program.sweep.running import in_memory
-from wavesweep.program.tables.planes import NARROW, Curve, Interval, View, curves_of, known_gaps, region_of
+from wavesweep.program.tables.planes import NARROW, Interval, PlaneCurve, View, curves_of, known_gaps, region_of
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
 SECONDS = 0.4  # that these may take
@@ -84,7 +84,7 @@ def preview(spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[flo
     if by_gain or (cut is not None and plane.y in WALL):
         curve, view = _columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2 + 1))
         gaps = known_gaps(curve.columns, view, ROUGH * (plane.y_span[1] - plane.y_span[0]) / view.high)
-        return {"plane": plane_of(Curve(curve.columns, gaps), view) | {"how": "columns"}}
+        return {"plane": plane_of(PlaneCurve(curve.columns, gaps), view) | {"how": "columns"}}
     return {"plane": _cell_plane(spec, plane, cells)}
 
 
@@ -124,7 +124,7 @@ def _preview(plane, columns_at) -> dict:
         cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(found)) if (a, b) not in gaps]
         places = [x for points in cells for x in points[1:-1]]
     gaps |= {gap: NARROW for gap in pairwise(sorted(found)) if gap not in gaps}
-    return plane_of(Curve(found, gaps), view)
+    return plane_of(PlaneCurve(found, gaps), view)
 
 
 def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:
@@ -152,7 +152,7 @@ def certified_plane(spec: Spec, plane: Plane) -> dict:
     return plane_of(*_columns(spec, plane, across.values, {"spec": {**spec.tables(), "sweep": sweep}}))
 
 
-def _columns(spec, plane, x, facts=MappingProxyType({})) -> tuple[Curve, View]:
+def _columns(spec, plane, x, facts=MappingProxyType({})) -> tuple[PlaneCurve, View]:
     """The stable intervals along y at some values of x and, with facts, where a figure of these asks for more."""
     axes = _axis(spec, plane.x, x), _axis(spec, plane.y, (), plane.y_span)
     rows = in_memory(job_over(make_grid(spec, axes[:1], plane.y), axes[1]))
@@ -160,7 +160,7 @@ def _columns(spec, plane, x, facts=MappingProxyType({})) -> tuple[Curve, View]:
     return curves_of([rows], view, facts)[0], view
 
 
-def plane_of(curve: Curve, view: View) -> dict:
+def plane_of(curve: PlaneCurve, view: View) -> dict:
     """The columns of a curve, each with its intervals as (low, high, certified), and what a picture shows of it, see `Region`.
 
     known: which gaps between the columns are known. partly: whether other intervals of the column may be missing. lines: the

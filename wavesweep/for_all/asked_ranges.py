@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 from wavesweep.program.reading.axes import Axis
-from wavesweep.program.reading.tables import Asked
+from wavesweep.program.reading.tables import TableValue
 
 DELAY = "environment.delay"
 
 
 @dataclass(frozen=True, slots=True)
-class ForAllRanges(Asked):
+class ForAllRanges(TableValue):
     """The table [for_all].
 
     axes: the range or the values of each number. varying: paths of those that may change from frame to frame; the others are

@@ -39,7 +39,7 @@ REFUSED = "hand passive while frames vary ([for_all]): expected {}, found {}"
 
 @dataclass(frozen=True, slots=True)
 class EveryHandGuarantee(Guarantee):
-    """Every passive hand with all of [for_all], as `Along.guarantee`."""
+    """Every passive hand with all of [for_all], as `IntervalQuery.guarantee`."""
 
     rules: Rules
     dtype = FOR_ALL_RECORD

@@ -237,7 +237,7 @@ def _ticks(plan: Plan):
     if balls is None:
         raise UsageError("hand passive while frames vary: expected the capability prove, found that it is not there")
     for step in plan.steps:
-        loop = balls.Loop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
+        loop = balls.BallLoop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
         running = plan.schedule.running([block.name for block in loop.blocks])
         loop.kinds = tuple(tuple(np.flatnonzero(each).tolist()) for each in running)
         found = loop.tick_maps(arb(0))

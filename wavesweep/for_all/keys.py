@@ -10,7 +10,7 @@ from wavesweep.engine.keys.checking import show
 from wavesweep.engine.keys.key import Key, gain, whole
 from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges, values_of_range
 from wavesweep.program.reading.axes import axis_place, build_axis
-from wavesweep.program.reading.tables import Section, Table
+from wavesweep.program.reading.tables import Section, SpecTable
 
 if TYPE_CHECKING:
     from wavesweep.for_all.design_proof import DesignProof, DesignRanking
@@ -151,7 +151,7 @@ def _range(shapes: Shapes, key: Key | None = None) -> dict[str, Any]:
     return {"anyOf": [ends, values, values["properties"]["values"]]} | about
 
 
-TABLE = Table(
+TABLE = SpecTable(
     path="for_all",
     build=build,
     sections={"for_all": Section(("lost", "loss"), ("start", "stop", "values", "varying", *CHANCES))},

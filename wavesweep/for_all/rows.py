@@ -66,7 +66,7 @@ FOR_ALL_RECORD = np.dtype(
 
 @dataclass(frozen=True, slots=True)
 class ForAllGuarantee(Guarantee):
-    """The numbers of [for_all], as `Along.guarantee`."""
+    """The numbers of [for_all], as `IntervalQuery.guarantee`."""
 
     rules: Rules
     dtype = FOR_ALL_RECORD

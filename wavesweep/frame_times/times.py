@@ -17,7 +17,7 @@ MOST_TICKS = 1e9  # of a frame
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class MeasuredFrames:
     """Frames in a row: when each begins (s, by the clock of the file), and how long it lasts (ticks, as it was measured).
 
     sha256: of the file. every: the loop looks for a result of the slow environment in every so many of its ticks, so that
@@ -65,7 +65,7 @@ def read_run(
     columns: Mapping[str, str] | None = None,
     scales: Mapping[str, float] | None = None,
     most: float = MOST_TICKS,
-) -> Run:
+) -> MeasuredFrames:
     """Read a run. fast_hz: the rate of the ticks. columns, scales: see `log.read_log`, of the names time and duration.
 
     They are None where a command has no options for them. most: ticks that a frame may last.
@@ -101,4 +101,4 @@ def read_run(
             row = int(wrong.argmax())
             place = f"{path}:{row + (3 if name == 'time' else 2)}: {name}"
             raise UsageError(f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}")
-    return Run(begins, ticks, file.sha256)
+    return MeasuredFrames(begins, ticks, file.sha256)

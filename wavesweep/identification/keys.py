@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.keys.key import by_path, word
-from wavesweep.program.reading.tables import Asked, Table
+from wavesweep.program.reading.tables import SpecTable, TableValue
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
@@ -29,7 +29,7 @@ KEYS = by_path(
 )
 
 
-class Measured(dict, Asked):
+class Measured(dict, TableValue):
     """The files `z_width` and `response`, relative to the spec's folder; empty without the table."""
 
     @property
@@ -57,4 +57,4 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     return shapes.table({path.rpartition(".")[2]: shapes.value(key) for path, key in KEYS.items()})
 
 
-TABLE = Table(path="measured", build=build, keys=KEYS, always=True, schema=schema)
+TABLE = SpecTable(path="measured", build=build, keys=KEYS, always=True, schema=schema)

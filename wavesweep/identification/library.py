@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def identify(log: str | Path, **asked: Unpack[table.Asked]) -> DataFrame:
+def identify(log: str | Path, **asked: Unpack[table.FitOptions]) -> DataFrame:
     """Mass, damping and more of a device from a log of force and position, as `wavesweep identify` finds them.
 
     Parameters

@@ -57,7 +57,7 @@ RESPONSE_METHOD = (
 )
 
 
-class Asked(TypedDict, total=False):
+class FitOptions(TypedDict, total=False):
     """Names in the file and factors to SI units of columns, step of the encoder, what is fitted, and the rate of a response.
 
     motor_constant: the least and the largest one (N/A or N*m/A) of the motor whose current is in the log.
@@ -74,7 +74,7 @@ class Asked(TypedDict, total=False):
     motor_constant: tuple[float, float] | None
 
 
-def identify(path: str, **asked: Unpack[Asked]) -> Table:
+def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
     """Fit mass, damping and more to a log or, if the file has frequencies, to a frequency response, as `api.identify` says.
 
     Errors: UsageError for a log that cannot be used, or that does not tell the mass.
@@ -158,7 +158,7 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
     }
 
 
-def _of_log(path: str, given: Asked, model: Any) -> Table:
+def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     from wavesweep.identification.explained import identified
     from wavesweep.identification.log import MOTIONS, read_log, step_of
     from wavesweep.identification.model import ORDER

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-class Loop(api.Loop):
-    """Methods of a compiled loop."""
+class LoopMargins(api.Loop):
+    """Methods that `wavesweep.Loop` has in addition."""
 
     def margins(self, cut: str = "") -> DataFrame:
         """Margins of the loop broken at a signal, as `wavesweep margins` computes them.

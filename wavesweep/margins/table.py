@@ -12,7 +12,7 @@ from wavesweep.engine.keys.key import RATIO
 from wavesweep.engine.stability.certificate import words
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Spec
-from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockTally, from_spec, plain
+from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, from_spec, plain
 from wavesweep.program.tables.table import Table, facts_of, held
 
 METHOD = (
@@ -149,7 +149,7 @@ def _line(name: str, margin: Numbers, more: str) -> Line:
 KINDS = (
     Kind(
         "margins",
-        lambda _: SingleBlockTally(_numbers),
+        lambda _: SingleBlockSummary(_numbers),
         _lines,
         figure="wavesweep.margins.figure.margins",
         again=from_spec(margins, "cut"),

@@ -9,7 +9,7 @@ from wavesweep.program import api
 from wavesweep.program.analyses.asked import Numbers, axes_asked
 from wavesweep.program.api import Source, figure_from, spec_of
 from wavesweep.program.spec.loading import naming
-from wavesweep.program.sweep.running import Options
+from wavesweep.program.sweep.running import WorkOptions
 from wavesweep.program.tables.frame import framed
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-class Loop(api.Loop):
-    """Methods of a compiled loop."""
+class LoopPassive(api.Loop):
+    """Methods that `wavesweep.Loop` has in addition."""
 
     def passivity(self, **axes: Numbers) -> DataFrame:
         """Norm of the wave channel and margin at the hand's port.
@@ -61,7 +61,7 @@ class Loop(api.Loop):
         return figure_from(ax, "passivity", self.passivity(**axes), self.spec, nominal=True)
 
 
-def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[Options]) -> DataFrame:
+def passivity(source: Source, tolerance: float = 1e-3, **work: Unpack[WorkOptions]) -> DataFrame:
     """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
 
     Parameters

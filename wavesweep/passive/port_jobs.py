@@ -16,7 +16,7 @@ from wavesweep.passive.port_rows import curve, pair_margin
 from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import Grid, drawn_groups, loops_of, make_grid, own_loop, refuse_rows
-from wavesweep.program.sweep.job import Chunks, Job, Kind, resolve_all
+from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
 from wavesweep.program.sweep.running import Run, gather, stretches
 
 CHUNK = 32  # loops in a chunk: up to a second or two
@@ -101,8 +101,8 @@ def _channel(loops):
 
 
 # Bytes of a row: measured, 110 in the CSV and 60 in the Parquet file.
-PORTS = Kind(partial(_task, _port), noun="loops", row_bytes=170, ready=READY)
-WAVES = Kind(partial(_task, _channel), noun="channels", certifies=False, has_rows=False)
+PORTS = JobKind(partial(_task, _port), noun="loops", row_bytes=170, ready=READY)
+WAVES = JobKind(partial(_task, _channel), noun="channels", certifies=False, has_rows=False)
 
 
 def blocks(run: Run) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]]:

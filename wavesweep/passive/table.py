@@ -18,12 +18,12 @@ from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.tables.columns import at_port
 from wavesweep.program.tables.interval_table import interval_kind
-from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockTally, count, from_spec
+from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, count, from_spec
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
-    from wavesweep.program.sweep.running import Options, Run
+    from wavesweep.program.sweep.running import Run, WorkOptions
 
 TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
 PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
@@ -33,7 +33,7 @@ METHODS = {
 }
 
 
-def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[Options]) -> Table:
+def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[WorkOptions]) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
     An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
@@ -55,7 +55,7 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[Options])
     return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget, rows=found.rows)
 
 
-def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[Options]) -> Table:
+def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[WorkOptions]) -> Table:
     """The intervals of a number with a passive port, and with a passive wave channel if there is one, beside the stable ones.
 
     along: the axis of the intervals; the others of [sweep] that have values are swept. tolerance, work: as for `passivity`.
@@ -275,7 +275,7 @@ KINDS = (
     ),
     Kind(
         "passivity-filters",
-        lambda _: SingleBlockTally(_filter_numbers),
+        lambda _: SingleBlockSummary(_filter_numbers),
         _filter_lines,
         figure="wavesweep.passive.figure.passivity_filters",
         again=from_spec(filter_choices, "tolerance"),
@@ -283,7 +283,7 @@ KINDS = (
     ),
     Kind(
         "passivity-ports",
-        lambda _: SingleBlockTally(_index_numbers),
+        lambda _: SingleBlockSummary(_index_numbers),
         _index_lines,
         figure="wavesweep.passive.figure.passivity_ports",
         again=from_spec(over_frequency),

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Loop(api.Loop):
-    """Methods of a compiled loop."""
+class LoopPicture(api.Loop):
+    """Methods that `wavesweep.Loop` has in addition."""
 
     def plot_diagram(self, *, ax: Axes | None = None) -> Figure:
         """The picture of the loop, as `wavesweep check --plot` draws it.

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-class Loop(api.Loop):
-    """Methods of a compiled loop."""
+class LoopPoles(api.Loop):
+    """Methods that `wavesweep.Loop` has in addition."""
 
     def poles(self) -> DataFrame:
         """The closed-loop poles of the loop's own numbers, without what drifts.

@@ -25,7 +25,7 @@ from wavesweep.program.spec import Axis, Spec, load
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.spec.studies import value_of
 from wavesweep.program.sweep.grid import Grid, keys_of, make_grid, own_loop
-from wavesweep.program.sweep.running import Options
+from wavesweep.program.sweep.running import WorkOptions
 from wavesweep.program.tables import interval_table as intervals
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables import response_table as responses
@@ -432,7 +432,7 @@ def figure_from(
 
 
 def zwidth(
-    source: Source, along: str | None = "K_VE", for_hands: str | Iterable[str] = (), **work: Unpack[Options]
+    source: Source, along: str | None = "K_VE", for_hands: str | Iterable[str] = (), **work: Unpack[WorkOptions]
 ) -> DataFrame:
     """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
 
@@ -492,7 +492,7 @@ def zwidth(
 
 
 def stability_region(
-    source: Source, along: str | None = None, for_hands: str | Iterable[str] = (), **work: Unpack[Options]
+    source: Source, along: str | None = None, for_hands: str | Iterable[str] = (), **work: Unpack[WorkOptions]
 ) -> DataFrame:
     """Stable intervals along the spec's own axis, as `wavesweep stability-region` computes them.
 
@@ -511,7 +511,7 @@ def stability_region(
     return zwidth(source, along, for_hands, **work)
 
 
-def bode(*sources: Source, **work: Unpack[Options]) -> DataFrame:
+def bode(*sources: Source, **work: Unpack[WorkOptions]) -> DataFrame:
     """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
 
     Parameters

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from wavesweep.engine.monodromy.drift import TickDrift
     from wavesweep.engine.search.interval_search import Search
     from wavesweep.program.analyses.interval_jobs import Guarantee
-    from wavesweep.program.reading.tables import Table as SpecTable
+    from wavesweep.program.reading.tables import SpecTable
     from wavesweep.program.spec import Axis, Spec
     from wavesweep.program.sweep.job import Job
     from wavesweep.program.tables.kind import ProvedAgain
@@ -38,14 +38,14 @@ class AsYouLike(Protocol):
     """A module that leaves out what it has nothing to say to."""
 
 
-class Diagram(Protocol):
+class DiagramModule(Protocol):
     """The picture of a loop."""
 
     def diagram(self, spec: Spec) -> Figure:
         """The blocks and wires of a spec's loop."""
 
 
-class Locus(Protocol):
+class LocusModule(Protocol):
     """The root locus of a spec."""
 
     def axis_over(self, spec: Spec, name: str) -> Axis:
@@ -75,7 +75,7 @@ class ResponseMarks(Protocol):
         """Draw those of a quantity, and return their values."""
 
 
-class Marks(Protocol):
+class MarksModule(Protocol):
     """Points next to the curves of a figure."""
 
     def facts_of(self, specs: Iterable[Spec], kind: str) -> dict[str, Any]:
@@ -91,13 +91,13 @@ class Marks(Protocol):
         """The points beside responses."""
 
 
-class Keys(Protocol):
+class KeysModule(Protocol):
     """A table of a spec that the capability reads."""
 
     TABLE: SpecTable
 
 
-class Guarantees(Protocol):
+class GuaranteeModule(Protocol):
     """Rows of stable intervals that hold for more than one loop."""
 
     ROWS: Mapping[str, RowKind]
@@ -116,7 +116,7 @@ class Guarantees(Protocol):
         """
 
 
-class Boxes(Protocol):
+class BoxesModule(Protocol):
     """All loops of a box of numbers, for margins that hold for all of them; see `for_all.boxes`."""
 
     GuardianMaps: Any
@@ -140,13 +140,13 @@ class Boxes(Protocol):
         """The guardian map of complex frames in delta form."""
 
 
-class Ticks(Protocol):
+class TicksModule(Protocol):
     """A loop tick by tick in ball arithmetic."""
 
-    Loop: Any
+    BallLoop: Any
 
 
-class Bound(Protocol):
+class BoundModule(Protocol):
     """The region of eigenvalues that a spec asks for in place of the unit circle; see `engine.search.required_region`."""
 
     BOUNDED: str
@@ -156,7 +156,7 @@ class Bound(Protocol):
         """What is required, in words; written: its table."""
 
 
-class OnCheck(AsYouLike, Protocol):
+class OnCheckModule(AsYouLike, Protocol):
     """What `check` says in addition."""
 
     def numbers(self, spec: Spec) -> dict[str, Any]:
@@ -181,7 +181,7 @@ class OnCheck(AsYouLike, Protocol):
         """Whether its command goes on from a verdict."""
 
 
-class Verdict(Protocol):
+class VerdictModule(Protocol):
     """What is known beside a spec's own numbers."""
 
     def further(self, spec: Spec, own: Facts) -> dict[str, Any]:
@@ -191,7 +191,7 @@ class Verdict(Protocol):
         """The lines of a verdict."""
 
 
-class Section(Protocol):
+class SectionModule(Protocol):
     """A section of a report."""
 
     TITLE: str
@@ -204,7 +204,7 @@ class Section(Protocol):
         """The command of its table, with {} for the spec, and what makes the table."""
 
 
-class Panel(AsYouLike, Protocol):
+class PanelModule(AsYouLike, Protocol):
     """What a page of `explore` shows in addition."""
 
     def answers(self) -> Mapping[str, Callable[[Spec, Mapping[str, Any], Mapping[str, Any]], dict[str, Any]]]:
@@ -217,7 +217,7 @@ class Panel(AsYouLike, Protocol):
         """What is computed while a slider moves; shown: the data of the page."""
 
 
-class Shell(Protocol):
+class ShellModule(Protocol):
     """What a shell completes."""
 
     def register(self) -> None:
@@ -227,7 +227,7 @@ class Shell(Protocol):
         """Give the parameters of a command their completions."""
 
 
-class Prover(Protocol):
+class ProverModule(Protocol):
     """Ball arithmetic."""
 
     def ball_prover(self, loops: Loops, along: str, period: np.ndarray) -> Callable[[int, float, float], Any]:
@@ -237,7 +237,7 @@ class Prover(Protocol):
         """What balls say of the certified intervals of a slice."""
 
 
-class Frames(Protocol):
+class FramesModule(Protocol):
     """Frames as they were measured, for --frames."""
 
     def identified(
@@ -261,14 +261,14 @@ class Frames(Protocol):
         """The frames of a file."""
 
 
-class Classes(Protocol):
+class ClassesModule(Protocol):
     """Classes of blocks that specs may use without drawing them."""
 
     CLASSES: Mapping[str, Path]
     """The file of each by its name."""
 
 
-class Wish(Protocol):
+class WishModule(Protocol):
     """Quantities that may be wished for of a design."""
 
     WISHES: Mapping[str, Mapping[str, Any]]
@@ -277,23 +277,23 @@ class Wish(Protocol):
 
 SEAMS: Mapping[str, type] = MappingProxyType(
     {
-        "diagram": Diagram,
-        "locus": Locus,
-        "marks": Marks,
-        "keys": Keys,
-        "guarantee": Guarantees,
-        "boxes": Boxes,
-        "ticks": Ticks,
-        "bound": Bound,
-        "on_check": OnCheck,
-        "verdict": Verdict,
-        "section": Section,
-        "panel": Panel,
-        "shell": Shell,
-        "prover": Prover,
-        "frames": Frames,
-        "classes": Classes,
-        "wish": Wish,
+        "diagram": DiagramModule,
+        "locus": LocusModule,
+        "marks": MarksModule,
+        "keys": KeysModule,
+        "guarantee": GuaranteeModule,
+        "boxes": BoxesModule,
+        "ticks": TicksModule,
+        "bound": BoundModule,
+        "on_check": OnCheckModule,
+        "verdict": VerdictModule,
+        "section": SectionModule,
+        "panel": PanelModule,
+        "shell": ShellModule,
+        "prover": ProverModule,
+        "frames": FramesModule,
+        "classes": ClassesModule,
+        "wish": WishModule,
     }
 )
 """The type of each module that a capability may offer, by the module's name."""

@@ -20,7 +20,7 @@ from flint import acb, arb, arb_mat, arb_poly, ctx
 from wavesweep.engine.drawing.drawn_block import Plant
 from wavesweep.engine.drawing.expressions import Tree, degree, evaluate, is_constant
 from wavesweep.engine.monodromy.product import blocks_of
-from wavesweep.prove.ticks import Loop, UndecidedError, reads
+from wavesweep.prove.ticks import BallLoop, UndecidedError, reads
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part
 MOST_DEGREES = 64  # in the number, up to which the polynomials are taken as such
@@ -49,7 +49,7 @@ class Family:
     loop: along its number. span: (low, high). budget: a counter of operations, see `Budget`.
     """
 
-    def __init__(self, loop: Loop, span: tuple[float, float], budget: Budget) -> None:
+    def __init__(self, loop: BallLoop, span: tuple[float, float], budget: Budget) -> None:
         self.loop, self.span, self.budget = loop, span, budget
         low, high = map(arb, span)
         places = loop.pattern(low.union(high))
@@ -152,7 +152,7 @@ class Budget:
             raise UndecidedError
 
 
-def _degree(loop: Loop) -> float:
+def _degree(loop: BallLoop) -> float:
     """A bound on the degree in the number of the frame's polynomial times the determinants; infinite if it is not one.
 
     Each equation of a tick, of a port, an output or a state, adds the degree of its factors.

@@ -13,7 +13,7 @@ from flint import arb, ctx
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.prove.ball_crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
 from wavesweep.prove.ball_polynomials import Budget, Family
-from wavesweep.prove.ticks import Loop, UndecidedError
+from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
 HOPELESS = 3  # precisions at which crossings are crowded, after which more bits do not tell them apart
@@ -61,7 +61,7 @@ def prove_column(
     for bits in precisions:
         with ctx.workprec(bits):
             try:
-                loop = loop or Loop(drawing, values, name_of(along))
+                loop = loop or BallLoop(drawing, values, name_of(along))
                 return _proof(loop, span, integrators, budget)
             except UndecidedError as error:
                 crowded += isinstance(error, CrowdedError)

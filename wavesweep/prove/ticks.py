@@ -34,7 +34,7 @@ class UndecidedError(Exception):
     """These bits, or this way, do not tell."""
 
 
-class Loop:
+class BallLoop:
     """A drawn loop along one of its numbers; values: flat, as a spec has them.
 
     A frame maps states and outputs that something may read while their block does not run.

@@ -49,7 +49,7 @@ def report(
     from wavesweep.program.plots import refuse_settings
     from wavesweep.program.results import refuse_unusable
     from wavesweep.program.spec import load
-    from wavesweep.reports.content import Request, report
+    from wavesweep.reports.content import ReportRequest, report
 
     started, loaded = time.perf_counter(), load(spec, overrides)
     target = _file(out) if out is not None else own_folder([loaded.name], overrides) / FILE
@@ -60,7 +60,7 @@ def report(
         raise UsageError(f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite")
     refuse_settings()
     less = "fewer values in [sweep] take less"
-    asked = Request(cut, for_hands, overrides, at_work=lambda title: progress(talk().quiet, f"at work on {title}", less))
+    asked = ReportRequest(cut, for_hands, overrides, at_work=lambda title: progress(talk().quiet, f"at work on {title}", less))
     text = report(loaded, asked)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole((target, text))

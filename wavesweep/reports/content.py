@@ -40,7 +40,7 @@ SAME = (
 
 
 @dataclass(frozen=True)
-class Request:
+class ReportRequest:
     """What is asked of a report in addition to the spec.
 
     cut: the signal for the margins, by default the one that acts on the plant. hands: words for guarantees, see `hands_of`.
@@ -70,7 +70,7 @@ class Found:
     sha256: str
 
 
-def report(spec: Spec, asked: Request) -> str:
+def report(spec: Spec, asked: ReportRequest) -> str:
     """The report of a spec as the text of an HTML file; the same spec and request give the same text.
 
     Errors: UsageError for words that name no hands. What the spec does not allow is in the report, with the reason.
@@ -101,7 +101,7 @@ def report(spec: Spec, asked: Request) -> str:
     return html.page(spec.name, [*body, *_verification(spec, found.values(), name, asked), *_text(spec, asked)])
 
 
-def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, str, Callable[[Any], Table]]]:
+def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Callable[[Any], Table]]]:
     """Title -> how the numbers of a section are known, the command of its table, with {} for the spec, and a function of the
     watcher of its progress that makes the table.
     """
@@ -120,7 +120,7 @@ def _tables(spec: Spec, asked: Request) -> dict[str, tuple[str, str, Callable[[A
     return found | {RESPONSE: (BOUNDED, "bode {}", lambda _: responses.responses([spec]))}
 
 
-def _for_hands(asked: Request) -> str:
+def _for_hands(asked: ReportRequest) -> str:
     return "".join(f" --for-hands {quote(word)}" for word in asked.hands)
 
 
@@ -190,7 +190,7 @@ def _counterexamples(spec: Spec, intervals: Found | None) -> Iterator[str]:
         yield html.table(("with", "value", "what makes it unstable"), rows)
 
 
-def _verification(spec: Spec, found: Iterable[Found], name: str, asked: Request) -> Iterator[str]:
+def _verification(spec: Spec, found: Iterable[Found], name: str, asked: ReportRequest) -> Iterator[str]:
     """Versions, digests, and the commands that give all of it again."""
     from wavesweep.program.reproducibility import versions
 
@@ -211,7 +211,7 @@ def _verification(spec: Spec, found: Iterable[Found], name: str, asked: Request)
     yield html.table(("what", "version or hash"), rows)
 
 
-def _text(spec: Spec, asked: Request) -> Iterator[str]:
+def _text(spec: Spec, asked: ReportRequest) -> Iterator[str]:
     """The spec as it was written; that of nested tables as TOML."""
     from wavesweep.program.spec.writing import as_toml
 

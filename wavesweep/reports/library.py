@@ -37,7 +37,7 @@ def report(source: Source, path: str | Path | None = None, cut: str = "", for_ha
         For a file that cannot be written.
     """
     hands = (for_hands,) if isinstance(for_hands, str) else tuple(for_hands)
-    text = content.report(spec_of(source), content.Request(cut, hands))
+    text = content.report(spec_of(source), content.ReportRequest(cut, hands))
     if path is not None:
         write_file(Path(path), text.encode())
     return text

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Leaf, show
 from wavesweep.engine.keys.key import Key, by_path, number, positive, word
-from wavesweep.program.reading.tables import Asked, Table
+from wavesweep.program.reading.tables import SpecTable, TableValue
 from wavesweep.require.gain_bound import BASE_BAND, LIFTED, GainBound
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
 
 
 @dataclass(frozen=True, slots=True)
-class Require(Asked):
+class Require(TableValue):
     """The bounds on every mode: its eigenvalue of a frame, the time (s) in which it is down to SETTLED, its damping ratio.
 
     bounded: whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
@@ -99,7 +99,7 @@ class Require(Asked):
         return found | ({"gain": self.gain.written()} if self.gain else {})
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
-        """Raise UsageError, since more is required; see `Asked`."""
+        """Raise UsageError, since more is required; see `TableValue`."""
         expected = f"no [sweep] require with {what}, which is about stability alone"
         raise UsageError(
             f"{name}: expected {expected} (--set sweep.require= leaves it out; columns low_hz and high_hz of "
@@ -153,4 +153,4 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     return shapes.table(found | {"gain": shapes.table(gain)})
 
 
-TABLE = Table(path=PATH, build=build, keys=KEYS, signals=(f"{PATH}.gain.to",), always=True, schema=schema)
+TABLE = SpecTable(path=PATH, build=build, keys=KEYS, signals=(f"{PATH}.gain.to",), always=True, schema=schema)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-class Loop(api.Loop):
-    """Methods of a compiled loop."""
+class LoopSensitivity(api.Loop):
+    """Methods that `wavesweep.Loop` has in addition."""
 
     def sensitivity(self, along: str | None = None, span: Span | None = None, **axes: Numbers) -> DataFrame:
         """How each end of the stable intervals, and the stiffness felt there, moves with each number.

@@ -10,7 +10,7 @@ from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.drawing import name_of, scalars
 from wavesweep.engine.drawing.expressions import names_in, value_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.analyses.assumptions import IN_TIME, Run
+from wavesweep.program.analyses.assumptions import IN_TIME, RunWords
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.simulation import inputs
 from wavesweep.simulation.hardware import Effects, random_frames
@@ -74,7 +74,7 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
 MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
 
 
-def run_in_words(spec: Spec) -> Run:
+def run_in_words(spec: Spec) -> RunWords:
     """Return the frames and the messages of the spec's experiment in words."""
     frame_list, patterns, messages = spec.simulate["frames"] or (), spec.simulate["messages"] or {}, []
     lengths = ", ".join(f"{frame.ticks}" for frame in frame_list[:MOST_SHOWN]) if not isinstance(frame_list, str) else ""
@@ -89,7 +89,7 @@ def run_in_words(spec: Spec) -> Run:
             messages.append(f"messages of {block.name} late by {', '.join(map(str, turns))}{rest} ticks in turn")
         elif block.loses_at_random:
             messages.append(f"messages of {block.name} lost at random, seed {spec.simulate['seed']}")
-    return Run(frames, "; ".join(messages) or IN_TIME.messages)
+    return RunWords(frames, "; ".join(messages) or IN_TIME.messages)
 
 
 def lengths_at(spec: Spec, axis: Axis) -> list[int]:

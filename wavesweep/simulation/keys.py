@@ -23,7 +23,7 @@ from wavesweep.program.reading.axes import Axis, axis_place, build_axis, linear
 from wavesweep.program.reading.devices import HapticDevice
 from wavesweep.program.reading.keys import HARDWARE_KEYS, MOST_SEED
 from wavesweep.program.reading.sorting import Sorted, names_in_list
-from wavesweep.program.reading.tables import Asked, Table
+from wavesweep.program.reading.tables import SpecTable, TableValue
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
@@ -203,7 +203,7 @@ def written_messages(late: tuple[int | None, ...]) -> list[int | str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment(Asked):
+class Experiment(TableValue):
     """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
     `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp. `frames` are of type `Frame`, or
@@ -400,7 +400,7 @@ def schema(shapes: Shapes) -> dict[str, Any]:
     return shapes.table(keys | {"messages": shapes.table({}, late, description=keys["messages"]["description"])})
 
 
-TABLE = Table(
+TABLE = SpecTable(
     path="simulate",
     build=build,
     keys=KEYS,

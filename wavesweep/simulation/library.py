@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-class Loop(api.Loop):
-    """Methods of a compiled loop."""
+class LoopSimulation(api.Loop):
+    """Methods that `wavesweep.Loop` has in addition."""
 
     def simulate(self, force: Numbers | None = None, **options: float | str | None) -> DataFrame:
         """The loop run tick by tick.
@@ -77,8 +77,8 @@ class Loop(api.Loop):
         return figure_from(ax, "simulate", self.simulate(force, **options), used, run=run_in_words(used))
 
 
-class DrawnLoop(drawn_loop.DrawnLoop):
-    """Methods of a loop drawn in Python."""
+class DrawnLoopSimulation(drawn_loop.DrawnLoop):
+    """Methods that a loop drawn in Python has in addition."""
 
     def simulate(self, inputs: Mapping[str, ArrayLike], signals: Iterable[str]) -> DataFrame:
         """The blocks run tick by tick from rest.

@@ -10,7 +10,7 @@ from wavesweep.program.plots.region_figures import draw_region
 from wavesweep.program.plots.style import Look
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.program.tables.planes import KNOWN, NARROW, Curve, Interval, View, _is_straight, curves_of, region_of
+from wavesweep.program.tables.planes import KNOWN, NARROW, Interval, PlaneCurve, View, _is_straight, curves_of, region_of
 
 from .conftest import table_of_intervals
 
@@ -30,7 +30,7 @@ def test_an_interval_that_is_not_known_in_a_column_has_not_ended_there():
     both, one = column((0, 1200), (1280, 1390)), column((1283, 1387))
     for known in (True, False):
         part = one if known else (one[0], ((-np.inf, np.inf),))
-        region = region_of(Curve({6.4: both, 6.45: part, 6.5: both}, {(6.4, 6.45): NARROW, (6.45, 6.5): NARROW}), VIEW)
+        region = region_of(PlaneCurve({6.4: both, 6.45: part, 6.5: both}, {(6.4, 6.45): NARROW, (6.45, 6.5): NARROW}), VIEW)
         across = [step for line in region.certain for step in pairwise(line) if step[0][0] == step[1][0]]
         steps = [(round(x, 3), low, high) for (x, low), (_, high) in across if low in (0, 1200)]
         assert steps == ([(6.425, 1200, 0), (6.475, 0, 1200)] if known else [])
@@ -50,11 +50,11 @@ def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
 
 
 def test_a_gap_that_is_not_known_beside_others_that_are_is_hatched():
-    curve = Curve({x: column((0, 1)) for x in (0.0, 1.0, 2.0, 3.0)}, {(0.0, 1.0): KNOWN, (1.0, 2.0): KNOWN})
+    curve = PlaneCurve({x: column((0, 1)) for x in (0.0, 1.0, 2.0, 3.0)}, {(0.0, 1.0): KNOWN, (1.0, 2.0): KNOWN})
     region = region_of(curve, VIEW)
     assert region.unknown == [(2.0, 3.0, -np.inf, np.inf)]
     assert [x for x, _ in region.bars] == [2.0, 3.0]
-    assert region_of(Curve(curve.columns), VIEW).unknown == []  # bars alone
+    assert region_of(PlaneCurve(curve.columns), VIEW).unknown == []  # bars alone
 
 
 def test_what_is_straight_on_a_scale_of_factors_is_not_on_an_even_one():
@@ -71,14 +71,14 @@ def test_bars_at_the_first_or_the_last_value_are_known_as_such():
         ({(1.0, 2.0): NARROW}, True),
         ({(0.0, 1.0): NARROW, (1.0, 2.0): NARROW}, False),
     ):
-        assert Curve(columns, gaps).open_at_ends == found
-    assert not Curve({0.0: column((0, 1))}).open_at_ends
+        assert PlaneCurve(columns, gaps).open_at_ends == found
+    assert not PlaneCurve({0.0: column((0, 1))}).open_at_ends
 
 
 def test_a_boundary_is_one_line_where_a_hole_begins():
     """Its steps across the gap have the unstable side at their left, as its other steps have."""
     one, two = column((100, 1200)), column((101, 600), (700, 1201))
-    region = region_of(Curve({1.0: one, 2.0: two}, {(1.0, 2.0): NARROW}), VIEW)
+    region = region_of(PlaneCurve({1.0: one, 2.0: two}, {(1.0, 2.0): NARROW}), VIEW)
     outer = [(1.0, 1200), (1.5, 1200), (1.5, 1201), (2.0, 1201)]
     lower = [(2.0, 101), (1.5, 101), (1.5, 100), (1.0, 100)]
     hole = [(2.0, 700), (1.5, 700), (1.5, 600), (2.0, 600)]
@@ -87,7 +87,7 @@ def test_a_boundary_is_one_line_where_a_hole_begins():
 
 
 def test_a_closed_boundary_is_a_line_too():
-    island = Curve({0.0: column(), 1.0: column((5, 6)), 2.0: column()}, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW})
+    island = PlaneCurve({0.0: column(), 1.0: column((5, 6)), 2.0: column()}, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW})
     (line,) = region_of(island, VIEW).certain
     assert (line[0], len(line), area(line)) == (line[-1], 7, 1.0)
 
@@ -99,7 +99,7 @@ def test_what_is_stable_and_not_certified_is_not_filled():
     doubted = tuple(Interval(each.low, each.high, True, True, False) for each in column((0, 1))[0]), ()
     columns = {0.0: column((0, 1)), 1.0: doubted, 2.0: doubted, 3.0: column((0, 1))}
     axes = Figure().subplots()
-    region = region_of(Curve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW)
+    region = region_of(PlaneCurve(columns, dict.fromkeys(pairwise(columns), KNOWN)), VIEW)
     draw_region(axes, region, Look("#0072B2", "-"), filled=True)
     dotted = [each for each in axes.collections if each.get_hatch()]
     assert [each.get_facecolor()[0].tolist() for each in dotted] == [[1, 1, 1, 1]]

@@ -124,7 +124,7 @@ def test_a_projection_of_a_physics_engine():
 def test_balls_have_the_same_frame():
     spec = load(observer(4))
     ticks = pytest.importorskip("wavesweep.prove.ticks")
-    frame, _ = ticks.Loop(spec.drawing, spec.values, "numbers.l").frame(arb(0.5))
+    frame, _ = ticks.BallLoop(spec.drawing, spec.values, "numbers.l").frame(arb(0.5))
     A = np.array([[float(entry.mid()) for entry in row] for row in frame.tolist()])
     sizes = np.sort(np.abs(np.linalg.eigvals(A)))[::-1]
     assert sizes[0] == pytest.approx(1, abs=1e-12)  # the sum of all corrections, which nothing holds

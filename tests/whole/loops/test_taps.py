@@ -84,7 +84,7 @@ def test_taps_have_the_frame_of_a_filter_in_balls():
     found = []
     for each in (tables_of(TAPPED, SUM), tables_of(plain(5), "d.y + 0*n")):
         spec = load(each)
-        frame, _ = ticks.Loop(spec.drawing, spec.values, "numbers.K").frame(arb(0.8))
+        frame, _ = ticks.BallLoop(spec.drawing, spec.values, "numbers.K").frame(arb(0.8))
         found.append([(frame**power).trace() for power in (1, 2, 9)])
     for one, other in zip(*found, strict=True):
         assert float(one) == pytest.approx(float(other), rel=1e-14)

@@ -106,7 +106,7 @@ def test_frames_in_doubles_and_in_balls_have_the_same_eigenvalues(kind, keys):
     doubles = frame_of(ticks_of(assembled(spec.drawing, spec.values), alone=True))
     doubles = doubles + np.eye(len(doubles))
     ticks = pytest.importorskip("wavesweep.prove.ticks")
-    frame, _ = ticks.Loop(spec.drawing, spec.values, "numbers.g").frame(arb(0.8))
+    frame, _ = ticks.BallLoop(spec.drawing, spec.values, "numbers.g").frame(arb(0.8))
     balls = np.array([[float(entry.mid()) for entry in row] for row in frame.tolist()])
     for power in (1, 2, 3, 5):
         one, other = (np.trace(np.linalg.matrix_power(each, power)) for each in (doubles, balls))

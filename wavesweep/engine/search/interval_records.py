@@ -224,7 +224,8 @@ def felt_along(loops: Loops, along: str, p: np.ndarray) -> np.ndarray:
 def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee) -> np.ndarray:
     """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at their ends.
 
-    parts: (members, loops) pairs. guarantee: see `Along`. A loop whose search fails in arithmetic is in doubt everywhere.
+    parts: (members, loops) pairs. guarantee: it has `records_of` a loop. A loop whose search fails in arithmetic is in doubt
+    everywhere.
     """
     found = {}
     for members, loops in parts:

@@ -24,17 +24,17 @@ INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class RunWords:
     """What a single run has, in words: its frames, empty if all have the spec's length, and when messages come."""
 
     frames: str = ""
     messages: str = ""
 
 
-IN_TIME = Run(messages="all messages in time")
+IN_TIME = RunWords(messages="all messages in time")
 
 
-def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, run: Run | None = None) -> str:
+def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, run: RunWords | None = None) -> str:
     """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
 
     swept: paths of the axes of the result, which have no single value. nominal: whether the result is of the spec's own
@@ -249,7 +249,9 @@ def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})
             yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
 
 
-def assumed_by(specs: Sequence[Spec], swept: Collection[str] = (), *, nominal: bool = False, run: Run | None = None) -> str:
+def assumed_by(
+    specs: Sequence[Spec], swept: Collection[str] = (), *, nominal: bool = False, run: RunWords | None = None
+) -> str:
     """The sentence of one spec, or those of several, a line each with its name; swept: of any; nominal, run: see `assumes`."""
     several = len(specs) > 1
     own = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]

@@ -20,7 +20,7 @@ from wavesweep.engine.stability.certificate import words
 from wavesweep.engine.stability.radii import drift_of, frames, frames_of
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns
-from wavesweep.program.reading.tables import Asked
+from wavesweep.program.reading.tables import TableValue
 from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, make_grid, own_loop
 from wavesweep.program.sweep.job import (
@@ -31,7 +31,7 @@ from wavesweep.program.sweep.job import (
     Chunk,
     Chunks,
     Job,
-    Kind,
+    JobKind,
     cut_up,
     resolve_all,
     some_loops,
@@ -82,7 +82,7 @@ class Guarantee:
 
 
 @dataclass(frozen=True, slots=True)
-class Along:
+class IntervalQuery:
     """What is asked of the loops: their stable intervals along `axis`, found in that way.
 
     guarantee: the hands or numbers for which the intervals are guaranteed; None: those of the spec's own loop. require: of
@@ -92,7 +92,7 @@ class Along:
     axis: Axis
     way: Way = Way.DOMINANCE
     guarantee: "Guarantee | None" = None
-    require: Asked | None = None
+    require: TableValue | None = None
 
     @property
     def span(self) -> tuple[float, float]:
@@ -106,7 +106,7 @@ class Along:
         return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
 
-def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: Along) -> Job:
+def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: IntervalQuery) -> Job:
     """The job of what is asked; guarantees have records of their own."""
     dtype = RECORD if asked.guarantee is None else asked.guarantee.dtype
     return Job(INTERVALS, grid, chunks, resolved, dtype, asked.identity, asked)
@@ -156,11 +156,11 @@ def _sample(job):
 
 
 # Some slices have several intervals. Bytes of a row: 130 in the CSV and 30 in the Parquet file, measured on millions of rows.
-INTERVALS = Kind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
+INTERVALS = JobKind(_task, _columns, rows=1.2, row_bytes=160, sample=_sample)
 
 
 def _searches(
-    spec: Spec, asked: Along, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prover=None
+    spec: Spec, asked: IntervalQuery, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prover=None
 ) -> Searches:
     """The searches for the intervals of `size` loops of the spec.
 
@@ -191,9 +191,9 @@ def job_of(spec: Spec, along: str | None = None) -> Job:
     return job_over(make_grid(spec, others, axis.path), axis, require=spec.require)
 
 
-def job_over(grid: Grid, axis: Axis, *, require: Asked | None = None) -> Job:
-    """The job of a grid; require: see `Along`. Errors: UsageError or SpecError if it cannot be done."""
-    spec, asked = grid.spec, Along(axis, require=require)
+def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Job:
+    """The job of a grid; require: see `IntervalQuery`. Errors: UsageError or SpecError if it cannot be done."""
+    spec, asked = grid.spec, IntervalQuery(axis, require=require)
     if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
@@ -271,16 +271,16 @@ def at_points(
     points: Mapping[str, np.ndarray],
     ties: tuple[str, ...] = (),
     felt: bool = True,
-    require: Asked | None = None,
+    require: TableValue | None = None,
 ) -> Columns:
     """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
 
     points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
     values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise. require: see
-    `Along`.
+    `IntervalQuery`.
     """
     count = len(next(iter(points.values())))
-    records = _searches(spec, Along(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
+    records = _searches(spec, IntervalQuery(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
     found = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
     return found | ends_of(records, set_by=False)
 
@@ -289,7 +289,7 @@ CUT = "crossings of the unit circle from one real polynomial, proved by signs or
 DOMINANCE = "eigenvalues off the unit circle by dominance in eigenvectors, on Chebyshev panels of the frame's entries"
 
 
-def method(asked: Along) -> str:
+def method(asked: IntervalQuery) -> str:
     """How the intervals are found, in a line."""
     found = {
         Way.CUT: CUT,

@@ -21,7 +21,7 @@ from wavesweep.program.columns import Columns, complex_columns
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.spec.studies import refuse_beyond_half
 from wavesweep.program.sweep.grid import drawn_groups, keys_of, loops_of, make_grid, refuse_rows
-from wavesweep.program.sweep.job import Chunks, Job, Kind, resolve_all
+from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
 from wavesweep.program.sweep.running import in_memory
 
 PARTS = ("re", "im", "abs", "deg")
@@ -41,7 +41,7 @@ WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that ar
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class ResponseQuery:
     """Frequencies (Hz), the names of all columns before the spec's name, the keys that the controller reads, and the route."""
 
     frequency: np.ndarray
@@ -74,7 +74,7 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None, ro
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
     curves = TICKS // ticks // points if 0 < points <= WIDE else 1
-    chunks, asked = Chunks(grid.loops, points, max(1, curves), min(points, WIDE)), Asked(frequency, names, read, route)
+    chunks, asked = Chunks(grid.loops, points, max(1, curves), min(points, WIDE)), ResponseQuery(frequency, names, read, route)
     if route:
         return Job(TRANSFERS, grid, chunks, resolved, TRANSFER, {"records": "transfer", "route": list(route)}, asked)
     return Job(RESPONSES, grid, chunks, resolved, RESPONSE, {"records": "responses"}, asked)
@@ -142,8 +142,8 @@ def _columns(job, combination, records):
 
 
 # Bytes of a row: measured, 320 in the CSV and 130 in the Parquet file, and longer names of specs.
-RESPONSES = Kind(_task, _columns, "responses", certifies=False, row_bytes=480)
-TRANSFERS = Kind(_task, _columns, "responses", certifies=False, row_bytes=300)
+RESPONSES = JobKind(_task, _columns, "responses", certifies=False, row_bytes=480)
+TRANSFERS = JobKind(_task, _columns, "responses", certifies=False, row_bytes=300)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

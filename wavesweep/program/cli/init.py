@@ -21,7 +21,7 @@ from wavesweep.program.cli.options import overwriting
 from wavesweep.program.reading.devices import DEVICES
 from wavesweep.program.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS
 from wavesweep.program.reading.reading import read_override, scan
-from wavesweep.program.reading.tables import Table, missing, tables
+from wavesweep.program.reading.tables import SpecTable, missing, tables
 from wavesweep.program.spec import load
 from wavesweep.program.spec.describing import described, meaning_of
 from wavesweep.program.spec.studies import DEFAULT_FREQUENCIES
@@ -244,7 +244,7 @@ def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
         yield from ("", f"[{table.path}]", *_defaults(device, table))
 
 
-def _defaults(device: str | None, table: Table) -> Iterator[str]:
+def _defaults(device: str | None, table: SpecTable) -> Iterator[str]:
     """All keys of a table as comments; defaults are those of the device, if it has any."""
     numbers, notes = DEVICES[device].numbers if device else {}, _origins(device)
     defaults = {path: numbers[path].value if path in numbers else key.default for path, key in table.keys.items()}

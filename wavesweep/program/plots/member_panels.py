@@ -11,7 +11,7 @@ from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.plots.figure_layout import rows_with, where
 from wavesweep.program.plots.labels import shortened, valued
 from wavesweep.program.plots.style import DOUBTFUL, LINES, UNKNOWN, UNPROVED, Look, distinct_look, family_looks, paler
-from wavesweep.program.tables.planes import KNOWN, Curve, View, columns_of, curves_of, open_spans
+from wavesweep.program.tables.planes import KNOWN, PlaneCurve, View, columns_of, curves_of, open_spans
 from wavesweep.program.tables.row_kinds import COMPUTED, RowKind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
@@ -125,7 +125,7 @@ def specs_of(facts: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
     return facts.get("specs") or {facts.get("spec_name", ""): facts.get("spec", {})}
 
 
-def member_curves(members: Sequence[Member], view: View, span: tuple[float, float]) -> list[Curve]:
+def member_curves(members: Sequence[Member], view: View, span: tuple[float, float]) -> list[PlaneCurve]:
     """The curves of all members; those of one family in a batch."""
     if not any(member.guarantee for member in members) and len({id(member.facts) for member in members}) == 1:
         return curves_of([member.rows for member in members], view, members[0].facts)
@@ -133,10 +133,10 @@ def member_curves(members: Sequence[Member], view: View, span: tuple[float, floa
     for member in members:
         rows, x = member.rows, member.rows[view.x]
         if member.at_values:
-            curves.append(Curve(columns_of(rows, x)))
+            curves.append(PlaneCurve(columns_of(rows, x)))
         elif np.isnan(x).all():  # a loop that does not read it has the same intervals everywhere
             (column,) = columns_of(rows, np.zeros(len(x))).values()
-            curves.append(Curve(dict.fromkeys(span, column), {span: KNOWN}))
+            curves.append(PlaneCurve(dict.fromkeys(span, column), {span: KNOWN}))
         else:
             own = (damping_of(member.facts.get("spec", {})) or "B_VE") if view.x in dampings else view.x
             renamed = {own if name == view.x else name: column for name, column in rows.items()}

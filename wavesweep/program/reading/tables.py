@@ -15,7 +15,7 @@ from wavesweep.program.reading.devices import HapticDevice
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS
 
 
-class Asked:
+class TableValue:
     """The value of a table. What a class does not say itself is so by default.
 
     files: that it names, relative to the spec's folder. given: paths of keys that a device could have given. hardware: what it
@@ -30,7 +30,7 @@ class Asked:
     members: str = ""
     changing: Collection[Any] = ()
 
-    def on(self, device: HapticDevice | None) -> Asked:
+    def on(self, device: HapticDevice | None) -> TableValue:
         """Return the value with the numbers of a device, except for those that are given themselves."""
         del device
         return self
@@ -58,7 +58,7 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class SpecTable:
     """A table of a spec.
 
     path: of the table, "design" or, in a table of the core, "sweep.require". build: from a `Request` to the value, adding all
@@ -70,7 +70,7 @@ class Table:
     """
 
     path: str
-    build: Callable[..., Asked | None]
+    build: Callable[..., TableValue | None]
     keys: Mapping[str, Key] = field(default_factory=dict)
     sections: Mapping[str, Section] = field(default_factory=dict)
     spans: tuple[str, ...] = ()
@@ -90,7 +90,7 @@ class Table:
 
 
 @cache
-def tables() -> Mapping[str, Table]:
+def tables() -> Mapping[str, SpecTable]:
     """Return the tables of the capabilities that there are by path, in the order in which messages list them."""
     installed = {module.TABLE.path: module.TABLE for module in modules("keys")}
     return {path: installed[path] for path in (*TABLES, *installed) if path in installed}
@@ -101,7 +101,7 @@ def missing() -> dict[str, str]:
     return {path: capability for path, capability in TABLES.items() if path not in tables()}
 
 
-def table_at(path: str) -> Table:
+def table_at(path: str) -> SpecTable:
     """Return the table of that path. Errors: UsageError that names its capability, if this is not installed."""
     if path not in tables():
         raise UsageError(
@@ -134,7 +134,7 @@ def flat_keys() -> Mapping[str, Key]:
     return {**KEYS, **_keys(table for table in tables().values() if "." not in table.path)}
 
 
-def _keys(some: Iterable[Table]) -> dict[str, Key]:
+def _keys(some: Iterable[SpecTable]) -> dict[str, Key]:
     return {path: key for table in some for path, key in table.keys.items()}
 
 

@@ -16,7 +16,7 @@ from wavesweep.engine.keys.places import Leaf, Place
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import plain
-from wavesweep.program.reading.tables import Asked, table_at, tables
+from wavesweep.program.reading.tables import TableValue, table_at, tables
 from wavesweep.program.spec.resolving import Given, is_frame, resolve, resolve_drawn
 from wavesweep.program.spec.studies import Studies, fitting, hardware_of, unknown_end
 from wavesweep.program.spec.writing import written
@@ -36,14 +36,14 @@ class Spec(Studies):
     parts: frozenset[str] = frozenset()  # names of tables that are part of this request and not of every one, see `asking`
     drawing: Drawing | None = None  # of a spec that draws its loop; its values are the tick's rate and the numbers
 
-    def __getattr__(self, name: str) -> Asked | None:
+    def __getattr__(self, name: str) -> TableValue | None:
         """The value of the table of that name, with the numbers of the spec's device."""
         table_values = object.__getattribute__(self, "asked")
         if name not in table_values:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         return None if table_values[name] is None else table_values[name].on(self._given.device())
 
-    def _asked(self) -> list[Asked]:
+    def _asked(self) -> list[TableValue]:
         return [value for value in self.asked.values() if value is not None]
 
     @property

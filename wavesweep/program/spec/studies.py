@@ -14,7 +14,7 @@ from wavesweep.program.reading.axes import Axis, axis_place, build_axis, logarit
 from wavesweep.program.reading.devices import HapticDevice
 from wavesweep.program.reading.keys import BUILT_IN, HARDWARE_KEYS, STUDY_KEYS
 from wavesweep.program.reading.sorting import Sorted
-from wavesweep.program.reading.tables import Asked, missing, table_at, tables
+from wavesweep.program.reading.tables import TableValue, missing, table_at, tables
 from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
@@ -36,7 +36,7 @@ class Studies:
     bode: tuple[Axis, ...]
     frequencies: Axis
     route: Mapping[str, str] = field(default_factory=dict)
-    asked: Mapping[str, Asked | None] = field(default_factory=dict)
+    asked: Mapping[str, TableValue | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +54,7 @@ class Request:
     drawing: Drawing | None = None
     hz: float | None = None
     values: Mapping[str, float | int | str] | None = None
-    asked: dict[str, Asked | None] = field(default_factory=dict)
+    asked: dict[str, TableValue | None] = field(default_factory=dict)
     sweep: tuple[Axis, ...] = ()
 
     @property
@@ -118,7 +118,7 @@ class Request:
                 self.mistakes.refuse(self.belongs.keys[path], path, *fault, of_key=False)
 
 
-def hardware_of(asked: Mapping[str, Asked | None], device: HapticDevice | None) -> dict[str, float | None]:
+def hardware_of(asked: Mapping[str, TableValue | None], device: HapticDevice | None) -> dict[str, float | None]:
     """Return the numbers of a device that are not of the loop, by the last names of `HARDWARE_KEYS`. asked: as in `Studies`."""
     numbers = {path.rpartition(".")[2]: key.default for path, key in HARDWARE_KEYS.items()}
     numbers |= device.simulation() if device else {}
@@ -174,7 +174,7 @@ def _along(request: Request, axes: Iterable[Axis]) -> str:
     return key.default if along is None else along
 
 
-def value_of(path: str, keys: Mapping[str, object]) -> Asked:
+def value_of(path: str, keys: Mapping[str, object]) -> TableValue:
     """Return the value of a table of a capability that no spec has, as its keys give it by name.
 
     Errors: SpecError with every mistake, UsageError if the capability is not installed.

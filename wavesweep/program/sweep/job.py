@@ -84,7 +84,7 @@ def fields_of(job: "Job", combination: np.ndarray, records: np.ndarray) -> Mappi
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class JobKind:
     """A kind of analysis, as functions of its jobs.
 
     task: gives what computes the records of a chunk. columns: those of the table, for records of these combinations. noun: of
@@ -115,7 +115,7 @@ class Job:
     of the chunks.
     """
 
-    kind: Kind
+    kind: JobKind
     grid: Grid
     chunks: Chunks
     resolved: dict

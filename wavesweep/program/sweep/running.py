@@ -30,7 +30,7 @@ BLOCK = 1 << 17  # combinations of a block of rows; 13 columns of them take some
 Progress = Callable[[int, int, int | None], None]
 
 
-class Options(TypedDict, total=False):
+class WorkOptions(TypedDict, total=False):
     """The arguments of a call that say how its run is done, see `Work`."""
 
     jobs: int | None
@@ -84,7 +84,7 @@ class Work:
 
 
 @dataclass(slots=True)
-class Tally:
+class RunCounts:
     """Counts of slices, of those taken from a checkpoint, of certified ones and of records, and the seconds of the workers."""
 
     done: int = 0
@@ -109,7 +109,7 @@ class Run:
 
     jobs: Mapping[str, Job]
     stores: Mapping[str, object]
-    tallies: Mapping[str, Tally]
+    tallies: Mapping[str, RunCounts]
     workers: Workers
     seconds: float
     warnings: list[str]
@@ -206,13 +206,13 @@ def compute(
     workers: Workers,
     progress: Progress | None = None,
     numbers: range | None = None,
-    tally: Tally | None = None,
-) -> Tally:
+    tally: RunCounts | None = None,
+) -> RunCounts:
     """Compute every chunk that the checkpoint `store` does not have yet, and save it there; give the tally of the job.
 
     numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are added to.
     """
-    numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or Tally()
+    numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or RunCounts()
     for number in (chunk for chunk in store.finished() if chunk in numbers):
         try:
             tally.add(job, store.load(number), kept=True)
@@ -236,7 +236,7 @@ def compute(
 
 
 @contextmanager
-def resumable(job: Job, store, tally: Tally) -> Iterator[None]:
+def resumable(job: Job, store, tally: RunCounts) -> Iterator[None]:
     """Say in an error which part of the job the checkpoint keeps, once; remove a checkpoint of a request that is refused.
 
     A request that is refused has finished nothing.

@@ -20,11 +20,11 @@ from wavesweep.program.tables.table import Table, facts_of, spans_held
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.sweep.job import Job
-    from wavesweep.program.sweep.running import Options
+    from wavesweep.program.sweep.running import WorkOptions
     from wavesweep.program.tables.hand_rows import Hands
 
 
-def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[Options]) -> Table:
+def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, **work: Unpack[WorkOptions]) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the

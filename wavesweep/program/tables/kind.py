@@ -19,7 +19,7 @@ Line = tuple[str, bool]  # a line of a summary, and whether it is a warning
 Numbers = Mapping[str, Any]  # of a summary, JSON-able
 
 
-class Tally(Protocol):
+class Summary(Protocol):
     """The summary of a table, counted while its rows are written."""
 
     def add(self, columns: Columns) -> None:
@@ -71,7 +71,7 @@ class Kind:
     """
 
     name: str
-    tally: Callable[..., Tally]
+    tally: Callable[..., Summary]
     lines: Callable[[Numbers], Iterator[Line]]
     figure: str
     again: Callable[[Mapping[str, Any], Callable[[], str]], Recompute | None] = field(default=lambda *_: None, repr=False)
@@ -119,7 +119,7 @@ class Kind:
         return {name: columns[name] for name in (*own[: self.before], *axes, *own[self.before :])}
 
 
-class SingleBlockTally:
+class SingleBlockSummary:
     """The summary of a table whose rows come in one block. measure: gives its numbers."""
 
     def __init__(self, measure: Callable[[Columns, Numbers], Numbers]) -> None:
@@ -135,8 +135,8 @@ class SingleBlockTally:
 
 
 def whole_kind(name: str, measure: Callable[[Columns, Numbers], Numbers], lines: Callable, figure: str, **more: Any) -> Kind:
-    """A kind of table whose rows come in one block; see `SingleBlockTally` and `Kind`."""
-    return Kind(name, lambda _: SingleBlockTally(measure), lines, figure, **more)
+    """A kind of table whose rows come in one block; see `SingleBlockSummary` and `Kind`."""
+    return Kind(name, lambda _: SingleBlockSummary(measure), lines, figure, **more)
 
 
 def from_spec(

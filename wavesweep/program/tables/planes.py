@@ -49,7 +49,7 @@ Line = list[tuple[float, float]]
 
 
 @dataclass(eq=False)
-class Curve:
+class PlaneCurve:
     """The intervals of one design over x, and the state of the gaps between neighbouring columns.
 
     gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED. own:
@@ -106,12 +106,12 @@ def incomplete(columns: Columns) -> np.ndarray:
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 
-def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) -> list[Curve]:
+def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) -> list[PlaneCurve]:
     """The curves of some designs over x, with further columns if the facts have the spec that they were computed from.
 
     members: the rows of each design, all of one hand and with the same value of every other axis.
     """
-    curves = [Curve(columns, own=frozenset(columns)) for columns in (columns_of(rows, rows[view.x]) for rows in members)]
+    curves = [PlaneCurve(columns, own=frozenset(columns)) for columns in (columns_of(rows, rows[view.x]) for rows in members)]
     source = _source(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
     if source is None:
         return curves
@@ -153,7 +153,7 @@ def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
     return [((first, last),) if each else () for each, first, last in zip(some, low, high, strict=True)]
 
 
-def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) -> None:
+def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Source) -> None:
     """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
     ends = [view.position(x) for curve in curves for x in curve.columns]
     whole = float(max(ends) - min(ends))
@@ -193,7 +193,7 @@ def _refine(curves: list[Curve], view: View, tolerance: float, source: _Source) 
         cells = [cell for cell in undecided if width(cell) > whole / view.wide]
 
 
-def _leave_out_doubtful(curve: Curve, view: View) -> None:
+def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
     """Leave out the columns that are in doubt although the table's on both sides of them are certified.
 
     A gap that is left and no wider than two pixels is narrow; a wider one is not known.
@@ -359,7 +359,7 @@ class Region:
     unknown: list[tuple[float, float, float, float]]
 
 
-def region_of(curve: Curve, view: View) -> Region:
+def region_of(curve: PlaneCurve, view: View) -> Region:
     """The areas, lines and bars of a curve.
 
     Across a narrow gap the intervals of both sides go on to its middle. What only one side has there ends in a line across x,

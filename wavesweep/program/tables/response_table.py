@@ -23,7 +23,7 @@ from wavesweep.program.tables.table import Table, digest_of, facts_of, with_unli
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.sweep.job import Job
-    from wavesweep.program.sweep.running import Options, Run
+    from wavesweep.program.sweep.running import Run, WorkOptions
 
 UNITS = {
     **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
@@ -31,7 +31,7 @@ UNITS = {
 }
 
 
-def responses(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
+def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
 
     Of specs that ask for responses between inputs and outputs (see `Spec.routes`) the table is `bode-ports`, with these.

@@ -10,12 +10,12 @@ from wavesweep.program.analyses.response_jobs import own_value, units_in
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Spec, sweep_axes
 from wavesweep.program.sweep.grid import keys_of
-from wavesweep.program.sweep.running import Options
+from wavesweep.program.sweep.running import WorkOptions
 from wavesweep.program.tables.interval_table import interval_kind, intervals
 from wavesweep.program.tables.table import Table, facts_of, with_unlike_units
 
 
-def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[Options]) -> Table:
+def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     """The stable intervals along K_VE of several specs, each over its own sweep.
 
     specs: their names differ. A row per spec and stable interval: the column `spec`, the axes of all sweeps, and the columns of
