@@ -136,8 +136,11 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
     """A sum in which each known unknown is the sum that it is of others."""
     found: Sum = {}
     for name, factor in row.items():
-        for other, value in known[name].items() if name in known else ((name, 1),):
-            found[other] = found.get(other, 0) + factor * value
+        if not factor:
+            continue
+        terms = ((other, factor * value) for other, value in known[name].items()) if name in known else ((name, factor),)
+        for other, term in terms:  # a sum with 0, or a product with 1, of fractions takes as long as others
+            found[other] = found[other] + term if other in found else term
     return {name: value for name, value in found.items() if value}
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from wavesweep.engine.response.resting import Resting
 
 ANY = np.array([0.5, 2.0])  # a number that varies
-FEW = 256  # loops at most that are remembered together
+FEW = 200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
 
 
 def exact_cut(loops: Loops, number: str) -> Cut | None:

@@ -13,6 +13,7 @@ from wavesweep.engine.loops.from_drawing import twins
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import hand_of
 from wavesweep.engine.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, frame_with_reliability
+from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.stability.spectrum import radius_of
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def blocks_without_solution(drawing, items):
         return [block.name for plant in drawing.plants for block in plant.members]
     try:
         with named_loops(drawn):
-            closed_frame(drawn, drift_of(loop))
+            ticks_of(drawn, alone=True)
     except IllPosedLoopError:
         return drawn.direct_blocks()
     return None
