@@ -13,7 +13,7 @@ from wavesweep.designs import wishes as measures
 from wavesweep.designs.best import judged
 from wavesweep.designs.family import points_of, scenarios_of
 from wavesweep.designs.search import Judged
-from wavesweep.designs.wishes import Worst, evaluate
+from wavesweep.designs.wishes import WorstMeasure, evaluate
 from wavesweep.engine.errors import SpecError
 from wavesweep.program.analyses.interval_jobs import at_points
 from wavesweep.program.spec import SYMBOLS, Axis, load
@@ -353,7 +353,7 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
     def found(_spec, asked, _scenarios, designs, _stop):
         count = len(next(iter(designs.values())))
         return {
-            wish.name: Worst(np.ones(count), np.full(count, between), np.ones(count, bool), np.zeros(count, bool))
+            wish.name: WorstMeasure(np.ones(count), np.full(count, between), np.ones(count, bool), np.zeros(count, bool))
             for wish in asked
         }
 

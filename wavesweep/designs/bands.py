@@ -28,19 +28,19 @@ ROUNDS = 3  # of dividing about zeros: the first may see them only roughly
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Modes:
+class BandModes:
     """The modes of loops as complex frequencies (Hz), `(points, modes)`, NaN for none, and the rate of their frames (Hz)."""
 
     frequency: np.ndarray
     rate: np.ndarray
 
-    def some(self, index) -> "Modes":
+    def some(self, index) -> "BandModes":
         """Those of some points."""
-        return Modes(self.frequency[index], self.rate[index])
+        return BandModes(self.frequency[index], self.rate[index])
 
-    def beside(self, other: "Modes") -> "Modes":
+    def beside(self, other: "BandModes") -> "BandModes":
         """The modes of both, whose frames have the same rates."""
-        return Modes(np.concatenate([self.frequency, other.frequency], -1), self.rate)
+        return BandModes(np.concatenate([self.frequency, other.frequency], -1), self.rate)
 
     def logarithms(self, top: float) -> np.ndarray:
         """The logarithms of the frequencies and of their images up to a frequency (Hz), on three sheets, `(points, any)`."""
@@ -61,7 +61,7 @@ class Sampled:
 
     wanted: np.ndarray
     sure: np.ndarray
-    responses: Sequence[tuple[np.ndarray, Modes]]
+    responses: Sequence[tuple[np.ndarray, BandModes]]
 
 
 def over_band(
@@ -83,23 +83,23 @@ def over_band(
     ends = np.log(band)
 
     def look(edges, at):
-        pieces = _Pieces(edges)
-        found = sample(at, np.exp(pieces.nodes).ravel())
-        value[at], settled = reduce(degrees_of(found.wanted), np.diff(edges) / np.ptp(ends))
-        functions = [_Function(pieces, *each) for each in found.responses]
-        clear = np.logical_and.reduce([each.clear(at_poles=at_poles) for each in functions])
-        certified[at] = found.sure & settled & clear
+        pieces = _BandPieces(edges)
+        sampled = sample(at, np.exp(pieces.nodes).ravel())
+        value[at], settled = reduce(degrees_of(sampled.wanted), np.diff(edges) / np.ptp(ends))
+        functions = [_Function(pieces, *response) for response in sampled.responses]
+        clear = np.logical_and.reduce([function.clear(at_poles=at_poles) for function in functions])
+        certified[at] = sampled.sure & settled & clear
         return [(at[[row]], row, functions) for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))]
 
     open_ = [(some[[row]], row, ()) for row in range(some.size)]
     for count in PIECES:
         edges, some = np.linspace(*ends, count + 1), [at for at, *_ in open_]
-        parts = np.array_split(np.concatenate(some), len(some) * count // 4096 + 1) if some else ()
-        open_ = [each for part in parts for each in look(edges, part)]
+        batches = np.array_split(np.concatenate(some), len(some) * count // 4096 + 1) if some else ()
+        open_ = [band for batch in batches for band in look(edges, batch)]
     for _ in range(ROUNDS):
         before, open_ = open_, []
         for at, row, functions in before:
-            singular = np.concatenate([each.singular(row, at_poles=at_poles) for each in functions])
+            singular = np.concatenate([function.singular(row, at_poles=at_poles) for function in functions])
             open_ += look(_divided(edges, singular), at) if singular.size else []
     return value, certified
 
@@ -108,12 +108,12 @@ def _divided(edges, singular):
     """The edges of pieces, with more of them about places in the complex plane, four times finer each towards these."""
     away = 2 * np.maximum(np.abs(singular.imag), NEAREST)
     away = away[:, None] * 4.0 ** np.arange(int(np.ceil(np.log2(np.ptp(edges) / away.min()) / 2)))
-    more = singular.real[:, None] + np.concatenate([-away, away], 1)
-    found = np.unique(np.concatenate([edges, more[(more > edges[0]) & (more < edges[-1])]]))
-    return found[np.append(np.diff(found) > NEAREST / 4, True)]
+    cuts = singular.real[:, None] + np.concatenate([-away, away], 1)
+    nodes = np.unique(np.concatenate([edges, cuts[(cuts > edges[0]) & (cuts < edges[-1])]]))
+    return nodes[np.append(np.diff(nodes) > NEAREST / 4, True)]
 
 
-class _Pieces:
+class _BandPieces:
     """Pieces of a band in the logarithm of the frequency."""
 
     def __init__(self, edges) -> None:
@@ -135,7 +135,7 @@ class _Function:
         with np.errstate(invalid="ignore"):
             size = _size(at)
             order = np.argsort(size, -1)[..., : int((size < KNOWN).sum(-1).max(initial=0))]
-            at, size = (np.take_along_axis(each, order, -1) for each in (at, size))
+            at, size = (np.take_along_axis(array, order, -1) for array in (at, size))
             self.poles = np.where(size < KNOWN, at, np.nan)
             factor = np.where(np.isnan(self.poles)[..., None, :], 1.0, _nodes()[0][:, None] - self.poles[..., None, :])
             self.degrees = degrees_of((values.reshape(factor.shape[:-1]) * factor.prod(-1)).reshape(len(values), -1))
@@ -153,13 +153,13 @@ class _Function:
 
     def singular(self, row, *, at_poles):
         """The zeros, and perhaps the poles, of a point in the ellipses, in the logarithm of the frequency, `(any,)`."""
-        found = []
+        singular = []
         pieces = self.pieces.middle, self.pieces.half
         for degrees, poles, middle, half in zip(self.degrees[row], self.poles[row], *pieces, strict=True):
             if np.isfinite(degrees).all() and degrees.any():
                 at = np.concatenate([legendre.legroots(degrees), poles if at_poles else poles[:0]])
-                found.append(middle + half * at[_size(at) < NEAR])
-        return np.concatenate([np.zeros(0, complex), *found])
+                singular.append(middle + half * at[_size(at) < NEAR])
+        return np.concatenate([np.zeros(0, complex), *singular])
 
 
 def _size(at):

@@ -38,9 +38,9 @@ def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarra
     )
     margins = []
     for wish in bounded:
-        kept = wish.margin(records[wish.name])
-        margins.append(np.where(np.isnan(kept), -np.inf, kept))
-        by = np.maximum(-kept, 0.0)
+        margin = wish.margin(records[wish.name])
+        margins.append(np.where(np.isnan(margin), -np.inf, margin))
+        by = np.maximum(-margin, 0.0)
         violation += np.where(np.isnan(by), WORST_SHARE, WORST_SHARE * by / (WORST_SHARE + by))
     for wish in design.wishes:
         unknown = _missing(wish, records) | ~records[f"{wish.name}_certified"]
@@ -66,7 +66,7 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
     design = spec.design
     _, violation = judged(design, records)
     at = int(np.argmin(violation))
-    parts = []
+    misses = []
     for wish in design.wishes:
         value = records[wish.name][at]
         said = "not known" if np.isnan(value) else f"{value:.6g} {units[wish.name]}".removesuffix(" 1").rstrip()
@@ -75,14 +75,14 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
         if not (np.isnan(value) or records[f"{wish.name}_certified"][at]):
             said += ", not certified"
         place = described(scenarios, int(records[f"{wish.name}_scenario"][at]))
-        parts.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
+        misses.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
     against = _against(design, records)
     bounded = any(wish.bound is not None for wish in design.wishes)
     missing = any(bool(_missing(wish, records)[at]) for wish in design.wishes)
     wanted = "meets all bounds" if bounded else f"has a {'' if missing else 'certified '}value for every wish"
     loop = "that is unstable or not proved for all of [for_all]" if spec.for_all else "that is unstable"
     why = f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so" if missing else ""
-    return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(parts)}{against}{why}"
+    return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(misses)}{against}{why}"
 
 
 def _against(design, records):
@@ -90,20 +90,20 @@ def _against(design, records):
 
     If there is no such pair, the text names the bounds that no design met; it is empty if there are none.
     """
-    kept = {wish.name: wish.margin(records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
-    names = list(kept)
-    for i, one in enumerate(names):
-        for other in names[i + 1 :]:
-            if kept[one].any() and kept[other].any() and not (kept[one] & kept[other]).any():
-                counts = f"{kept[one].sum()} designs met the one, {kept[other].sum()} the other, none both"
-                return f"; {one} stands against {other}: {counts}"
-    never = [name for name, flags in kept.items() if not flags.any()]
+    met = {wish.name: wish.margin(records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
+    names = list(met)
+    for i, name in enumerate(names):
+        for name_after in names[i + 1 :]:
+            if met[name].any() and met[name_after].any() and not (met[name] & met[name_after]).any():
+                counts = f"{met[name].sum()} designs met the one, {met[name_after].sum()} the other, none both"
+                return f"; {name} stands against {name_after}: {counts}"
+    never = [name for name, flags in met.items() if not flags.any()]
     return f"; no design meets even alone the bound on {', '.join(never)}" if never else ""
 
 
 def chosen(rows: int) -> list[int]:
     """Return the rows of the table that are written: equally spaced, the first and the last among them."""
-    return sorted({round(each) for each in np.linspace(0, rows - 1, min(rows, MOST)).tolist()})
+    return sorted({round(row) for row in np.linspace(0, rows - 1, min(rows, MOST)).tolist()})
 
 
 def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
@@ -125,9 +125,9 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
         sweep = {"along": names[0], names[0]: {"start": 0.0, "stop": stop}, names[1]: list(damping)}
     of_all = {axis.path for axis in spec.for_all.axes} if spec.for_all else set()
     held = {name_of(axis.path): list(axis.values) for axis in design.for_all if axis.path not in of_all}
-    held |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
+    held |= {f"operator.{key}": list(values) for key, values in design.hand.items()}
     # What sets the worst may lie between the values that the spec lists.
-    worst = dict(part.split("=") for part in str(row.get("z_width_scenario", "")).split(", ") if "=" in part)
+    worst = dict(pair.split("=") for pair in str(row.get("z_width_scenario", "")).split(", ") if "=" in pair)
     held |= {name: sorted({*held[name], type(held[name][0])(float(value))}) for name, value in worst.items() if name in held}
     swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
     sweep |= {name: values for name, values in held.items() if name not in swept}
@@ -140,8 +140,8 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     for path in spec.given:
         *_, name, last = path.split(".")
         if last in BAND_EDGES:  # the order and the cutoff follow from them
-            tables["filters"][name] = {part: each for part, each in tables["filters"][name].items() if part in BAND_EDGES}
-    ratios = ", ".join(f"{one}/{other}" for one, other, _ in design.ratios)
+            tables["filters"][name] = {edge: value for edge, value in tables["filters"][name].items() if edge in BAND_EDGES}
+    ratios = ", ".join(f"{number}/{reference}" for number, reference, _ in design.ratios)
     left = f"# No [sweep] has the ratios that it holds for: {ratios}.\n" if ratios else ""
     return f"{HEADER}{said}, at their worst.\n{left}{as_toml(tables | {'sweep': sweep})}"
 

@@ -25,9 +25,9 @@ class Scenario:
 
     def described(self) -> str:
         """Return the scenario in the words of a table; empty if it is the spec's own."""
-        parts = [f"{name_of(path)}={value:.12g}" for path, value in self.values.items()]
-        parts += [f"{one}/{other}={ratio:g}" for one, (other, ratio) in self.ratios.items()]
-        return ", ".join(parts)
+        texts = [f"{name_of(path)}={value:.12g}" for path, value in self.values.items()]
+        texts += [f"{number}/{reference}={ratio:g}" for number, (reference, ratio) in self.ratios.items()]
+        return ", ".join(texts)
 
 
 def described(scenarios: Sequence[Scenario], at: int) -> str:
@@ -40,11 +40,11 @@ def scenarios_of(spec: Spec, between: int = 0) -> list[Scenario]:
 
     between: number of further values between two neighbouring values of each range; of whole numbers all that make a loop are.
     """
-    found = []
+    scenarios = []
     for combination in product(*_choices(spec, between)):
         values = {path: value for path, value in combination if not isinstance(value, tuple)}
-        found.append(Scenario(values, {path: value for path, value in combination if isinstance(value, tuple)}))
-    return found
+        scenarios.append(Scenario(values, {path: value for path, value in combination if isinstance(value, tuple)}))
+    return scenarios
 
 
 def count_of(spec: Spec, between: int = 0) -> int:
@@ -58,12 +58,12 @@ def _choices(spec, between):
     for axis in design.for_all:
         values = _filled(axis.values, between, axis.structural)
         choices.append([(axis.path, value) for value in values if value in axis.values or _makes_a_loop(spec, axis, value)])
-    for part in HAND:
-        if part in design.hand:
-            values = _filled(design.hand[part], between, False)
-            choices.append([(f"operator.{part}", value) for value in values])
-    for one, other, values in design.ratios:
-        choices.append([(one, (other, value)) for value in _filled(values, between, False)])
+    for name in HAND:
+        if name in design.hand:
+            values = _filled(design.hand[name], between, False)
+            choices.append([(f"operator.{name}", value) for value in values])
+    for number, reference, values in design.ratios:
+        choices.append([(number, (reference, value)) for value in _filled(values, between, False)])
     return choices
 
 
@@ -84,8 +84,8 @@ def _filled(values, between, structural):
         return ordered
     if structural:
         return list(range(int(ordered[0]), int(ordered[-1]) + 1))
-    parts = [np.linspace(a, b, between + 2)[:-1] for a, b in pairwise(ordered)]
-    return [*np.concatenate(parts).tolist(), ordered[-1]]
+    pieces = [np.linspace(a, b, between + 2)[:-1] for a, b in pairwise(ordered)]
+    return [*np.concatenate(pieces).tolist(), ordered[-1]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,19 +136,19 @@ def points_of(
     """
     count, combinations = len(next(iter(designs.values()))), list(product(*walls.values()))
     shape = (count, len(scenarios), len(combinations))
-    which, scenario, wall = (each.reshape(-1) for each in np.indices(shape))
-    changes = {path: np.asarray(values)[which] for path, values in designs.items()}
+    design, scenario, wall = (index.reshape(-1) for index in np.indices(shape))
+    changes = {path: np.asarray(values)[design] for path, values in designs.items()}
     for path in scenarios[0].values:
-        changes[path] = np.array([each.values[path] for each in scenarios])[scenario]
+        changes[path] = np.array([state.values[path] for state in scenarios])[scenario]
     for place, path in enumerate(walls):
-        changes[path] = np.array([each[place] for each in combinations])[wall]
+        changes[path] = np.array([pair[place] for pair in combinations])[wall]
     ties = []
-    for path, other, _ in in_order([(path, other, None) for path, (other, _) in scenarios[0].ratios.items()]):
-        factor = np.array([each.ratios[path][1] for each in scenarios])[scenario]
-        if other == WALL_STIFFNESS and other not in changes:
+    for path, reference, _ in in_order([(path, other, None) for path, (other, _) in scenarios[0].ratios.items()]):
+        factor = np.array([scenario_ratio.ratios[path][1] for scenario_ratio in scenarios])[scenario]
+        if reference == WALL_STIFFNESS and reference not in changes:
             ties.append(path)
             changes[path] = factor
         else:
-            ties += [path] if other in ties else []
-            changes[path] = factor * changes.get(other, own[other])
+            ties += [path] if reference in ties else []
+            changes[path] = factor * changes.get(reference, own[reference])
     return Points(changes, tuple(ties), shape)

@@ -34,11 +34,11 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
     if len(columns[x]) <= _FEW:
         return _draw_few(columns, facts, wishes, varied)
     across = 1 if is_narrow() else min(_ACROSS, len(varied))
-    down, own = -(-len(varied) // across), facts.get("own", {})
+    down, nominal = -(-len(varied) // across), facts.get("own", {})
     with figure(TWO_COLUMNS, 2.8 + 1.3 * down) as canvas:
         grid = canvas.add_gridspec(1 + down, across, height_ratios=[2.2, *[1] * down])
         front, order = canvas.add_subplot(grid[0, :]), np.argsort(columns[x], kind="stable")
-        _draw_front(front, columns, order, own, {name: _label(name, facts) for name in (x, y)})
+        _draw_front(front, columns, order, nominal, {name: _label(name, facts) for name in (x, y)})
         kinds = {field.name: field.kind for field in fields("zwidth", varied, facts=facts)}
         for place, name in enumerate(varied):
             panel = canvas.add_subplot(grid[1 + place // across, place % across])
@@ -49,9 +49,9 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _scale_numbers(panel, columns[name], kinds[name] == "integer")
             if place + across >= len(varied):
                 panel.set_xlabel(_label(x, facts).rpartition(", ")[0], fontsize=7)
-        unknown = [WISHES[name].title for name in (x, y) if own.get(name) is None]
+        unknown = [WISHES[name].title for name in (x, y) if nominal.get(name) is None]
         missing = f"The nominal design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable."
-        note_below(canvas, missing if own and unknown else "", *_studied(facts), assumption(facts))
+        note_below(canvas, missing if nominal and unknown else "", *_studied(facts), assumption(facts))
     return canvas
 
 
@@ -91,12 +91,12 @@ def _draw_front(axes: Any, columns: Columns, order: np.ndarray, own: Mapping[str
 def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], varied: list[str]) -> Any:
     """A panel for each wish and each varied number, with its value in each design, and the admittances of all."""
     spec, count = spec_of(facts), len(columns[wishes[0]])
-    own = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
-    designs: dict[str, Mapping[str, Any]] = {"nominal": {**facts.get("own", {}), **own}}
+    nominal = {name: spec.own(spec.names.find(name).path) for name in varied} if spec else {}
+    designs: dict[str, Mapping[str, Any]] = {"nominal": {**facts.get("own", {}), **nominal}}
     for at in range(count):
         designs[f"found ({at + 1})" if count > 1 else "found"] = {name: columns[name][at].item() for name in (*wishes, *varied)}
-    for each in facts.get("runners_up", ())[: count == 1]:
-        designs["next best"] = {**each["wishes"], **each["numbers"]}
+    for runner_up in facts.get("runners_up", ())[: count == 1]:
+        designs["next best"] = {**runner_up["wishes"], **runner_up["numbers"]}
     looks, hand = [_NOMINAL, *family_looks(len(designs) - 1)], spec is not None and not spec.without_hand()
     across = 1 if is_narrow() else 2
     down, row = -(-len([*wishes, *varied]) // across), 0.65 + 0.17 * len(designs)
@@ -104,7 +104,7 @@ def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], var
         grid = canvas.add_gridspec(down + hand, across, height_ratios=[*[row] * down, *[2.4] * hand])
         for place, name in enumerate((*wishes, *varied)):
             axes = canvas.add_subplot(grid[place // across, place % across])
-            _draw_values(axes, name, [each.get(name) for each in designs.values()], looks, facts)
+            _draw_values(axes, name, [numbers.get(name) for numbers in designs.values()], looks, facts)
             axes.set_yticks(range(len(designs)), [*designs] if place % across == 0 else [])
         if hand:
             _draw_admittances(canvas.add_subplot(grid[-1, :]), spec, designs, varied, looks)
@@ -116,29 +116,33 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
     """Sentences on the walls and the band that each wish is for, and on what designs have to hold for."""
     tables, study = facts["spec"], facts["spec"]["design"]
     wall = tables.get("ports", {}).get("wall") or {"stiffness": "K_VE", "damping": "B_VE"}
-    names, own = {"walls": wall["stiffness"], "B_VE": wall["damping"]}, tables.get("environment", {})
+    names, environment = {"walls": wall["stiffness"], "B_VE": wall["damping"]}, tables.get("environment", {})
 
     def said(name: str, values: Any) -> str:
         return f"{symbol(name)} = {', '.join(f'{each:g}' for each in values)} {unit(name, facts)}".rstrip()
 
     wishes = []
-    for name, given in study["wish"].items():
+    for name, options_given in study["wish"].items():
         options = WISHES[name].options
         walls = {
-            each: given.get(each) or [own[at]] for each, at in names.items() if each in options and (each in given or at in own)
+            key: options_given.get(key) or [environment[at]]
+            for key, at in names.items()
+            if key in options and (key in options_given or at in environment)
         }
-        words = [said(names[each], values) for each, values in walls.items()]
-        words += [f"{given['band_hz'][0]:g} to {given['band_hz'][1]:g} Hz"] if "band_hz" in given else []
+        words = [said(names[key], values) for key, values in walls.items()]
+        words += (
+            [f"{options_given['band_hz'][0]:g} to {options_given['band_hz'][1]:g} Hz"] if "band_hz" in options_given else []
+        )
         wishes += [f"{WISHES[name].title} with {', '.join(words)}"] if words else []
-    known = {name: values for name, values in study.get("for_all", {}).items() if name != "hand"}
+    axes_values = {name: values for name, values in study.get("for_all", {}).items() if name != "hand"}
     scenarios = [
         f"{name} = {', '.join(f'{each:g}' for each in values)}" if "/" in name else said(name, values)
-        for name, values in known.items()
+        for name, values in axes_values.items()
     ]
     hand = study.get("for_all", {}).get("hand", {})
-    scenarios += [said(f"operator.{part}", values) for part, values in hand.items()]
+    scenarios += [said(f"operator.{key}", values) for key, values in hand.items()]
     sentences = "; ".join(wishes), f"worst for {'; '.join(scenarios)}" if scenarios else ""
-    return [f"{each[0].upper()}{each[1:]}." for each in sentences if each]
+    return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences if sentence]
 
 
 def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Sequence[Look], facts: Mapping[str, Any]) -> None:
@@ -154,9 +158,9 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
     else:
         axes.set_title(label(name, facts), fontsize=7)
     for place, (value, margin, look) in enumerate(zip(values, margins, looks, strict=True)):
-        known = value is not None and np.isfinite(value)
-        said = f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "") if known else "not known"
-        if known:
+        finite = value is not None and np.isfinite(value)
+        said = f"{value:.4g}" + (f" ({100 * margin:.3g} %)" if margin is not None else "") if finite else "not known"
+        if finite:
             axes.plot([value], [place], "X" if place == 0 else "o", color=look.colour, markersize=5)
         axes.annotate(said, (1.03, place), xycoords=("axes fraction", "data"), ha="left", va="center", fontsize=7)
     axes.margins(x=0.1)
@@ -173,12 +177,12 @@ def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, A
     from wavesweep.program.analyses.spec_loops import loop_at_hand
     from wavesweep.program.sweep.grid import own_loop
 
-    frequency = np.array([each for each in spec.frequency_hz if each > 0])
+    frequency = np.array([f for f in spec.frequency_hz if f > 0])
     for (name, numbers), look in zip(designs.items(), looks, strict=True):
-        values = {spec.names.find(each).path: numbers[each] for each in varied if name != "nominal"}
-        whole = {path for path in values if isinstance(spec.values.get(path), int)}
-        one = spec.with_values({path: int(value) if path in whole else float(value) for path, value in values.items()})
-        admittance, stable = respond(loop_at_hand(one), frequency).admittance.ravel(), bool(radii_of(own_loop(one)) < 1)
+        values = {spec.names.find(path_).path: numbers[path_] for path_ in varied if name != "nominal"}
+        integers = {path for path in values if isinstance(spec.values.get(path), int)}
+        changed = spec.with_values({path: int(value) if path in integers else float(value) for path, value in values.items()})
+        admittance, stable = respond(loop_at_hand(changed), frequency).admittance.ravel(), bool(radii_of(own_loop(changed)) < 1)
         colour, said = (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
         axes.loglog(frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said)
     tables = {"spec": spec.tables()}

@@ -65,9 +65,9 @@ class Design(TableValue):
         wishes = []
         for wish in self.wishes:
             lacking = {name: hardware[name] for name in OF_DEVICE if name in wish.kind.options and name not in wish.options}
-            known = {name: (float(value),) for name, value in lacking.items() if value}
-            wishes.append(replace(wish, options={**known, **wish.options}))
-            for name in lacking.keys() - known:
+            device_numbers = {name: (float(value),) for name, value in lacking.items() if value}
+            wishes.append(replace(wish, options={**device_numbers, **wish.options}))
+            for name in lacking.keys() - device_numbers:
                 expected = f"{name} > 0 here, in [simulate] or of a device.preset"
                 mistakes.refuse(self.place, f"design.wish.{wish.name}", expected, "none")
         return replace(self, wishes=tuple(wishes))
@@ -77,19 +77,24 @@ class Design(TableValue):
         for wish in self.wishes:
             stop = max(wish.options.get("band_hz", ()), default=0.0)
             if stop > hz / 2:
-                path, (expected, found) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
-                mistakes.refuse(wish.places["band_hz"], path, f"numbers <= {expected} (half of {rate})", found, of_key=False)
+                path, (expected, highest) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
+                mistakes.refuse(wish.places["band_hz"], path, f"numbers <= {expected} (half of {rate})", highest, of_key=False)
 
     def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
         """Add the mistakes of a design of this drawn loop."""
         ports, wall = {"wall": drawing.wall, "hand": drawing.hand}, {path_of(name): name for name in drawing.wall or ()}
-        known = [name for name, kind in WISHES.items() if kind.ports is not None]
+        drawn_wishes = [name for name, kind in WISHES.items() if kind.ports is not None]
         faults = []
         for wish in self.wishes:
             needed = {*(wish.kind.ports or ()), *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
             lacking = sorted(f"a loop with a {name} in [ports]" for name in needed if ports[name] is None)
-            own = [f"one of {', '.join(known)} for a drawn loop"] if wish.name not in known else lacking
-            faults += [(f"wish.{wish.name}", expected, wish.name if wish.name not in known else "none") for expected in own]
+            expected_words = (
+                [f"one of {', '.join(drawn_wishes)} for a drawn loop"] if wish.name not in drawn_wishes else lacking
+            )
+            faults += [
+                (f"wish.{wish.name}", expected, wish.name if wish.name not in drawn_wishes else "none")
+                for expected in expected_words
+            ]
         for name in sorted(drawing.shaping & set(wall.values())):
             faults.append(("wish", "a wall whose numbers do not decide how the loop is built", name))
         for axis, table in [*((axis, "vary") for axis in self.vary), *((axis, "for_all") for axis in self.for_all)]:
@@ -102,31 +107,31 @@ class Design(TableValue):
                 mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
         if self.hand:
             faults.append(("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand"))
-        for one, other, _ in self.ratios:
-            ratio = f"{one}/{other}"
+        for swept, reference, _ in self.ratios:
+            ratio = f"{swept}/{reference}"
             faults.append((f"for_all.{ratio}", "a number of the drawing; write a ratio as an expression there", ratio))
-        for path, expected, found in faults:
-            mistakes.refuse(self.place, f"design.{path}", expected, found)
+        for path, expected, problem in faults:
+            mistakes.refuse(self.place, f"design.{path}", expected, problem)
 
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
         """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
-        known = {path: (value, value) for path, value in values.items() if isinstance(value, (int, float))}
-        known |= {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
-        known |= {f"operator.{part}": (min(given), max(given)) for part, given in self.hand.items()}
-        dampings = [damping for wish in self.wishes for damping in wish.options.get("B_VE", known["environment.B_VE"])]
-        stiffnesses = [wall for wish in self.wishes for wall in wish.options.get("walls", known["environment.K_VE"])]
+        ranges = {path: (value, value) for path, value in values.items() if isinstance(value, (int, float))}
+        ranges |= {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
+        ranges |= {f"operator.{key}": (min(values_of_key), max(values_of_key)) for key, values_of_key in self.hand.items()}
+        dampings = [damping for wish in self.wishes for damping in wish.options.get("B_VE", ranges["environment.B_VE"])]
+        stiffnesses = [wall for wish in self.wishes for wall in wish.options.get("walls", ranges["environment.K_VE"])]
         searched = (0.0, stop) if any(wish.name in ("z_width", "felt") for wish in self.wishes) else ()
-        known["environment.B_VE"] = min(dampings), max(dampings)
-        known["environment.K_VE"] = tuple(end((*stiffnesses, *searched)) for end in (min, max))
-        for one, other, factors in in_order(self.ratios):
-            known[one] = tuple(end(known[other]) * end(factors) for end in (min, max))
-            yield Axis(f"{one}/{other}", one, (), *known[one], False, None, self.place)
+        ranges["environment.B_VE"] = min(dampings), max(dampings)
+        ranges["environment.K_VE"] = tuple(end((*stiffnesses, *searched)) for end in (min, max))
+        for swept, reference, factors in in_order(self.ratios):
+            ranges[swept] = tuple(end(ranges[reference]) * end(factors) for end in (min, max))
+            yield Axis(f"{swept}/{reference}", swept, (), *ranges[swept], False, None, self.place)
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         for_all = {axis.name: list(axis.values) for axis in self.for_all}
-        for_all |= {f"{one}/{other}": list(values) for one, other, values in self.ratios}
-        for_all |= {"hand": {part: list(values) for part, values in self.hand.items()}} if self.hand else {}
+        for_all |= {f"{swept}/{reference}": list(values) for swept, reference, values in self.ratios}
+        for_all |= {"hand": {key: list(values) for key, values in self.hand.items()}} if self.hand else {}
         return {
             **self.settings,
             "vary": {
@@ -143,7 +148,7 @@ def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, 
     Those that follow themselves are left out.
     """
     ordered, waiting = [], list(ratios)
-    while ready := [ratio for ratio in waiting if ratio[1] not in {one for one, *_ in waiting}]:
+    while ready := [ratio for ratio in waiting if ratio[1] not in {number for number, *_ in waiting}]:
         ordered += ready
         waiting = [ratio for ratio in waiting if ratio not in ready]
     return ordered
@@ -179,7 +184,7 @@ def refuse_beyond_limits(request: Request, design: Design) -> None:
     followers = tuple(design.followers(request.values, wall))
     for section, axes in ((VARIED, design.vary), (FOR_DESIGNS, design.for_all), (FOR_DESIGNS, followers)):
         request.refuse_beyond_limits(section, axes)
-    for axis, end in ((each, end) for each in followers for end in (each.start, each.stop)):
+    for axis, end in ((follower, end) for follower in followers for end in (follower.start, follower.stop)):
         try:
             check(KEYS[axis.path], float(end))
         except Rejected as error:
@@ -233,24 +238,24 @@ class _Reader:
                 yield replace(axis, values=tuple(range(int(axis.start), int(axis.stop) + 1)), scale=None)
 
     def wished(self) -> Iterator[Wish]:
-        for name, parts in self.parts[WISHED].items():
+        for name, leaves in self.parts[WISHED].items():
             path, kind = f"design.wish.{name}", WISHES.get(name)
-            if not self.mistakes.is_known(name, WISHES, next(iter(parts.values())), path, "an unknown wish"):
+            if not self.mistakes.is_known(name, WISHES, next(iter(leaves.values())), path, "an unknown wish"):
                 continue
             bound, options = None, {}
-            for part, leaf in parts.items():
-                if part == kind.bound:
-                    bound = self.mistakes.check(number(f"{path}.{part}", None, kind.unit, ""), leaf)
-                elif part in kind.options:
-                    options[part] = self.numbers(f"{path}.{part}", leaf, *kind.options[part])
-                elif part:
-                    self.mistakes.is_known(part, (kind.bound, *kind.options), leaf, f"{path}.{part}")
+            for name_of_leaf, leaf in leaves.items():
+                if name_of_leaf == kind.bound:
+                    bound = self.mistakes.check(number(f"{path}.{name_of_leaf}", None, kind.unit, ""), leaf)
+                elif name_of_leaf in kind.options:
+                    options[name_of_leaf] = self.numbers(f"{path}.{name_of_leaf}", leaf, *kind.options[name_of_leaf])
+                elif name_of_leaf:
+                    self.mistakes.is_known(name_of_leaf, (kind.bound, *kind.options), leaf, f"{path}.{name_of_leaf}")
                 elif leaf.value != {}:
                     self.mistakes.refuse(leaf, path, f"a table such as {{ {kind.bound} = ... }}", show(leaf.value))
             band = options.get("band_hz", ())
             if len(band) == 2 and not band[0] < band[1]:
                 self.refuse(f"wish.{name}.band_hz", "the lower frequency first", f"[{band[0]:g}, {band[1]:g}]")
-            yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
+            yield Wish(name, bound, options, {name_of_leaf: leaf.place for name_of_leaf, leaf in leaves.items()})
 
     def numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
         """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""
@@ -263,32 +268,32 @@ class _Reader:
     def ratios(self) -> dict[str, tuple[str, str, tuple[float, ...]]]:
         """The ratios of [design.for_all] by name."""
         ratios = {}
-        for name, parts in self.parts[RATIOS].items():
-            one, other = (self.names.find(each) for each in name.split("/"))
-            if other.numeric and other.path in VALUE_PATHS:
+        for name, leaves in self.parts[RATIOS].items():
+            swept, reference = (self.names.find(side) for side in name.split("/"))
+            if reference.numeric and reference.path in VALUE_PATHS:
                 key = number(f"design.for_all.{name}", None, "1", "", positive=True)
-                ratios[name] = one.path, other.path, self.numbers(key.path, parts[""], key)
+                ratios[name] = swept.path, reference.path, self.numbers(key.path, leaves[""], key)
             else:
-                self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other.path)
+                self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", reference.path)
         return ratios
 
     def hand(self) -> dict[str, tuple[float, ...]]:
         """The hands of [design.for_all]."""
-        path, parts = "design.for_all.hand", dict(self.parts[HANDS]["hand"])
-        if whole := parts.pop("", None):
-            self.mistakes.refuse(whole, path, "a table such as { damping = [0, 5] }", show(whole.value))
+        path, leaves = "design.for_all.hand", dict(self.parts[HANDS]["hand"])
+        if table := leaves.pop("", None):
+            self.mistakes.refuse(table, path, "a table such as { damping = [0, 5] }", show(table.value))
         return {
-            part: self.numbers(f"{path}.{part}", leaf, KEYS[f"operator.{part}"])
-            for part, leaf in parts.items()
-            if self.mistakes.is_known(part, HAND, leaf, f"{path}.{part}")
+            key: self.numbers(f"{path}.{key}", leaf, KEYS[f"operator.{key}"])
+            for key, leaf in leaves.items()
+            if self.mistakes.is_known(key, HAND, leaf, f"{path}.{key}")
         }
 
     def refuse_numbers(self, axes: Iterable[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
         """Refuse numbers of [design.for_all] that it cannot have: walls, those given twice, ratios that lead to no number."""
         varied = {self.names.find(name).path for name in self.parts[VARIED]}
         said = dict.fromkeys(varied, "[design.vary]")
-        numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{part}", f"hand.{part}") for part in hand]
-        for path, name in [*numbers, *((one, name) for name, (one, *_) in ratios.items())]:
+        numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{key}", f"hand.{key}") for key in hand]
+        for path, name in [*numbers, *((path, name) for name, (path, *_) in ratios.items())]:
             if path in WALL and name not in ratios:
                 expected = "a number of device, operator or timing (walls belong to the wishes)"
                 self.refuse(f"for_all.{name}", expected, name)

@@ -129,12 +129,12 @@ def _children(parents, places, rng):
     """Return a child for every place, and which of them are offered to the neighbours of their places alone."""
     count, genes = parents.shape
     every, local = np.arange(count), rng.random(count) < LOCAL
-    one, other, third = (places.partners(local, rng) for _ in range(3))
+    first, second, third = (places.partners(local, rng) for _ in range(3))
     base = np.where(rng.random(count) < 0.5, every, third)
-    moved = parents[base] + rng.uniform(*FACTORS, (count, 1)) * (parents[one] - parents[other])
-    taken = rng.random(parents.shape) < rng.choice(SHARES, (count, 1))
-    taken[every, rng.integers(genes, size=count)] = True
-    x = np.where(taken, moved, parents)
+    moved = parents[base] + rng.uniform(*FACTORS, (count, 1)) * (parents[first] - parents[second])
+    crossed = rng.random(parents.shape) < rng.choice(SHARES, (count, 1))
+    crossed[every, rng.integers(genes, size=count)] = True
+    x = np.where(crossed, moved, parents)
     mutated = rng.random(x.shape) < MUTATED / genes
     x = x + mutated * rng.normal(size=x.shape) * 10.0 ** rng.uniform(*REACH, (count, 1))
     x = np.clip(1 - np.abs(1 - np.abs(x)), 0.0, 1.0)
@@ -156,10 +156,10 @@ def _settled(alive, children, best, places, local, rng):
     for child in rng.permutation(len(local)):
         kind = slice(start := child // places.block * places.block, start + places.block)
         home = child if local[child] else start + int(np.argmin(new[kind, child] - now[kind]))
-        some = rng.permutation(places.near[home])
-        some = some[new[some, child] < now[some]][:TAKEN]
-        genes[some], objectives[some] = children.genes[child], children.objectives[child]
-        violation[some], now[some] = children.violation[child], new[some, child]
+        neighbours = rng.permutation(places.near[home])
+        neighbours = neighbours[new[neighbours, child] < now[neighbours]][:TAKEN]
+        genes[neighbours], objectives[neighbours] = children.genes[child], children.objectives[child]
+        violation[neighbours], now[neighbours] = children.violation[child], new[neighbours, child]
     return Judged(genes, objectives, violation)
 
 
@@ -168,9 +168,9 @@ def _worth(best):
 
     For designs that violate constraints it gives a number that grows with the violation and is larger than all others.
     """
-    known = best.objectives[(best.violation == 0) & np.isfinite(best.objectives).all(1)]
-    known = known if len(known) else np.zeros((1, best.objectives.shape[1]))
-    least, across = known.min(0), np.ptp(known, axis=0)
+    feasible = best.objectives[(best.violation == 0) & np.isfinite(best.objectives).all(1)]
+    feasible = feasible if len(feasible) else np.zeros((1, best.objectives.shape[1]))
+    least, across = feasible.min(0), np.ptp(feasible, axis=0)
     across = np.where(across > 0, across, 1.0)
 
     def worth(designs, weights):
@@ -216,17 +216,17 @@ def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]
 
     Choices divide the unit interval into equal parts.
     """
-    found = {}
+    columns = {}
     for axis, gene in zip(vary, genes.T, strict=True):
         if axis.values:
             at = np.minimum((gene * len(axis.values)).astype(int), len(axis.values) - 1)
-            found[axis.path] = np.asarray(axis.values)[at]
+            columns[axis.path] = np.asarray(axis.values)[at]
         elif axis.scale == "log":
             value = np.exp(np.log(axis.start) + gene * (np.log(axis.stop) - np.log(axis.start)))
-            found[axis.path] = np.clip(value, axis.start, axis.stop)
+            columns[axis.path] = np.clip(value, axis.start, axis.stop)
         else:
-            found[axis.path] = np.clip(axis.start + gene * (axis.stop - axis.start), axis.start, axis.stop)
-    return found
+            columns[axis.path] = np.clip(axis.start + gene * (axis.stop - axis.start), axis.start, axis.stop)
+    return columns
 
 
 def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
@@ -252,11 +252,11 @@ def differing(vary: Sequence[Axis], genes: np.ndarray, found: np.ndarray, apart:
     first; found: the same of others. most: of them.
     """
     few = np.array([len(axis.values or ()) for axis in vary])
-    part = np.where(few > 0, np.minimum(np.floor(genes * few), few - 1), genes)
-    seen = [*np.where(few > 0, np.minimum(np.floor(found * few), few - 1), found)]
+    rounded = np.where(few > 0, np.minimum(np.floor(genes * few), few - 1), genes)
+    seen_genes = [*np.where(few > 0, np.minimum(np.floor(found * few), few - 1), found)]
     chosen = []
-    for at, each in enumerate(part):
-        if len(chosen) < most and all((np.abs(each - other) >= apart).any() for other in seen):
+    for at, candidate in enumerate(rounded):
+        if len(chosen) < most and all((np.abs(candidate - chosen_before) >= apart).any() for chosen_before in seen_genes):
             chosen.append(at)
-            seen.append(each)
+            seen_genes.append(candidate)
     return np.array(chosen, dtype=int)

@@ -59,11 +59,11 @@ class Study:
 
 
 def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
-    """A value, a scenario and flags for each wish, see `Worst`; with a box of hands its stiffest wall, and if it is settled."""
+    """A value, a scenario and flags for each wish; with a box of hands its stiffest wall, and if it is settled."""
     types = {"": "<f8", "_scenario": "<i4", "_certified": "?", "_at_end": "?"}
-    parts = [[(wish.name + part, kind) for part, kind in types.items()] for wish in wishes]
+    fields_of_wishes = [[(wish.name + suffix, kind) for suffix, kind in types.items()] for wish in wishes]
     hands = [(BOX, "<f8"), (SETTLED, "?")] if box else []
-    return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
+    return np.dtype([("slice", "<i4"), *(field for wish_fields in fields_of_wishes for field in wish_fields), *hands])
 
 
 def generation(job: Job, number: int) -> range:
@@ -73,10 +73,10 @@ def generation(job: Job, number: int) -> range:
 
 
 def _task(job, chunk):
-    number, asked, vary = chunk.loops.start, job.asked, job.grid.spec.design.vary
+    number, study, vary = chunk.loops.start, job.asked, job.grid.spec.design.vary
     chunks, last = generation(job, number), number == job.chunks.loops - 1
-    genes = np.array_split(asked.genes[number], len(chunks))[chunk.number - chunks.start]
-    return _evaluation(job, asked.finest if last else tuple(asked.scenarios), designs_of(vary, genes), len(genes), last)
+    genes = np.array_split(study.genes[number], len(chunks))[chunk.number - chunks.start]
+    return _evaluation(job, study.finest if last else tuple(study.scenarios), designs_of(vary, genes), len(genes), last)
 
 
 def _evaluation(job, scenarios, designs, count: int, last: bool):
@@ -102,8 +102,8 @@ def evaluated(
     """
     records = np.zeros(count, dtype)
     records["slice"] = np.arange(count)
-    found = evaluate(spec, spec.design.wishes, scenarios, designs, stop, proof) if count else {}
-    for name, worst in found.items():
+    measured = evaluate(spec, spec.design.wishes, scenarios, designs, stop, proof) if count else {}
+    for name, worst in measured.items():
         records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
         records[f"{name}_certified"], records[f"{name}_at_end"] = worst.certified, worst.at_end
     if box:
@@ -117,15 +117,15 @@ def _hold(spec, scenarios, designs, box, records):
     Walls are checked up to `z_width`, the stiffest one of the scenarios.
     """
     wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
-    devices = list({tuple(item for item in each.values.items() if item[0] not in OPERATOR): None for each in scenarios})
+    devices = list({tuple(item for item in scenario.values.items() if item[0] not in OPERATOR): None for scenario in scenarios})
     for number, record in enumerate(records):
-        own = {path: column[number].item() for path, column in designs.items()}
+        numbers = {path: column[number].item() for path, column in designs.items()}
         record[BOX], record[SETTLED] = record["z_width"], record["z_width"] > 0
         if not record[SETTLED]:  # no wall to touch
             continue
         for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
-            values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
-            varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
+            values = dict(spec.with_values(numbers | dict(device) | {"environment.B_VE": damping}).values)
+            varied = {key: (float(values[path]),) * 2 for key in HAND if (path := f"operator.{key}") in numbers}
             wall = "environment.K_VE"
             loop = held_loop(loops_of(spec, values, wall))
             rows = _guarantee({**box, **varied}).records(loop, wall, (0.0, float(record["z_width"])))
@@ -155,22 +155,22 @@ def design(
     job = job_of(spec, for_hands)
     run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
     run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(seconds_of, job))
-    asked, settings = spec.design, spec.design.settings
-    first = genes_of(asked.vary, spec.values)[None]
-    choices = [len(axis.values or ()) for axis in asked.vary]
+    wanted, settings = spec.design, spec.design.settings
+    first = genes_of(wanted.vary, spec.values)[None]
+    choices = [len(axis.values or ()) for axis in wanted.vary]
     search = settings["population"], settings["generations"], settings["seed"]
     with resumable(job, run.store, run.tally):
-        for found in generations(run.judge, len(asked.vary), *search, first, choices, run.look):
-            best = found
+        for tried in generations(run.judge, len(wanted.vary), *search, first, choices, run.look):
+            best = tried
     if not (best.violation == 0).any():
         said = miss(spec, run.everything(), job.asked.scenarios, wish_units(spec))
         run.forget()  # nothing of it is left to be done
         raise WavesweepError(said)
     genes = spread(best, FRONT).genes
     if len(genes) == 1:  # what is worth less in the search may be worth more over all that it is checked for
-        others, proved = run.feasible(), spec.for_all is not None  # the search proves nothing of [for_all]
-        others = np.concatenate([first[:proved], others])
-        genes = np.unique(np.concatenate([genes, others[: PROVED * proved], run.next_to(others, genes)]), axis=0)
+        candidates, proved = run.feasible(), spec.for_all is not None  # the search proves nothing of [for_all]
+        candidates = np.concatenate([first[:proved], candidates])
+        genes = np.unique(np.concatenate([genes, candidates[: PROVED * proved], run.next_to(candidates, genes)]), axis=0)
     job.asked.genes[settings["generations"]] = genes
     proved = {"proved": len(genes), "ranked": spec.for_all.ranking(spec) is not None} if spec.for_all else {}
     genes, records = run.kept(genes, run.records(settings["generations"]))
@@ -179,17 +179,17 @@ def design(
         run.forget()
         raise WavesweepError(said)
     # With more to hold for, a design may be worth less than another one.
-    objectives, violation = judged(asked, records)
+    objectives, violation = judged(wanted, records)
     still = undominated(Judged(genes, objectives, violation))
     rest = np.setdiff1d(np.lexsort(objectives.T[::-1]), still, assume_unique=True)
-    columns, kept = _columns(spec, job, genes[still], records[still])
-    counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
+    columns, best_rows = _columns(spec, job, genes[still], records[still])
+    counts = {"computed": run.tally.done, "skipped": 0, "certified": int(best_rows["certified"].sum())}
     timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
     facts |= {
         "own": own_design(spec, job),
         "stop": job.asked.stop,
-        "at_end": [wish.name for wish in asked.wishes if _ends_with_walls(wish, records[still])],
+        "at_end": [wish.name for wish in wanted.wishes if _ends_with_walls(wish, records[still])],
         "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
         **proved,
     }
@@ -219,34 +219,34 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
     if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
         raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
-    asked = spec.asking("design").design
+    wanted = spec.asking("design").design
     spec.refuse_require("[design]")
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
-        if any(axis.path == path for axis in asked.for_all):
+        if any(axis.path == path for axis in wanted.for_all):
             ratios = "in [for_all], with varying = true, it may change from frame to frame"
             hint = ratios if path == "rates.ratio" else "design for one rate"
             raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; {hint}")
     if spec.for_all:
-        if asked.ratios or for_hands == "box":
-            found = "--for-hands box" if for_hands == "box" else "a ratio"
-            raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {found}")
+        if wanted.ratios or for_hands == "box":
+            problem = "--for-hands box" if for_hands == "box" else "a ratio"
+            raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {problem}")
         _proof_of(spec).refuse_unsuitable(
-            spec, spec.wall[0] if {wish.name for wish in asked.wishes} & {"z_width", "felt"} else ""
+            spec, spec.wall[0] if {wish.name for wish in wanted.wishes} & {"z_width", "felt"} else ""
         )
-    grid, settings = make_grid(spec.asking("design"), ()), asked.settings
+    grid, settings = make_grid(spec.asking("design"), ()), wanted.settings
     axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
     if axis and stop <= 0:
         expected = "a stop > 0, up to which walls are searched"
         raise SpecError([axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
-    unseen = next((wish for wish in asked.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
+    unseen = next((wish for wish in wanted.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
     if unseen:
         name, unit = spec.drawing.wall[0] if spec.drawing else "K_VE", wish_units(spec)["z_width"]
         searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
         mistake = unseen.places["at_least"].mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
-    _refuse_unreachable(spec, asked.wishes)
-    for axis in asked.for_all:
+    _refuse_unreachable(spec, wanted.wishes)
+    for axis in wanted.for_all:
         for value in axis.values if axis.structural else ():
             grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
     often = next((number for number in BETWEEN if count_of(grid.spec, number) <= OFTEN), 0)
@@ -258,7 +258,7 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     identity = {"records": "designs", "stop": stop} | ({"box": box} if box else {})
     study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
     total = settings["generations"] * settings["population"]
-    return Job(DESIGNS, grid, chunks, {}, record_of(asked.wishes, box=box is not None), identity, study, total)
+    return Job(DESIGNS, grid, chunks, {}, record_of(wanted.wishes, box=box is not None), identity, study, total)
 
 
 def _refuse_unreachable(spec, wishes):
@@ -280,16 +280,16 @@ def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
 
     Errors: UsageError if these or the wishes do not define a box.
     """
-    asked = spec.asking("design").design
-    if not asked.hand:
+    wanted = spec.asking("design").design
+    if not wanted.hand:
         raise UsageError("hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none")
-    if not any(wish.name == "z_width" for wish in asked.wishes):
+    if not any(wish.name == "z_width" for wish in wanted.wishes):
         raise UsageError("hand box: expected the wish z_width, whose walls are checked, found none")
-    if asked.ratios:
+    if wanted.ratios:
         raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
-    own = {part: (spec.values[f"operator.{part}"],) for part in HAND}
-    own |= {part: axis.values for axis in asked.for_all for part in HAND if axis.path == f"operator.{part}"}
-    box = {part: (float(min(values)), float(max(values))) for part, values in (own | dict(asked.hand)).items()}
+    hand = {key: (spec.values[f"operator.{key}"],) for key in HAND}
+    hand |= {key: axis.values for axis in wanted.for_all for key in HAND if axis.path == f"operator.{key}"}
+    box = {key: (float(min(values)), float(max(values))) for key, values in (hand | dict(wanted.hand)).items()}
     _guarantee(box)
     return box
 
@@ -309,28 +309,28 @@ class _Run:
 
     def judge(self, number: int, genes: np.ndarray) -> Judged:
         """Return the designs of a generation, judged; those of one structure are computed together."""
-        asked, self.latest = self.job.grid.spec.design, number
-        values = designs_of(asked.vary, genes)
-        choices = [values[axis.path] for axis in asked.vary if axis.values]
+        wanted, self.latest = self.job.grid.spec.design, number
+        values = designs_of(wanted.vary, genes)
+        choices = [values[axis.path] for axis in wanted.vary if axis.values]
         order = np.lexsort(choices) if choices else np.arange(len(genes))
         self.job.asked.genes[number] = genes[order]
         records = np.empty(len(genes), self.job.dtype)
         records[order] = self.records(number)
-        return Judged(genes, *judged(asked, records))
+        return Judged(genes, *judged(wanted, records))
 
     def look(self, best: Judged) -> bool:
         """Check designs of the front over the finer choice, and add the worst scenarios to those that the search holds for.
 
         The worst of a range need not be at its ends. Returns whether anything was added.
         """
-        job, asked = self.job, self.job.grid.spec.design
+        job, wanted = self.job, self.job.grid.spec.design
         if (best.violation > 0).any():  # nothing is feasible yet
             return False
-        some = spread(best, FRONT)
-        found = evaluate(job.grid.spec, asked.wishes, job.asked.finer, designs_of(asked.vary, some.genes), job.asked.stop)
-        worst = np.bincount(np.concatenate([each.scenario for each in found.values()]), minlength=len(job.asked.finer))
+        front = spread(best, FRONT)
+        measured = evaluate(job.grid.spec, wanted.wishes, job.asked.finer, designs_of(wanted.vary, front.genes), job.asked.stop)
+        worst = np.bincount(np.concatenate([measure.scenario for measure in measured.values()]), minlength=len(job.asked.finer))
         order = [job.asked.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
-        new = [each for each in order if each not in job.asked.scenarios][:ADDED]
+        new = [scenario for scenario in order if scenario not in job.asked.scenarios][:ADDED]
         job.asked.scenarios.extend(new)
         self.since = self.latest + 1 if new else self.since
         return bool(new)
@@ -350,27 +350,27 @@ class _Run:
         good = judged(self.job.grid.spec.design, records)[1] == 0
         if good.any():
             return genes[good], records[good]
-        others = self.feasible()[:TRIED]
-        for some in np.array_split(others, max(1, len(others) // FRONT)) if len(others) else ():
-            good, found = self.checked(some)
+        candidates = self.feasible()[:TRIED]
+        for batch in np.array_split(candidates, max(1, len(candidates) // FRONT)) if len(candidates) else ():
+            good, measured = self.checked(batch)
             if len(good):
-                return good, found
+                return good, measured
         return genes[:0], records
 
     def feasible(self) -> np.ndarray:
         """The designs of all generations that keep their bounds in the search, the best first."""
         last = self.job.chunks.loops - 1
-        others = np.concatenate([self.job.asked.genes[each] for each in range(self.since, last)])
+        genes = np.concatenate([self.job.asked.genes[tried] for tried in range(self.since, last)])
         objectives, violation = judged(self.job.grid.spec.design, self.everything())
         order = np.lexsort(objectives.T[::-1])
-        return others[order[violation[order] == 0]]
+        return genes[order[violation[order] == 0]]
 
     def checked(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Those of some designs that keep their bounds over all that a front is checked for, and their records."""
         job, spec = self.job, self.job.grid.spec
-        found = _evaluation(job, job.asked.finest, designs_of(spec.design.vary, genes), len(genes), last=True)()
-        good = judged(spec.design, found)[1] == 0
-        return genes[good], found[good]
+        measured = _evaluation(job, job.asked.finest, designs_of(spec.design.vary, genes), len(genes), last=True)()
+        good = judged(spec.design, measured)[1] == 0
+        return genes[good], measured[good]
 
     def next_to(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
         """The first of some designs, the best first, that differ from those of a result and from each other."""
@@ -385,14 +385,18 @@ class _Run:
             return []
         spec = self.job.grid.spec
         at = differing(spec.design.vary, others, genes, APART, RUNNERS_UP)
-        columns, _ = _columns(spec, self.job, some := others[at], records[at])
+        columns, _ = _columns(spec, self.job, rows := others[at], records[at])
         names = [axis.name for axis in spec.design.vary], [wish.name for wish in spec.design.wishes]
-        numbers, wishes = ([{name: columns[name][at].item() for name in each} for at in range(len(some))] for each in names)
-        return [{"numbers": one, "wishes": other} for one, other in zip(numbers, wishes, strict=True)]
+        numbers, wishes = (
+            [{name: columns[name][at].item() for name in columns_of} for at in range(len(rows))] for columns_of in names
+        )
+        return [
+            {"numbers": vary_values, "wishes": wish_values} for vary_values, wish_values in zip(numbers, wishes, strict=True)
+        ]
 
     def everything(self) -> np.ndarray:
         """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
-        first, last = (generation(self.job, each).start for each in (self.since, self.job.chunks.loops - 1))
+        first, last = (generation(self.job, chunk).start for chunk in (self.since, self.job.chunks.loops - 1))
         numbers = [number for number in self.store.finished() if first <= number < last]
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
@@ -410,10 +414,10 @@ def seconds_of(job: Job) -> float:
 
 def own_design(spec: Spec, job: Job) -> dict[str, float | None]:
     """Return the wishes of the spec's own design, at their worst, as those of the front; None if there is no value."""
-    own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    found = evaluate(spec, spec.design.wishes, job.asked.finest, own, job.asked.stop, proof := _proof_of(spec))
-    known = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not proof) for name, worst in found.items()}
-    return {name: float(worst.value[0]) if known[name] else None for name, worst in found.items()}
+    nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
+    measured = evaluate(spec, spec.design.wishes, job.asked.finest, nominal, job.asked.stop, proof := _proof_of(spec))
+    certain = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not proof) for name, worst in measured.items()}
+    return {name: float(worst.value[0]) if certain[name] else None for name, worst in measured.items()}
 
 
 def _columns(spec, job, genes, records):
@@ -443,10 +447,10 @@ def _checked(job):
 
 def _notices(job):
     ends = count_of(job.grid.spec)
-    more = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
-    if ends > 1 or more:
+    between = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
+    if ends > 1 or between:
         of = "the numbers of [design.for_all]" if job.grid.spec.drawing else "device, hand and timing"
-        several = f"{ends} combination{'s' * (ends != 1)} of {of}{more}"
+        several = f"{ends} combination{'s' * (ends != 1)} of {of}{between}"
         yield f"each design was tried with {several}, those of the front with {len(job.asked.finest)}"
     if job.grid.spec.for_all:
         names = {wish.name: f"that the loops of {wish.name} are stable" for wish in job.grid.spec.design.wishes}

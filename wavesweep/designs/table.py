@@ -21,17 +21,17 @@ def fields_of_design(spec: Spec, columns: Columns) -> tuple[Field, ...]:
     """The columns of a study: numbers that are varied, wishes, and certificates."""
     varied, wishes = (spec.design.vary, spec.design.wishes) if spec.design else ((), ())
     axes = {field.name: field for field in fields("zwidth", [axis.name for axis in varied], facts={"spec": spec.tables()})}
-    found, units = [axes[axis.name] for axis in varied], wish_units(spec)
+    axis_fields, units = [axes[axis.name] for axis in varied], wish_units(spec)
     for wish in wishes:
-        found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
-        found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
-    return tuple(field for field in (*found, *DESIGN) if field.name in columns)
+        axis_fields.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
+        axis_fields.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
+    return tuple(field for field in (*axis_fields, *DESIGN) if field.name in columns)
 
 
 def wish_units(spec: Spec) -> dict[str, str]:
     """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
-    own = dict.fromkeys(("z_width", "felt", "free_motion"), spec.units_felt[0]) | {"port": spec.at_port("m/N")}
-    return {wish.name: own.get(wish.name, wish.kind.unit) for wish in (spec.design.wishes if spec.design else ())}
+    units = dict.fromkeys(("z_width", "felt", "free_motion"), spec.units_felt[0]) | {"port": spec.at_port("m/N")}
+    return {wish.name: units.get(wish.name, wish.kind.unit) for wish in (spec.design.wishes if spec.design else ())}
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -44,7 +44,7 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     values = {name: {wish: plain(columns[wish][row]) for wish in wishes} for name, row in best.items()}
     varied_of = {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()}
     bounded = [wish for name in wishes if (wish := wish_of(name, facts)).bound is not None]
-    found = {
+    tally = {
         "designs": len(columns["certified"]),
         "certified": int(columns["certified"].sum()),
         "bounds_hold_between": int(columns["holds"].sum()),
@@ -60,17 +60,19 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "at_end": list(facts.get("at_end", ())),
         "wall": facts["spec"].get("ports", {}).get("wall", {}).get("stiffness", "K_VE"),
         "ends": {name: _ends(numbers, facts["spec"]["design"]["vary"]) for name, numbers in varied_of.items()},
-        "margins": {name: margins_of(each, facts) for name, each in values.items()},
+        "margins": {name: margins_of(value, facts) for name, value in values.items()},
         "near": {wish.name: int((np.abs(wish.margin(columns[wish.name])) < THIN).sum()) for wish in bounded},
         "free": [name for name in wishes if name not in {wish.name for wish in bounded}],
-        "runners_up": [each | {"margins": margins_of(each["wishes"], facts)} for each in facts.get("runners_up", ())],
+        "runners_up": [
+            runner_up | {"margins": margins_of(runner_up["wishes"], facts)} for runner_up in facts.get("runners_up", ())
+        ],
     }
     if BOX in columns:  # how many designs keep all their walls with every hand of a box, how many of these are proved
-        wall, kept = columns["z_width"], columns[BOX] >= columns["z_width"]
+        wall, finite = columns["z_width"], columns[BOX] >= columns["z_width"]
         share = np.divide(columns[BOX], wall, out=np.ones(len(wall)), where=wall > 0)
-        proved = int((kept & columns[SETTLED]).sum())
-        found["box"] = {"kept": int(kept.sum()), "settled": proved, "least": float(share.min())}
-    return found
+        proved = int((finite & columns[SETTLED]).sum())
+        tally["box"] = {"kept": int(finite.sum()), "settled": proved, "least": float(share.min())}
+    return tally
 
 
 def _ends(numbers: Mapping[str, float], vary: Mapping[str, Any]) -> list[str]:
@@ -79,12 +81,12 @@ def _ends(numbers: Mapping[str, float], vary: Mapping[str, Any]) -> list[str]:
     def place(value: float, scale: str) -> float:
         return float(np.log(value)) if scale == "log" else value
 
-    found = []
+    near = []
     for name, axis in vary.items():
         if isinstance(axis, Mapping):
-            low, value, high = (place(each, axis.get("scale", "")) for each in (axis["start"], numbers[name], axis["stop"]))
-            found += [name] * (min(value - low, high - value) <= THIN * (high - low))
-    return found
+            low, value, high = (place(number, axis.get("scale", "")) for number in (axis["start"], numbers[name], axis["stop"]))
+            near += [name] * (min(value - low, high - value) <= THIN * (high - low))
+    return near
 
 
 def wish_of(name: str, facts: Mapping[str, Any]) -> Wish:
@@ -111,12 +113,12 @@ def _lines(found: Numbers) -> Iterator[Line]:
         first = "best" if found["designs"] == 1 else f"best {' and '.join(names)}"
         yield f"{first} of {tried}: {_design(found['best'][names[0]], found['numbers'][names[0]], found['units'])}", False
         if ends := found["ends"][names[0]]:
-            where, more = "near an end of the range in [design.vary]", "a longer one may have better designs"
-            yield f"  {' and '.join(ends)} lie{'s' * (len(ends) == 1)} {where}; {more}", False
+            where, advice = "near an end of the range in [design.vary]", "a longer one may have better designs"
+            yield f"  {' and '.join(ends)} lie{'s' * (len(ends) == 1)} {where}; {advice}", False
     yield from _bound_lines(found)
-    for each in found["runners_up"]:
-        margins = f"; margins: {_shares(each['margins'])}" if each["margins"] else ""
-        yield f"next best: {_design(each['wishes'], each['numbers'], found['units'])}{margins}", False
+    for runner_up in found["runners_up"]:
+        margins = f"; margins: {_shares(runner_up['margins'])}" if runner_up["margins"] else ""
+        yield f"next best: {_design(runner_up['wishes'], runner_up['numbers'], found['units'])}{margins}", False
     if found["designs"] == 1 and not found["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
     yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
@@ -129,9 +131,9 @@ def _lines(found: Numbers) -> Iterator[Line]:
         named = " ... ".join(dict.fromkeys([found["files"][0], found["files"][-1]]))
         yield f"{number}as specs: {named}", False
     if "box" in found:
-        kept, of = found["box"], count(found["designs"], "design")
-        worst = f"; the worst keeps {100 * kept['least']:.3g} %" if kept["kept"] < found["designs"] else ""
-        yield f"every hand of the box: {kept['kept']} of {of} keep all walls, {kept['settled']} of them proved{worst}", False
+        boxed, of = found["box"], count(found["designs"], "design")
+        worst = f"; the worst keeps {100 * boxed['least']:.3g} %" if boxed["kept"] < found["designs"] else ""
+        yield f"every hand of the box: {boxed['boxed']} of {of} keep all walls, {boxed['settled']} of them proved{worst}", False
     if found["certified"] < found["designs"]:
         yield f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified", True
     if found["bounds_hold_between"] < found["designs"]:
@@ -141,11 +143,11 @@ def _lines(found: Numbers) -> Iterator[Line]:
 
 def _alike(numbers: Mapping[str, Any]) -> list[list[str]]:
     """The wishes, those of the same design together."""
-    found: list[list[str]] = []
+    groups: list[list[str]] = []
     for name in numbers:
-        same = next((names for names in found if numbers[names[0]] == numbers[name]), None)
-        found.append([name]) if same is None else same.append(name)
-    return found
+        same = next((names for names in groups if numbers[names[0]] == numbers[name]), None)
+        groups.append([name]) if same is None else same.append(name)
+    return groups
 
 
 def _bound_lines(found: Numbers) -> Iterator[Line]:

@@ -48,8 +48,8 @@ class WishKind:
 def _offered() -> Iterator[tuple[str, WishKind]]:
     """Yield what capabilities offer by name; what reads the whole loop is looked at with walls."""
     for module in modules("wish"):
-        for name, about in module.WISHES.items():
-            yield name, WishKind(**about, options={} if about.get("reads") else _WALLS)
+        for name, wish in module.WISHES.items():
+            yield name, WishKind(**wish, options={} if wish.get("reads") else _WALLS)
 
 
 WISHES = MappingProxyType(

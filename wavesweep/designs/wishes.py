@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.designs.bands import HIGH, NODES, Modes, Sampled, over_band
+from wavesweep.designs.bands import HIGH, NODES, BandModes, Sampled, over_band
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
@@ -35,7 +35,7 @@ DELAY = "environment.delay"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Worst(Rows):
+class WorstMeasure(Rows):
     """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified.
 
     at_end: whether it is that of a wall at which the range of walls ends.
@@ -54,32 +54,32 @@ def evaluate(
     designs: Mapping[str, np.ndarray],
     stop: float,
     proof: Any = None,
-) -> dict[str, Worst]:
-    """Return the worst values of designs: wish -> `Worst`. The designs need not be the product of some axes.
+) -> dict[str, WorstMeasure]:
+    """Return the worst values of designs: wish -> `WorstMeasure`. The designs need not be the product of some axes.
 
     spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path -> value of each design,
     `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m. proof: if given, walls are those that are proved
     for all of it, and other values are missing where a loop is refuted, and not certified where it is not proved.
     Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
     """
-    found, known = {}, {}
+    measured, searched = {}, {}
     for wish in wishes:
         walls = {path: wish.options.get("B_VE", (spec.values[path],)) for path in spec.wall[1:]}
         if wish.name in ("z_width", "felt"):
             key = walls[spec.wall[1]]
-            if key not in known:
+            if key not in searched:
                 felt = any(wish.name == "felt" for wish in wishes)
                 points = points_of(spec.values, designs, scenarios, walls)
-                known[key] = points, _stiffest(spec, points, (*designs,), stop, felt, proof)
-            points, stiffest = known[key]
+                searched[key] = points, _stiffest(spec, points, (*designs,), stop, felt, proof)
+            points, stiffest = searched[key]
             value, certified = stiffest.wall if wish.name == "z_width" else stiffest.felt, stiffest.certified
             if "band_hz" in wish.options:
                 value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
             worst, scenario = points.worst(value, more=True)
-            others = value != np.repeat(worst, points.size // worst.size)
-            scenario = np.where(points.all_of(~stiffest.of_all | others), scenario, OF_ALL)
-            at_end = ~points.all_of((stiffest.wall < stop) | others)
-            found[wish.name] = Worst(worst, scenario, points.all_of(certified), at_end)
+            unlike_worst = value != np.repeat(worst, points.size // worst.size)
+            scenario = np.where(points.all_of(~stiffest.of_all | unlike_worst), scenario, OF_ALL)
+            at_end = ~points.all_of((stiffest.wall < stop) | unlike_worst)
+            measured[wish.name] = WorstMeasure(worst, scenario, points.all_of(certified), at_end)
             continue
         walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
         walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
@@ -90,8 +90,8 @@ def evaluate(
             said = _of_each(points, lambda own: proof.verdict(spec.with_values(own)), (*designs, *walls))
             value, certified = np.where(said == "refuted", np.nan, value), certified & (said == "proved")
         worst = points.worst(value, wish.kind.more)
-        found[wish.name] = Worst(*worst, points.all_of(certified), np.zeros(len(worst[0]), bool))
-    return found
+        measured[wish.name] = WorstMeasure(*worst, points.all_of(certified), np.zeros(len(worst[0]), bool))
+    return measured
 
 
 def _unknown(*shape: int) -> tuple[np.ndarray, np.ndarray]:
@@ -103,16 +103,16 @@ def _where_solvable(spec, points: Points, measure: Callable[[Points], tuple], *b
     """What `measure` gives for the points, arrays over them, filled into blank ones: numbers that make no loop are left out."""
     waiting = [np.arange(points.size)]
     while waiting:
-        part = waiting.pop()
+        batch = waiting.pop()
         try:
-            found = measure(points if part.size == points.size else points.some(part))
+            measured = measure(points if batch.size == points.size else points.some(batch))
         except (UsageError, SpecError, IllPosedLoopError):  # of one of them at least
             if spec.drawing is None:  # whose numbers were checked with the spec
                 raise
-            waiting += np.array_split(part, 2) if part.size > 1 else []
+            waiting += np.array_split(batch, 2) if batch.size > 1 else []
         else:
-            for whole, values in zip(blank, found, strict=True):
-                whole[part] = values
+            for filled, values in zip(blank, measured, strict=True):
+                filled[batch] = values
     return blank
 
 
@@ -120,8 +120,8 @@ def _batches(spec, points: Points, most: int = BATCH):
     """Yield the indices of at most `most` points of one structure at a time, and their loops."""
     for members, loops in drawn_groups(spec, points.changes, points.size, {}):
         for start in range(0, members.size, most):
-            part = slice(start, start + most)
-            yield members[part], loops.some(part)
+            batch = slice(start, start + most)
+            yield members[batch], loops.some(batch)
 
 
 def _of_each(points, of, paths):
@@ -150,10 +150,10 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
 
     def stiffest_of(points):  # all different
         value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
-        for part, _ in _batches(spec, points):
-            changes = {path: column[part] for path, column in points.changes.items()}
+        for batch, _ in _batches(spec, points):
+            changes = {path: column[batch] for path, column in points.changes.items()}
             rows = at_points(spec, axis, changes, points.ties, felt=wished)
-            at = part[rows["slice"]]
+            at = batch[rows["slice"]]
             certified[at] = rows["certified"]
             first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= start)
             value[at[first]] = np.fmin(rows["high"], rows["open_low"])[first]
@@ -162,14 +162,14 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
 
     once, back = distinct_rows(points.changes, points.size)
     blank = np.full(once.size, np.nan), *_unknown(once.size)
-    value, felt, certified = (each[back] for each in _where_solvable(spec, points.some(once), stiffest_of, *blank))
+    value, felt, certified = (array[back] for array in _where_solvable(spec, points.some(once), stiffest_of, *blank))
     if not proof:
         return _Stiffest(value, felt, certified, np.zeros(points.size, bool))
     paths = [path for path in points.changes if path in designs or path in spec.wall]
     proved = _of_each(points, lambda own: proof.stiffest(spec.with_values(own), axis.path, stop), paths)
     wall = np.minimum(value, proved)
-    there = replace(points, changes={**points.changes, axis.path: wall})
-    for members, loops in _batches(spec, there) if wished else ():
+    at_walls = replace(points, changes={**points.changes, axis.path: wall})
+    for members, loops in _batches(spec, at_walls) if wished else ():
         felt[members] = np.where(wall[members] > 0, felt_of(loops, members.size), 0.0)
     return _Stiffest(wall, felt, certified & (~np.isnan(felt) | (not wished)), proved < value)
 
@@ -180,27 +180,27 @@ def _felt_over(spec, band, points, stiffest):
     It is 0 without a wall.
     """
     wall, certified = stiffest.wall, stiffest.certified.copy()
-    value, some = np.where(wall > 0, np.nan, wall), np.flatnonzero(wall > 0)
-    if not some.size:
+    value, walled = np.where(wall > 0, np.nan, wall), np.flatnonzero(wall > 0)
+    if not walled.size:
         return value, certified
     ties = {path: points.changes[path] * wall for path in points.ties}
-    there = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(some)
+    at_walls = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(walled)
 
     def least_added(points):
         free = replace(points, changes={**points.changes, **{path: np.zeros(points.size) for path in spec.wall}})
         modes = _modes(spec, points).beside(_modes(spec, free))
 
         def added(at, frequency):
-            found, without = (_responses(spec, frequency, each.some(at)) for each in (points, free))
-            off = (np.abs(each.impedance) * each.impedance_error for each in (found, without))
-            size = found.impedance - without.impedance
+            with_wall, without = (_responses(spec, frequency, points_there.some(at)) for points_there in (points, free))
+            off = (np.abs(response.impedance) * response.impedance_error for response in (with_wall, without))
+            size = with_wall.impedance - without.impedance
             # A dip is a zero of the difference, which times both admittances has no poles but those of both loops.
-            return size, sum(off), [(size * found.admittance * without.admittance, modes.some(at))]
+            return size, sum(off), [(size * with_wall.admittance * without.admittance, modes.some(at))]
 
         return _extreme(band, points.size, added, np.min)
 
-    value[some], sure = _where_solvable(spec, there, least_added, *_unknown(some.size))
-    certified[some] &= sure
+    value[walled], sure = _where_solvable(spec, at_walls, least_added, *_unknown(walled.size))
+    certified[walled] &= sure
     return value, certified
 
 
@@ -209,11 +209,11 @@ def _free_motion(spec, wish, points):
     stable, modes = _radii(spec, points) < 1, _modes(spec, points)
 
     def impedance(at, frequency):
-        found = _responses(spec, frequency, points.some(at))
+        response_there = _responses(spec, frequency, points.some(at))
         # A resonance is a zero of the admittance, a dip one of the product of both.
-        both = found.admittance, found.impedance * found.admittance
-        off = np.abs(found.impedance) * found.impedance_error
-        return found.impedance, off, [(each, modes.some(at)) for each in both]
+        both = response_there.admittance, response_there.impedance * response_there.admittance
+        off = np.abs(response_there.impedance) * response_there.impedance_error
+        return response_there.impedance, off, [(function, modes.some(at)) for function in both]
 
     value, certified = _extreme(wish.options.get("band_hz", BAND_HZ), points.size, impedance, np.max)
     return np.where(stable, value, np.nan), certified & stable
@@ -228,9 +228,9 @@ def _extreme(band, size, response, least):
     dense = np.polynomial.legendre.legvander(np.linspace(-1, 1, DENSE), NODES - 1).T
 
     def sample(at, frequency):
-        found, off, responses = response(at, frequency)
+        size, off, responses = response(at, frequency)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return Sampled(np.log(np.abs(found)), (off <= ERROR * np.abs(found)).all(-1), responses)
+            return Sampled(np.log(np.abs(size)), (off <= ERROR * np.abs(size)).all(-1), responses)
 
     def reduce(degrees, share):
         del share
@@ -245,30 +245,30 @@ def _transparency(spec, wish, points):
     A design with an unstable loop has no value, and its other loops are left out: they count as 0.
     """
     stable = _radii(spec, points) < 1
-    some = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
-    if not some.size:
+    stable_points = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    if not stable_points.size:
         return np.where(stable, 0.0, np.nan), stable
-    there, place = points.some(some), np.searchsorted(some, np.arange(points.size))
-    ideal, coupled, which = _coupled(spec, there)
-    modes, of_ideal = _modes(spec, there), _modes(ideal, coupled).some(which)
+    stable_ones, place = points.some(stable_points), np.searchsorted(stable_points, np.arange(points.size))
+    ideal, coupled, coupled_of = _coupled(spec, stable_ones)
+    modes, of_ideal = _modes(spec, stable_ones), _modes(ideal, coupled).some(coupled_of)
 
     def sample(at, frequency):
         at = place[at]
-        different, back = np.unique(which[at], return_inverse=True)
-        (found, off), (wanted, of_wanted) = (
-            _admittances(*each, frequency) for each in ((spec, there.some(at)), (ideal, coupled.some(different)))
+        different, back = np.unique(coupled_of[at], return_inverse=True)
+        (admittance, off), (wanted, of_wanted) = (
+            _admittances(*pair, frequency) for pair in ((spec, stable_ones.some(at)), (ideal, coupled.some(different)))
         )
         wanted, sure = wanted[back], (np.maximum(off, of_wanted[back]) <= ERROR).all(-1)
         with np.errstate(all="ignore"):
-            square = np.abs(np.log(found / wanted)) ** 2
-        return Sampled(square, sure, [(found, modes.some(at)), (wanted, of_ideal.some(at))])
+            square = np.abs(np.log(admittance / wanted)) ** 2
+        return Sampled(square, sure, [(admittance, modes.some(at)), (wanted, of_ideal.some(at))])
 
     def reduce(degrees, share):
         value, unseen = np.sqrt(degrees[..., 0] @ share), np.abs(degrees[..., -HIGH:]).max(-1) @ share
         return value, unseen <= UNSEEN * np.maximum(value, ERROR) ** 2  # responses are not known better
 
     band = wish.options.get("band_hz", BAND_HZ)
-    return over_band(band, some, sample, reduce, np.where(stable, 0.0, np.nan), stable.copy(), at_poles=True)
+    return over_band(band, stable_points, sample, reduce, np.where(stable, 0.0, np.nan), stable.copy(), at_poles=True)
 
 
 def _radii(spec, points):
@@ -278,28 +278,28 @@ def _radii(spec, points):
     return radius
 
 
-def _modes(spec, points) -> Modes:
+def _modes(spec, points) -> BandModes:
     """The modes of the loops of points."""
-    parts, rate = [], np.empty(points.size)
+    exponents, rate = [], np.empty(points.size)
     for members, loops in _batches(spec, points):
         E, drawn = frames_with_reliability(loops.read)[0], loops.drawn()
         rate[members] = 1 / np.real(drawn.period * drawn.ticks)
         with np.errstate(divide="ignore", invalid="ignore"):
-            parts.append((members, np.log1p(eigenvalues(E)[0]) / 2j / np.pi))
-    frequency = np.full((points.size, max((part.shape[-1] for _, part in parts), default=0)), np.nan, complex)
-    for members, part in parts:
-        frequency[members, : part.shape[-1]] = part * rate[members, None]
-    return Modes(frequency, rate)
+            exponents.append((members, np.log1p(eigenvalues(E)[0]) / 2j / np.pi))
+    frequency = np.full((points.size, max((exponent.shape[-1] for _, exponent in exponents), default=0)), np.nan, complex)
+    for members, exponent in exponents:
+        frequency[members, : exponent.shape[-1]] = exponent * rate[members, None]
+    return BandModes(frequency, rate)
 
 
 def _responses(spec, frequency, points) -> Response:
     """The responses at the hand, `(points, frequencies)`."""
-    found = Response(*(np.empty((points.size, frequency.size), kind) for kind in (complex, complex, float, float)))
+    filled = Response(*(np.empty((points.size, frequency.size), kind) for kind in (complex, complex, float, float)))
     for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        some = responses_of(loops, members.size, frequency, ERROR / 2)
-        for each in fields(Response):
-            getattr(found, each.name)[members] = getattr(some, each.name)
-    return found
+        responses = responses_of(loops, members.size, frequency, ERROR / 2)
+        for item in fields(Response):
+            getattr(filled, item.name)[members] = getattr(responses, item.name)
+    return filled
 
 
 def _admittances(spec, points, frequency):
@@ -343,37 +343,37 @@ def _delay_margin(spec, wish, points):
     """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
     del wish
     delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
-    value, open_, known = np.full(points.size, -1.0), np.arange(points.size), np.ones(points.size, bool)
+    value, open_, certain = np.full(points.size, -1.0), np.arange(points.size), np.ones(points.size, bool)
     longest = longest_delay(spec.values["rates.ratio"])
-    for more in range(longest + 1):
-        open_ = open_[delay[open_] + more <= longest]
+    for added in range(longest + 1):
+        open_ = open_[delay[open_] + added <= longest]
         if not open_.size:
             break
-        changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + more}
+        changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + added}
         radius = _radii(spec, Points(changes, (), (open_.size, 1, 1)))
-        known[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
+        certain[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
         open_ = open_[radius < 1]
-        value[open_] = more
-    return value, known
+        value[open_] = added
+    return value, certain
 
 
 def _damping_ratio(spec, wish, loops, size):
     """Least damping ratio of all modes; 0 or negative if the loop is unstable."""
     del spec, wish
-    E, known = _frames(loops, size)
+    E, certain = _frames(loops, size)
     least, sure = least_damping(E)
-    return np.where(known, least, np.nan), known & sure
+    return np.where(certain, least, np.nan), certain & sure
 
 
 def _settling(spec, wish, loops, size):
     """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
     del spec, wish
-    E, known = _frames(loops, size)
+    E, certain = _frames(loops, size)
     drawn, delta = loops.drawn(), eigenvalues(E)[0]
-    delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
+    delta = np.where(certain, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
     with np.errstate(all="ignore"):
         time = -np.real(drawn.period * drawn.ticks) / np.log1p(delta).real
-    return np.where((time >= 0) & np.isfinite(time), time, np.nan), known
+    return np.where((time >= 0) & np.isfinite(time), time, np.nan), certain
 
 
 def _frames(loops, size):
@@ -415,5 +415,5 @@ _MEASURES = {
     "transparency": _transparency,
     "free_motion": _free_motion,
     "delay_margin": _delay_margin,
-    **{each.__name__.lstrip("_"): _batched(each) for each in (_damping_ratio, _settling, _chatter, _depth)},
+    **{measure.__name__.lstrip("_"): _batched(measure) for measure in (_damping_ratio, _settling, _chatter, _depth)},
 }
