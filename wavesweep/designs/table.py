@@ -133,7 +133,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
     if "box" in found:
         boxed, of = found["box"], count(found["designs"], "design")
         worst = f"; the worst keeps {100 * boxed['least']:.3g} %" if boxed["kept"] < found["designs"] else ""
-        yield f"every hand of the box: {boxed['boxed']} of {of} keep all walls, {boxed['settled']} of them proved{worst}", False
+        yield f"every hand of the box: {boxed['kept']} of {of} keep all walls, {boxed['settled']} of them proved{worst}", False
     if found["certified"] < found["designs"]:
         yield f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified", True
     if found["bounds_hold_between"] < found["designs"]:

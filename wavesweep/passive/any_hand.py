@@ -57,8 +57,8 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     ticks, x = reaction(loop, drawn, batch)
     lifted = ticks.lifted()
     responsive, apart = _responsive(lifted, x), settled(lifted, x)
-    parts = [(getattr(apart, name), getattr(lifted, name)) for name in LiftedMap.__slots__]
-    lifted = LiftedMap(*(np.where(responsive[:, None, None], *pair) for pair in parts))
+    pairs = [(getattr(apart, name), getattr(lifted, name)) for name in LiftedMap.__slots__]
+    lifted = LiftedMap(*(np.where(responsive[:, None, None], *pair) for pair in pairs))
     M = ticks.kind.size
     period = np.broadcast_to(np.real(drawn.period), batch).reshape(-1)
     peak = damping_peak(ticks, lifted, period, np.where(responsive, 0.0, LOWEST))
@@ -82,24 +82,27 @@ def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, lis
     displacement over and a force times the root of its share; see `damping_needed`. drawn: the blocks of the loops. States that
     the force does not depend on are left out.
     """
-    device, force, parts = loop.device, loop.drawing.hand[0], loop.parts
-    n, moves, sums, pushed = len(parts), [], dict(drawn.sums), {}
-    ports = tuple(port.removeprefix(f"{device}.") for port in parts)
+    device, force, steps = loop.device, loop.drawing.hand[0], loop.parts
+    n, moves, sums, pushed = len(steps), [], dict(drawn.sums), {}
+    ports = tuple(port.removeprefix(f"{device}.") for port in steps)
     ruler = Block(device, ports, ("x", "v"), ("x",), np.zeros((1, 1)), np.ones((1, n)), np.eye(2, 1), np.zeros((2, n)))
-    placed = tuple(replace(each, block=ruler) if each.block.name == device else each for each in drawn.placed)
-    for port, share in parts.items():
-        root, own = np.sqrt(share), {signal: -gain for signal, gain in drawn.sums[port].items() if signal != force}
-        pushed = pushed | own
+    placed = tuple(
+        replace(placed_block, block=ruler) if placed_block.block.name == device else placed_block
+        for placed_block in drawn.placed
+    )
+    for port, share in steps.items():
+        root, gains = np.sqrt(share), {signal: -gain for signal, gain in drawn.sums[port].items() if signal != force}
+        pushed = pushed | gains
         sums[f"{REACTION}.{port}"] = {signal: root * gain for signal, gain in pushed.items()}
         sums[port] = {(move := f"move.{port}"): root}
         moves.append(move)
-    outputs = tuple(f"{REACTION}.{port}" for port in parts)
+    outputs = tuple(f"{REACTION}.{port}" for port in steps)
     ticks = ticks_of(replace(drawn, placed=placed, sums=sums, inputs=(*drawn.inputs, *moves), exact=None), outputs)
     at = [ticks.maps[0].inputs.index(move) for move in moves]
-    maps = [(each.E, each.B[..., at], each.C, each.D[..., at]) for each in ticks.maps]
-    kept = np.flatnonzero(read(maps))
-    maps = [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps]
-    at = [i for i, state in enumerate(kept) if ticks.states[state] == f"{device}.x"]
+    maps = [(tick_map.E, tick_map.B[..., at], tick_map.C, tick_map.D[..., at]) for tick_map in ticks.maps]
+    reached = np.flatnonzero(read(maps))
+    maps = [(E[..., reached, :][..., reached], B[..., reached, :], C[..., reached], D) for E, B, C, D in maps]
+    at = [i for i, state in enumerate(reached) if ticks.states[state] == f"{device}.x"]
     return TickMaps.of(maps, ticks.kind, batch), at
 
 
@@ -118,7 +121,7 @@ def settled(lifted: LiftedMap, x) -> LiftedMap:
         place = -_exact(lifted.E[:, rest][..., rest], lifted.E[:, rest][..., x])
         g = lifted.G[:, x]
         stiffness = g @ (lifted.O[..., x] + lifted.O[..., rest] @ place) / (g**2).sum(-1, keepdims=True)
-        E, G, O = (part.copy() for part in (lifted.E, lifted.G, lifted.O))
+        E, G, O = (matrix.copy() for matrix in (lifted.E, lifted.G, lifted.O))
         E[:, x, :], E[:, :, x], O[..., x] = 0.0, 0.0, 0.0
         E[:, x, x] = -1.0
         G[:, rest] -= place * lifted.G[:, x]
@@ -150,11 +153,11 @@ def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
     low, high = map(float, span)
 
     def passed(points):
-        found = np.zeros(points.size, bool)
-        for some in (np.flatnonzero(points == 0), np.flatnonzero(points != 0)):  # a zero takes a branch out of the loop
-            if some.size:
-                found[some] = passive(points[some])
-        return found
+        is_passive = np.zeros(points.size, bool)
+        for zero_or_not in (np.flatnonzero(points == 0), np.flatnonzero(points != 0)):  # a zero takes a branch out of the loop
+            if zero_or_not.size:
+                is_passive[zero_or_not] = passive(points[zero_or_not])
+        return is_passive
 
     # evenly in the square root: the soft end matters most, and 0 belongs to the range
     points = np.union1d(low + (high - low) * np.linspace(0, 1, POINTS) ** 2, more)
@@ -163,8 +166,8 @@ def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
     inside, outside = (np.where(good[change] == kind, points[change], points[change + 1]) for kind in (True, False))
     while change.size and np.abs(inside - outside).max() > FINEST * (high - low):
         between = inside[:, None] + (outside - inside)[:, None] * np.arange(1, CUTS + 1) / (CUTS + 1)
-        some = passed(between.reshape(-1)).reshape(between.shape)
-        count = np.where(some.all(-1), CUTS, some.argmin(-1))
+        passed_between = passed(between.reshape(-1)).reshape(between.shape)
+        count = np.where(passed_between.all(-1), CUTS, passed_between.argmin(-1))
         marks = np.concatenate([inside[:, None], between, outside[:, None]], axis=-1)
         inside, outside = (np.take_along_axis(marks, count[:, None] + step, -1)[:, 0] for step in (0, 1))
     rising = good[change + 1]

@@ -32,7 +32,7 @@ def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Channel:
+class WaveChannel:
     """The wave channel between the ends of a wave line.
 
     whole: its ticks from the waves that ends send to those that reach them, each weighted by the root of its period, in the
@@ -51,7 +51,7 @@ class Channel:
     def entries(self) -> int:
         """Entries of the largest matrix whose singular values are the norm."""
         ways = (self.whole,) if self.joined else (self.outward, self.inward)
-        shapes = ([way.maps[kind][3].shape[-2:] for kind in way.kind.tolist()] for way in ways)
+        shapes = ([channel_way.maps[kind][3].shape[-2:] for kind in channel_way.kind.tolist()] for channel_way in ways)
         return max(sum(rows for rows, _ in shape) * sum(columns for _, columns in shape) for shape in shapes)
 
     def refuse_large(self) -> None:
@@ -63,7 +63,7 @@ class Channel:
             )
 
 
-def channel_of(drawing: Drawing, values) -> Channel | None:
+def channel_of(drawing: Drawing, values) -> WaveChannel | None:
     """The channel of a drawing; None for one without waves.
 
     Filters, samplers, holds, delays and sums lie between the ends. The masses and the other parts of a returned wave, such as
@@ -73,53 +73,58 @@ def channel_of(drawing: Drawing, values) -> Channel | None:
         return None
     types = {block.name: block.type for block in drawing.blocks}
     drawn = _cut_at_ends(assembled(drawing, values), types)
-    ends = [each.block.name for each in drawn.placed if types[each.block.name] in WAVE_ENDS]
+    ends = [placed_block.block.name for placed_block in drawn.placed if types[placed_block.block.name] in WAVE_ENDS]
     ticks = ticks_of(drawn, tuple(f"{name}.in" for name in ends))
-    runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in some] for some in drawn.schedule()[0]]
-    each = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
+    runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in ends_of_run] for ends_of_run in drawn.schedule()[0]]
+    periods = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
     frame = np.asarray(np.real(drawn.period) * drawn.ticks)
     batch = np.broadcast_shapes(frame.shape, *(block.batch for block in ticks.maps))
     user = np.array([types[name] == "wave" for name in ends])
 
     def between(senders, receivers):
         maps = []
-        for block, some in zip(ticks.maps, runs, strict=True):
-            sent, seen = ([end for end in some if chosen[end]] for chosen in (senders, receivers))
-            weights = np.sqrt(each[sent]), np.sqrt(each[seen])[:, None]
-            C, D = (part[..., seen, :] * weights[1] for part in (block.C, block.D))
+        for block, ends_of_run in zip(ticks.maps, runs, strict=True):
+            sent, received = ([end for end in ends_of_run if chosen[end]] for chosen in (senders, receivers))
+            weights = np.sqrt(periods[sent]), np.sqrt(periods[received])[:, None]
+            C, D = (rows[..., received, :] * weights[1] for rows in (block.C, block.D))
             maps.append((block.E, block.B[..., sent] / weights[0], C, D[..., sent] / weights[0]))
-        kept = read(maps) & reached(maps)
+        reachable = read(maps) & reached(maps)
         return TickMaps.of(
-            [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps], ticks.kind, batch
+            [(E[..., reachable, :][..., reachable], B[..., reachable, :], C[..., reachable], D) for E, B, C, D in maps],
+            ticks.kind,
+            batch,
         )
 
     every = np.ones(len(ends), bool)
-    whole, *ways = (between(*pair) for pair in ((every, every), (user, ~user), (~user, user)))
-    joined = any(np.any(part) for own in (user, ~user) for E, B, C, D in between(own, own).maps for part in (E, D))
-    return Channel(whole, *ways, joined, np.broadcast_to(frame, batch))
+    every_way, *ways = (between(*pair) for pair in ((every, every), (user, ~user), (~user, user)))
+    joined = any(np.any(matrix) for side in (user, ~user) for E, B, C, D in between(side, side).maps for matrix in (E, D))
+    return WaveChannel(every_way, *ways, joined, np.broadcast_to(frame, batch))
 
 
 def _index(drawn, name):
-    return next(at for at, each in enumerate(drawn.placed) if each.block.name == name)
+    return next(at for at, placed_block in enumerate(drawn.placed) if placed_block.block.name == name)
 
 
 def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
     """The channel alone: ends only send waves, which are its inputs, and what comes from outside is zero."""
-    one = np.ones((1, 1))
+    unit = np.ones((1, 1))
     placed, sums, inputs = [], {}, []
-    for each in drawn.placed:
-        name = each.block.name
+    for placed_block in drawn.placed:
+        name = placed_block.block.name
         if types[name] in WAVE_ENDS:
-            relay = Block(name, ("wave",), ("out",), (), one[:0, :0], one[:0], one[:, :0], one)
-            placed.append(ScheduledBlock(relay, each.every, each.phase))
+            relay = Block(name, ("wave",), ("out",), (), unit[:0, :0], unit[:0], unit[:, :0], unit)
+            placed.append(ScheduledBlock(relay, placed_block.every, placed_block.phase))
             sums[f"{name}.wave"] = {f"wave.{name}": 1.0}
             inputs.append(f"wave.{name}")
         elif types[name] != "mass":
-            placed.append(each)
-    made = {f"{each.block.name}.{port}" for each in placed for port in each.block.outputs}
-    inside = (each.block for each in placed if types[each.block.name] not in WAVE_ENDS)
+            placed.append(placed_block)
+    made = {f"{placed_block.block.name}.{port}" for placed_block in placed for port in placed_block.block.outputs}
+    inside = (placed_block.block for placed_block in placed if types[placed_block.block.name] not in WAVE_ENDS)
     ports = [f"{block.name}.{port}" for block in inside for port in block.inputs]
-    for port in (*ports, *(f"{each.block.name}.in" for each in placed if types[each.block.name] in WAVE_ENDS)):
+    for port in (
+        *ports,
+        *(f"{placed_block.block.name}.in" for placed_block in placed if types[placed_block.block.name] in WAVE_ENDS),
+    ):
         sums[port] = {signal: gain for signal, gain in drawn.sums.get(port, {}).items() if signal in made}
     return MultirateLoop(drawn.period, tuple(placed), sums, tuple(inputs), rate=drawn.rate)
 
@@ -161,18 +166,18 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
     return None if channel is None else norm_of(channel)
 
 
-def norm_of(channel: Channel) -> ChannelNorm:
+def norm_of(channel: WaveChannel) -> ChannelNorm:
     """`channel_norm` of a channel."""
     channel.refuse_large()
-    peaks = [squared_norm(way) for way in (channel.outward, channel.inward)]
-    whole = squared_norm(channel.whole) if channel.joined else None
+    peaks = [squared_norm(channel_way) for channel_way in (channel.outward, channel.inward)]
+    joined_norm = squared_norm(channel.whole) if channel.joined else None
     batch, frame = channel.frame.shape, channel.frame
-    sides = [part for side in peaks for part in (np.sqrt(side.value).reshape(batch), side.theta.reshape(batch) / frame)]
-    certified = np.logical_and.reduce([each.certified for each in ([whole] if whole else peaks)]).reshape(batch)
+    sides = [column for side in peaks for column in (np.sqrt(side.value).reshape(batch), side.theta.reshape(batch) / frame)]
+    certified = np.logical_and.reduce([peak.certified for peak in ([joined_norm] if joined_norm else peaks)]).reshape(batch)
     out, out_omega, back, back_omega = sides
     norm, omega = np.maximum(out, back), np.where(out >= back, out_omega, back_omega)
-    if whole:
-        norm, omega = np.sqrt(whole.value).reshape(batch), whole.theta.reshape(batch) / frame
+    if joined_norm:
+        norm, omega = np.sqrt(joined_norm.value).reshape(batch), joined_norm.theta.reshape(batch) / frame
     return ChannelNorm(norm, omega, *sides, certified)
 
 
@@ -190,15 +195,15 @@ def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.n
     values: flat keys, of which rates alone are read. orders, cutoffs_hz: those of LP1.
     """
     cutoffs = np.asarray(cutoffs_hz, float)
-    parts = [_of_order(dict(values), order, cutoffs) for order in orders]
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    tables = [_of_order(dict(values), order, cutoffs) for order in orders]
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
 def _of_order(values, order, cutoffs):
     filters = {f"filters.{name}.order": order for name in ("lp1", "hp")}
     filters |= {f"filters.{name}.cutoff_hz": cutoffs for name in ("lp1", "hp")}
-    given = [values | filters | {"controller.kind": kind} for kind in ("pmw", "pmw-lm")]
-    alone, bank = (channel_norm(loop_drawing(each), each) for each in given)
+    both_values = [values | filters | {"controller.kind": kind} for kind in ("pmw", "pmw-lm")]
+    alone, bank = (channel_norm(loop_drawing(loop_values), loop_values) for loop_values in both_values)
     return {
         "lp1_order": np.full(cutoffs.size, order),
         "lp1_cutoff_hz": cutoffs,
@@ -215,8 +220,8 @@ def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None
     table: the columns of `filter_table`. No finite order at a cutoff below half the slow rate makes it zero: the stop band is
     not empty of any Butterworth.
     """
-    found = {}
+    orders = {}
     for cutoff in np.unique(table["lp1_cutoff_hz"]):
         enough = (table["lp1_cutoff_hz"] == cutoff) & (table["channel_norm"] ** 2 - 1 <= energy_gain)
-        found[float(cutoff)] = int(table["lp1_order"][enough].min()) if enough.any() else None
-    return found
+        orders[float(cutoff)] = int(table["lp1_order"][enough].min()) if enough.any() else None
+    return orders

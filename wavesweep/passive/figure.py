@@ -76,7 +76,7 @@ def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any
     names = [", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)]
     if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
         axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
-        names = [", ".join(part.partition(" = ")[2] for part in name.split(", ")) for name in names]
+        names = [", ".join(assignment.partition(" = ")[2] for assignment in name.split(", ")) for name in names]
     with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() and _has_channel(columns) else 1)) as canvas:
         channel, port = _panels(canvas, columns, sharey=True)
         panels = (channel, _excess(columns["channel_norm"]), "channel_passive"), (port, columns["port_margin"], "port_passive")

@@ -66,6 +66,6 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     """The guarantees of a run; see `hand_rows.guarantees_of`. Errors: UsageError for loops that hands cannot hold."""
     from wavesweep.program.tables.hand_rows import refuse_velocity
 
-    if any(each.kind == "passive" for each in asked):
+    if any(guarantee.kind == "passive" for guarantee in asked):
         refuse_velocity(own)
     return asked

@@ -79,11 +79,11 @@ class PassiveGuarantee(Guarantee):
         """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
         ranges = {"port": port_ranges, "ports": pair_ranges, "passive": hand_ranges}
         of_channel = self.kind == "channel"
-        found = channel_ranges(loop, along, span, self.tolerance) if of_channel else ranges[self.kind](loop, along, span)
-        records = blank_records(found.low, found.high, RECORD)
-        records["certified"] = found.certified if found.low.size else found.complete
+        intervals = channel_ranges(loop, along, span, self.tolerance) if of_channel else ranges[self.kind](loop, along, span)
+        records = blank_records(intervals.low, intervals.high, RECORD)
+        records["certified"] = intervals.certified if intervals.low.size else intervals.complete
         records["doubt"] = np.where(records["certified"], NONE, SEARCH)
         for end, border in zip(("low", "high"), span, strict=True):
-            for at in np.flatnonzero(records[end] != border) if found.low.size else ():
-                records[f"{end}_omega"][at] = found.worst(float(records[end][at]))
+            for at in np.flatnonzero(records[end] != border) if intervals.low.size else ():
+                records[f"{end}_omega"][at] = intervals.worst(float(records[end][at]))
         return records

@@ -66,23 +66,23 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
     port = loop.port(drawn)
     M = port.kind.size
     if M * port.axes > LONGEST:
-        found = f"{M}" if port.axes == 1 else f"{M} of {port.axes} axes"
-        raise UsageError(f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {found}")
-    found = _margins(port, batch, decide)
+        problem = f"{M}" if port.axes == 1 else f"{M} of {port.axes} axes"
+        raise UsageError(f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {problem}")
+    problem = _margins(port, batch, decide)
     unsure = np.isnan(port.maps[0][0]).all((-1, -2)).reshape(-1)
     for at in np.flatnonzero(unsure).tolist() if batch else ():
         alone = _margins(loop.at(at).port(), (), decide)  # with the drift of its own numbers
         for name in PortMargin.__slots__:
-            getattr(found, name)[at] = getattr(alone, name)[0]
+            getattr(problem, name)[at] = getattr(alone, name)[0]
     period = np.broadcast_to(np.real(drawn.period) * M, batch)
-    parts = {name: getattr(found, name).reshape(batch) for name in PortMargin.__slots__}
-    return PortMargin(**parts | {"omega": parts["omega"] / period})
+    arrays = {name: getattr(problem, name).reshape(batch) for name in PortMargin.__slots__}
+    return PortMargin(**arrays | {"omega": arrays["omega"] / period})
 
 
 def _margins(port, batch, decide) -> PortMargin:
     """The margins of a flat batch, with angles in rad per frame in place of frequencies."""
-    given = TickMaps.of([(E, B, C[..., : port.axes, :], D[..., : port.axes, :]) for E, B, C, D in port.maps], port.kind, batch)
-    ticks = given.in_even_units()
+    maps = TickMaps.of([(E, B, C[..., : port.axes, :], D[..., : port.axes, :]) for E, B, C, D in port.maps], port.kind, batch)
+    ticks = maps.in_even_units()
     lifted = ticks.lifted()
     E, mean = lifted.E, lifted.mean
     finite = np.isfinite(E).all((-1, -2))
@@ -90,43 +90,43 @@ def _margins(port, batch, decide) -> PortMargin:
     stable = finite & is_stable(E)
     # an eigenvalue on the circle but for rounding is a pole of the map
     lost = ~finite | ~count_outside(safe)[1] | (~stable & (np.abs(safe).max((-1, -2), initial=0.0) > HUGE))
-    kept = np.flatnonzero(~lost)
-    found = PortMargin(
+    rows = np.flatnonzero(~lost)
+    margins = PortMargin(
         *(np.full(lost.size, np.nan) for _ in range(2)), mean, stable, *(np.zeros(lost.size, bool) for _ in "cn")
     )
-    if not kept.size:
-        return found
-    some, few = ticks.at(kept), replace(lifted, E=E[kept], T=lifted.T[kept], O=lifted.O[kept], G=lifted.G[kept])
-    scale = mean[kept]
+    if not rows.size:
+        return margins
+    known_ticks, few = ticks.at(rows), replace(lifted, E=E[rows], T=lifted.T[rows], O=lifted.O[rows], G=lifted.G[rows])
+    scale = mean[rows]
     peak = peak_by_levels(
         lambda owner, theta, _: np.nan_to_num(-few.smallest(owner, theta), nan=-np.inf),
-        lambda owner, level: angles(some.pencil(owner, -level)),
-        kept.size,
+        lambda owner, level: angles(known_ticks.pencil(owner, -level)),
+        rows.size,
         lambda owner, level: SLACK * (np.abs(level) + scale[owner]),
-        _slow_angles(E[kept]),
+        _slow_angles(E[rows]),
         TOLERANCE * scale if decide else np.inf,
     )
     margin, theta = -peak.value, peak.theta
-    at_rest = few.smallest(np.arange(kept.size), np.zeros(kept.size))
+    at_rest = few.smallest(np.arange(rows.size), np.zeros(rows.size))
     # Beside a peak at rest the response is the same but for rounding, and less well known.
     theta = np.where(at_rest <= margin + SLACK * (np.abs(margin) + scale), 0.0, theta)
     if port.drifts < port.axes:  # something holds the scene, so a constant force, of some direction, moves nothing
         theta, margin = np.where(margin > 0, 0.0, theta), np.minimum(margin, 0.0)
-    known, below = np.ones(kept.size, bool), margin < -TOLERANCE * scale
-    open_ = np.flatnonzero(~below) if decide else np.arange(kept.size)
+    certain, below = np.ones(rows.size, bool), margin < -TOLERANCE * scale
+    open_ = np.flatnonzero(~below) if decide else np.arange(rows.size)
     if open_.size:
-        at = kept[open_]
-        known[open_], below[open_] = _beyond_rounding(given.at(at), port, at, peak.theta[open_], margin[open_], scale[open_])
-    margin = np.where(known & np.isfinite(margin), np.where(below | (margin > FAINT * scale), margin, 0.0), np.nan)
+        at = rows[open_]
+        certain[open_], below[open_] = _beyond_rounding(maps.at(at), port, at, peak.theta[open_], margin[open_], scale[open_])
+    margin = np.where(certain & np.isfinite(margin), np.where(below | (margin > FAINT * scale), margin, 0.0), np.nan)
     free = port.drifts == port.axes and ticks.kind.size > 1
     at = np.flatnonzero(free & (margin >= -TOLERANCE * scale) & (~below | (theta == 0)))
     if at.size:
-        rest = _dragged(given.at(kept[at]), port, kept[at], scale[at])
+        rest = _dragged(maps.at(rows[at]), port, rows[at], scale[at])
         at, rest = at[rest < 0], rest[rest < 0]
         margin[at], theta[at], below[at] = rest, 0.0, True
-    found.margin[kept], found.omega[kept] = margin, np.where(np.isnan(margin), np.nan, theta)
-    found.certified[kept], found.negative[kept] = peak.certified, below
-    return found
+    margins.margin[rows], margins.omega[rows] = margin, np.where(np.isnan(margin), np.nan, theta)
+    margins.certified[rows], margins.negative[rows] = peak.certified, below
+    return margins
 
 
 def _slow_angles(E):
@@ -146,9 +146,9 @@ def _beyond_rounding(ticks, port, loops, theta, margin, mean):
     again = shaken.smallest(np.arange(SHAKES * loops.size), np.tile(theta, SHAKES))
     values = np.concatenate([margin, again]).reshape(1 + SHAKES, -1)
     most, least = values.max(0), values.min(0)
-    known = most - least <= SURE * (mean + np.abs(margin))
+    certain = most - least <= SURE * (mean + np.abs(margin))
     below = (margin < -TOLERANCE * mean) | ((most < -FAINT * mean) & (most <= ALIKE * least))
-    return known, known & below
+    return certain, certain & below
 
 
 def _dragged(ticks, port, loops, mean):
@@ -184,14 +184,14 @@ def _dragged(ticks, port, loops, mean):
 def _shaken(ticks, port, loops):
     """The ticks of some loops SHAKES times, one after the other, each time with other roundings of their entries."""
     maps, batch = [], ticks.loops
-    for number, (parts, sizes) in enumerate(zip(ticks.maps, port.sizes, strict=True)):
+    for number, (tick_matrices, sizes) in enumerate(zip(ticks.maps, port.sizes, strict=True)):
         rows, moved = (sizes[0], sizes[1], sizes[2][..., : port.axes, :], sizes[3][..., : port.axes, :]), []
-        for which, (part, size) in enumerate(zip(parts, rows, strict=True)):
+        for place, (matrix, size) in enumerate(zip(tick_matrices, rows, strict=True)):
             sizes_of = size.reshape(-1, *size.shape[-2:])
             error = np.finfo(float).eps * (sizes_of[loops] if len(sizes_of) > 1 else sizes_of)
-            at = np.arange(SHAKES * part[0].size).reshape(SHAKES, 1, *part.shape[1:])
-            signs = np.sign(np.sin(1.0 + 7 * number + which + at**2 % 97))  # fixed, without a structure that entries may have
-            moved.append((part + signs * error).reshape(SHAKES * batch, *part.shape[1:]))
+            at = np.arange(SHAKES * matrix[0].size).reshape(SHAKES, 1, *matrix.shape[1:])
+            signs = np.sign(np.sin(1.0 + 7 * number + place + at**2 % 97))  # fixed, without a structure that entries may have
+            moved.append((matrix + signs * error).reshape(SHAKES * batch, *matrix.shape[1:]))
         maps.append(tuple(moved))
     return TickMaps(tuple(maps), ticks.kind)
 
@@ -210,19 +210,19 @@ def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray
     Accuracy: CLOSE relative, from above.
     """
     margin = port_margin(loop) if margin is None else margin
-    found = np.where(margin.passive, 0.0, np.nan).reshape(-1)
+    needed = np.where(margin.passive, 0.0, np.nan).reshape(-1)
     if loop.device is None:
-        return found.reshape(margin.margin.shape)
+        return needed.reshape(margin.margin.shape)
     loop, batch = loop.with_hand(), loop.batch
     arrays = {path: np.broadcast_to(v, batch).reshape(-1) for path, v in loop.values.items() if np.ndim(v)}
-    own = np.broadcast_to(loop.values[HAND[1]], batch).reshape(-1)
+    damping = np.broadcast_to(loop.values[HAND[1]], batch).reshape(-1)
 
     def passive(index, more):
         return port_margin(
-            loop.changed({path: v[index] for path, v in arrays.items()} | {HAND[1]: own[index] + more}), decide=True
+            loop.changed({path: v[index] for path, v in arrays.items()} | {HAND[1]: damping[index] + more}), decide=True
         ).passive
 
-    index = np.flatnonzero(np.isnan(found))
+    index = np.flatnonzero(np.isnan(needed))
     if index.size:
         index = index[passive(index, np.full(index.size, MOST_DAMPING))]
     low, high = np.full(index.size, LEAST_DAMPING), np.full(index.size, MOST_DAMPING)
@@ -230,5 +230,5 @@ def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray
         middle = np.sqrt(low * high)
         enough = passive(index, middle)
         low, high = np.where(enough, low, middle), np.where(enough, middle, high)
-    found[index] = high
-    return found.reshape(margin.margin.shape)
+    needed[index] = high
+    return needed.reshape(margin.margin.shape)

@@ -83,6 +83,6 @@ def sweep_plan(spec: Spec) -> tuple[list[str], list[Job]]:
         return [f"  passivity: not possible with this spec: {error}"], []
     loops, channels = jobs["port"].slices, jobs["channel"].slices if "channel" in jobs else 0
     norm = f", norm of {channels} wave channel{'s' * (channels != 1)}" if channels else ""
-    what = f"  passivity: hand's port of {loops} loop{'s' * (loops != 1)}{norm}"
+    plan_line = f"  passivity: hand's port of {loops} loop{'s' * (loops != 1)}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"
-    return [f"{what}; {how}", *(f"    {line}" for line in not_computed(jobs["port"].grid))], [*jobs.values()]
+    return [f"{plan_line}; {how}", *(f"    {line}" for line in not_computed(jobs["port"].grid))], [*jobs.values()]

@@ -121,8 +121,8 @@ def away_from_0(p, span):
 
 def remembered(maps: Maps) -> Maps:
     """The same maps, which keep the last results: a proof asks for the same numbers at several angles."""
-    known = lru_cache(maxsize=64)(lambda numbers, kind: maps(np.frombuffer(numbers, kind)))
-    return lambda p: known(p.tobytes(), p.dtype.str)
+    cached = lru_cache(maxsize=64)(lambda numbers, kind: maps(np.frombuffer(numbers, kind)))
+    return lambda p: cached(p.tobytes(), p.dtype.str)
 
 
 def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:
@@ -182,23 +182,23 @@ class Determinant:
 
     def values(self, x, units):
         """Phase, logarithm, error and pivots at points `(n, 2)`."""
-        numbers, which = np.unique(x[:, 0], return_inverse=True)
+        numbers, place = np.unique(x[:, 0], return_inverse=True)
         lifted, pivots = self.maps(numbers if numbers.imag.any() else numbers.real)
         E, O, G = lifted.E * (units / units[:, None]), lifted.O * units, lifted.G / units[:, None]
         n, both = len(units), lifted.T + np.swapaxes(lifted.T, -1, -2)
         rows = np.concatenate([G, np.swapaxes(O, -1, -2)], axis=-2)
         half = solve(both, np.concatenate([O, np.swapaxes(G, -1, -2)], axis=-1))
         inner, size = rows @ half, TERMS * np.abs(rows) @ np.abs(half)
-        for some, own in ((slice(n), E), (slice(n, None), np.swapaxes(E, -1, -2))):
-            inner[:, some, some] -= own
-            size[:, some, some] += TERMS * np.abs(own)
+        for rows, matrices in ((slice(n), E), (slice(n, None), np.swapaxes(E, -1, -2))):
+            inner[:, rows, rows] -= matrices
+            size[:, rows, rows] += TERMS * np.abs(matrices)
         phase, log = np.linalg.slogdet(both)
-        at, step = inner[which].astype(complex), on_circle(np.stack([x[:, 1], -x[:, 1]]))
+        at, step = inner[place].astype(complex), on_circle(np.stack([x[:, 1], -x[:, 1]]))
         at[:, range(2 * n), range(2 * n)] += np.repeat(step, n, axis=0).T
         turned, grown = np.linalg.slogdet(at)
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
-        error = (np.abs(np.swapaxes(inverse(at), -1, -2)) * size[which]).sum((-1, -2))
-        return (phase[which] * turned)[None], (log[which] + grown)[None], error[None], pivots[which]
+        error = (np.abs(np.swapaxes(inverse(at), -1, -2)) * size[place]).sum((-1, -2))
+        return (phase[place] * turned)[None], (log[place] + grown)[None], error[None], pivots[place]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,21 +211,21 @@ class Witness:
 
     def units(self, middle) -> np.ndarray:  # noqa: ARG002
         """The direction, `(m,)`."""
-        (whole,) = self.hermitian(np.array([self.number]))[0]
-        return np.linalg.eigh(whole)[1][:, 0]
+        (hermitian,) = self.hermitian(np.array([self.number]))[0]
+        return np.linalg.eigh(hermitian)[1][:, 0]
 
     def values(self, x, units):
         """Phase, logarithm, error and pivots at points `(n, 1)`."""
-        whole, size, pivots = self.hermitian(x[:, 0])
-        value = -units.conj() @ whole @ units
+        hermitian, size, pivots = self.hermitian(x[:, 0])
+        value = -units.conj() @ hermitian @ units
         error = TERMS * np.abs(units) @ size @ np.abs(units) / np.abs(value)
         return (value / np.abs(value))[None], np.log(np.abs(value))[None], error[None], pivots
 
     def hermitian(self, numbers):
         """The Hermitian part at the angle, continued to complex numbers, the sizes of its terms, and the pivots."""
         lifted, pivots = self.maps(numbers)
-        (whole, size), (back, more) = (with_sizes(lifted, np.array([angle])) for angle in (self.theta, -self.theta))
-        return (whole + np.swapaxes(back, -1, -2)) / 2, (size + np.swapaxes(more, -1, -2)) / 2, pivots
+        (hermitian, size), (back, size_back) = (with_sizes(lifted, np.array([angle])) for angle in (self.theta, -self.theta))
+        return (hermitian + np.swapaxes(back, -1, -2)) / 2, (size + np.swapaxes(size_back, -1, -2)) / 2, pivots
 
 
 def with_sizes(lifted: LiftedMap, theta) -> tuple[np.ndarray, np.ndarray]:

@@ -69,8 +69,8 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
 
 def _task(of_loops, job, chunk):
     """What computes the records of a chunk; of_loops: gives the fields for loops of one drawing."""
-    parts = drawn_groups(job.grid.spec, job.loop_values(chunk), len(chunk.loops), job.resolved)
-    return partial(_records, of_loops, tuple(parts), job.dtype)
+    groups = drawn_groups(job.grid.spec, job.loop_values(chunk), len(chunk.loops), job.resolved)
+    return partial(_records, of_loops, tuple(groups), job.dtype)
 
 
 def _records(of_loops, parts, dtype):
@@ -87,11 +87,11 @@ def _port(loops):
     refuse_unsuitable(*loops)
     loop = held_loop(loops)
     with named_loops(loop.drawn()):
-        found = port_margin(loop)
-        columns = found.margin, found.omega, found.passive, found.certified, found.stable, more_damping(loop, found)
+        margin = port_margin(loop)
+        columns = margin.margin, margin.omega, margin.passive, margin.certified, margin.stable, more_damping(loop, margin)
         if not loop.drawing.environment:
             return columns
-        pairs = [pair_margin(loop.at(at)) for at in range(found.margin.size)]
+        pairs = [pair_margin(loop.at(at)) for at in range(margin.margin.size)]
         return *columns, *(np.array(column).reshape(loop.batch) for column in zip(*pairs, strict=True))
 
 
@@ -156,7 +156,7 @@ def channels_of(grid: Grid) -> Grid:
     """The part of the grid that the wave channel reads: its loops are the different channels."""
     drawn = grid.spec.drawing and numbers_of_channel(grid.spec.drawing)
     read = [axis.path in drawn if drawn is not None else axis.path.startswith(CHANNEL_KEYS) for axis in grid.loop_axes]
-    return make_grid(grid.spec, tuple(axis for axis, kept in zip(grid.loop_axes, read, strict=True) if kept), apart=False)
+    return make_grid(grid.spec, tuple(axis for axis, is_read in zip(grid.loop_axes, read, strict=True) if is_read), apart=False)
 
 
 def not_computed(grid: Grid) -> list[str]:

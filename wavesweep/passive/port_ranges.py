@@ -73,7 +73,7 @@ def _where_stable(loop, path, span, way):
     """The intervals in which a way is passive, within those of stability by itself, of states that no port sees too."""
     groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
     records = Search(path, span, groups, felt=False, checked=True).records()
-    stable = [(float(each["low"]), float(each["high"])) for each in records if each["intervals"]]
+    stable = [(float(record["low"]), float(record["high"])) for record in records if record["intervals"]]
     return _Ranges(loop, path, span, (way,), stable).answered(bool(records["certified"].all()))
 
 
@@ -90,7 +90,7 @@ def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
 def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
     """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
     ways = ("whole",) if channel_of(loop.drawing, loop.changed({path: span[1]}).values).joined else ("outward", "inward")
-    maps = tuple(_OneMap(channel_maps(loop, path, way, 1 + tolerance)) for way in ways)
+    maps = tuple(_OneMap(channel_maps(loop, path, direction, 1 + tolerance)) for direction in ways)
     return _Ranges(loop, path, span, maps, [span]).answered(known=True)
 
 
@@ -103,22 +103,22 @@ class _OneMap:
     def passive(self, p: np.ndarray) -> np.ndarray:
         """Whether loops at values of the number are stable and no eigenvalue is negative, `(n,)`."""
         lifted, _ = self.maps(p)
-        found = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
-        found[found] = is_stable(lifted.E[found])
-        found[found] = least(lifted.at(found)).value <= 0
-        return found
+        finite = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
+        finite[finite] = is_stable(lifted.E[finite])
+        finite[finite] = least(lifted.at(finite)).value <= 0
+        return finite
 
     def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
         """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof."""
         middle, open_ = np.array([(low + high) / 2]), []
-        whole, size, _ = Witness(self.maps, middle[0], 1.0).hermitian(middle)
-        if not is_stable(self.maps(middle)[0].E).all() or np.linalg.eigvalsh(whole[0])[0] <= 1e-12 * size[0].max():
+        matrix, size, _ = Witness(self.maps, middle[0], 1.0).hermitian(middle)
+        if not is_stable(self.maps(middle)[0].E).all() or np.linalg.eigvalsh(matrix[0])[0] <= 1e-12 * size[0].max():
             return None
         for first, last in pairwise(ANGLES):
-            found = cover(Determinant(self.maps), [[low, first], [high, last]], POINTS)
-            if found is None or len(found.unstable):
-                return None if found is None else float(found.unstable[0, 0])
-            open_ += [box[:, 0] for box in found.open]
+            covered = cover(Determinant(self.maps), [[low, first], [high, last]], POINTS)
+            if covered is None or len(covered.unstable):
+                return None if covered is None else float(covered.unstable[0, 0])
+            open_ += [box[:, 0] for box in covered.open]
         return open_
 
     def witness(self, low: float, high: float) -> Witness:
@@ -154,30 +154,30 @@ class _Ranges:
 
         Values at which a proof finds the opposite of what it is to prove are looked at as well, and the search begins again.
         """
-        more: list[float] = []
+        searched: list[float] = []
         for _ in range(ROUNDS):
-            ends = list(zip(*(each.tolist() for each in runs_of(self._passive, self.span, more)), strict=True))
-            proofs = [self._proved(*each) for each in ends]
-            edges = [self.span[0], *(end for each in ends for end in each), self.span[1]]
+            ends = list(zip(*(column.tolist() for column in runs_of(self._passive, self.span, searched)), strict=True))
+            proofs = [self._proved(*pair) for pair in ends]
+            edges = [self.span[0], *(end for pair in ends for end in pair), self.span[1]]
             gaps = [self._refuted(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
             against = [float(np.clip(p, *self.span)) for _, p in (*proofs, *gaps) if p is not None]  # rounding of a box
-            if not known or not against or set(against) <= set(more):
+            if not known or not against or set(against) <= set(searched):
                 break
-            more += against
-        parts = [part for part, _ in proofs]
-        near = [part is not None and self._close(part, each) for part, each in zip(parts, ends, strict=True)]
-        beside = [one and other for (one, _), (other, _) in pairwise(gaps)]
-        certified = [known and one and other for one, other in zip(near, beside, strict=True)]
-        low, high = np.array([part or each for part, each in zip(parts, ends, strict=True)]).reshape(-1, 2).T
-        complete = known and all(near) and all(one for one, _ in gaps)
+            searched += against
+        intervals = [proved for proved, _ in proofs]
+        near = [interval is not None and self._close(interval, pair) for interval, pair in zip(intervals, ends, strict=True)]
+        both_refuted = [below and above for (below, _), (above, _) in pairwise(gaps)]
+        certified = [known and below and above for below, above in zip(near, both_refuted, strict=True)]
+        low, high = np.array([interval or pair for interval, pair in zip(intervals, ends, strict=True)]).reshape(-1, 2).T
+        complete = known and all(near) and all(refuted for refuted, _ in gaps)
         return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
 
     def _passive(self, p):
         low, high = np.array(self.stable).reshape(-1, 2, 1).swapaxes(0, 1)
-        found = ((low <= p) & (p <= high)).any(0)
-        for way in self.ways if found.any() else ():
-            found[found] = way.passive(p[found])
-        return found
+        inside = ((low <= p) & (p <= high)).any(0)
+        for direction in self.ways if inside.any() else ():
+            inside[inside] = direction.passive(p[inside])
+        return inside
 
     def _away(self, end: float, sign: int) -> float:
         """A value beside an end, in the direction of the sign; an end of the range itself."""
@@ -186,7 +186,8 @@ class _Ranges:
 
     def _close(self, part, ends) -> bool:
         return all(
-            abs(one - other) <= CLOSE * max(abs(other), ends[1] - ends[0]) for one, other in zip(part, ends, strict=True)
+            abs(proved_end - end) <= CLOSE * max(abs(end), ends[1] - ends[0])
+            for proved_end, end in zip(part, ends, strict=True)
         )
 
     def _proved(self, low: float, high: float) -> tuple[tuple[float, float] | None, float | None]:
@@ -195,18 +196,18 @@ class _Ranges:
         if not (low < high and any(a <= low and high <= b for a, b in self.stable)):
             return None, None
         open_ = []
-        for way in self.ways:
-            found = way.open_in(low, high, cover_of(self.loop, self.path))
-            if not isinstance(found, list):
-                return None, found
-            open_ += found
+        for direction in self.ways:
+            opened = direction.open_in(low, high, cover_of(self.loop, self.path))
+            if not isinstance(opened, list):
+                return None, opened
+            open_ += opened
         return largest_free(low, high, open_), None
 
     def _refuted(self, low: float, high: float) -> tuple[bool, float | None]:
         """Whether nothing between two ends of intervals is passive; and a value that is, if one is found."""
         low, high = self._away(low, 1), self._away(high, -1)
         queue = [(max(low, a), min(high, b)) for a, b in self.stable if max(low, a) < min(high, b)]
-        least, ends = CLOSE / 2 * (self.span[1] - self.span[0]), {end for each in queue for end in each}
+        least, ends = CLOSE / 2 * (self.span[1] - self.span[0]), {end for pair in queue for end in pair}
         for _ in range(PIECES):
             if not queue:
                 return True, None
@@ -214,7 +215,7 @@ class _Ranges:
             p = (a + b) / 2
             if self._passive(np.array([p]))[0]:
                 return False, p
-            if any(self._takes(way, a, b) for way in self.ways):
+            if any(self._takes(direction, a, b) for direction in self.ways):
                 continue
             narrow = min(least, CLOSE * max(abs(a), abs(b)))
             if b - a > narrow:
@@ -225,12 +226,12 @@ class _Ranges:
 
     def _takes(self, way, low: float, high: float) -> bool:
         """Whether all values of a piece are proved not to be passive, by what takes energy there."""
-        found = cover_of(self.loop, self.path)(way.witness(low, high), [[low], [high]], FEW)
-        return found is not None and not len(found.open)
+        covered = cover_of(self.loop, self.path)(way.witness(low, high), [[low], [high]], FEW)
+        return covered is not None and not len(covered.open)
 
     def _frequency(self, p: float) -> float:
         drawn = self.loop.changed({self.path: p}).drawn()
-        angle = max(way.angle(p) for way in self.ways)
+        angle = max(direction.angle(p) for direction in self.ways)
         return angle / float(np.real(drawn.period) * drawn.ticks)
 
 

@@ -74,11 +74,11 @@ def curve(loop: HeldLoop) -> dict[str, np.ndarray]:
 def index(Z: np.ndarray) -> np.ndarray:
     """The index above, from 0.001 to 1000, of impedances between components `(points, 2 M, 2 M)`."""
     across = np.add.outer(range(Z.shape[-1]), range(Z.shape[-1])) % 2 == 1
-    found, step = np.zeros(len(Z)), 3.0  # decimal logarithms
+    logarithm, step = np.zeros(len(Z)), 3.0  # decimal logarithms
     for _ in range(HALVINGS):
-        good = worst(Z * np.where(across, 10 ** (found[:, None, None] / 2), 1.0)).shunt > 0
-        found, step = found + np.where(good, step, -step) / 2, step / 2
-    return 10**found
+        good = worst(Z * np.where(across, 10 ** (logarithm[:, None, None] / 2), 1.0)).shunt > 0
+        logarithm, step = logarithm + np.where(good, step, -step) / 2, step / 2
+    return 10**logarithm
 
 
 def counterexample(loop: HeldLoop) -> str:

@@ -46,13 +46,13 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, **work: Unpack[WorkOptio
 
     _refuse_tolerance(tolerance)
     axes = tuple(axis for axis in spec.sweep if axis.values)
-    found = run(jobs_of(spec, axes), Work.of(work))
-    grid = found.jobs["port"].grid
-    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(found)}
+    done = run(jobs_of(spec, axes), Work.of(work))
+    grid = done.jobs["port"].grid
+    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": certified_slices(done)}
     methods = METHODS | ({"damping_needed": "not computed"} if not_computed(grid) else {})
-    facts = facts_of(spec, methods, counts, found.timings, _notices(grid), [axis.path for axis in axes], nominal=True)
-    facts |= {"warnings": found.warnings, "tolerance": tolerance}
-    return Table("passivity", lambda: map(KINDS[0].completed, _blocks(found)), facts, forget=found.forget, rows=found.rows)
+    facts = facts_of(spec, methods, counts, done.timings, _notices(grid), [axis.path for axis in axes], nominal=True)
+    facts |= {"warnings": done.warnings, "tolerance": tolerance}
+    return Table("passivity", lambda: map(KINDS[0].completed, _blocks(done)), facts, forget=done.forget, rows=done.rows)
 
 
 def passive_along(spec: Spec, along: str, tolerance: float = TOLERANCE, **work: Unpack[WorkOptions]) -> Table:
@@ -99,8 +99,8 @@ def _blocks(found: Run) -> Iterator[Columns]:
 
     for axes, columns in blocks(found):
         columns |= {name.replace("_omega", "_hz"): column / (2 * np.pi) for name, column in columns.items() if "_omega" in name}
-        known = {each.name: np.ascontiguousarray(columns[each.name]) for each in KINDS[0].fields if each.name in columns}
-        yield axes | known
+        shown = {field.name: np.ascontiguousarray(columns[field.name]) for field in KINDS[0].fields if field.name in columns}
+        yield axes | shown
 
 
 def _notices(grid) -> Iterator[str]:
@@ -129,13 +129,13 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     from wavesweep.passive.channel import CUTOFFS_HZ, filter_table, sufficient_order
 
     if spec.drawing or spec.uneven:
-        found = "a drawn loop" if spec.drawing else "rates that do not divide"
-        raise UsageError(f"orders of LP1: expected a [controller] whose rates divide, found {found}")
+        problem = "a drawn loop" if spec.drawing else "rates that do not divide"
+        raise UsageError(f"orders of LP1: expected a [controller] whose rates divide, found {problem}")
     _refuse_tolerance(tolerance)
     started = time.perf_counter()
     fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
     # Rounded, so that tables of rates such as 1000/30 Hz can be read.
-    cutoffs = [cutoff for each in CUTOFFS_HZ if (cutoff := float(f"{each * fast / ratio / PAPER_HZ:.3g}")) < fast / 2]
+    cutoffs = [cutoff for cutoff_hz in CUTOFFS_HZ if (cutoff := float(f"{cutoff_hz * fast / ratio / PAPER_HZ:.3g}")) < fast / 2]
     columns = filter_table(spec.values, cutoffs_hz=cutoffs)
     enough = sufficient_order(columns, tolerance)
     orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
@@ -176,7 +176,7 @@ class PassivityTally:
             "margin_unknown": np.isnan(columns["port_margin"]),
             "unstable": ~columns["stable"],
         }
-        self._counts.update({name: int(each.sum()) for name, each in flags.items()})
+        self._counts.update({name: int(flag.sum()) for name, flag in flags.items()})
         values = {name: columns.get(name, np.zeros(0)) for name in self._ranges} | {"damping_needed": needed[needed > 0]}
         for name, column in values.items():
             self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
@@ -185,9 +185,9 @@ class PassivityTally:
         order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
                  "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "absolutely_stable", "ports_proved",
                  "ports_margin", "unstable", "slices")  # fmt: skip
-        found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
+        tally = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
         units = {"port_margin": at_port("m/N", facts), "damping_needed": at_port("N*s/m", facts)}
-        return {name: found[name] for name in order} | {"units": units}
+        return {name: tally[name] for name in order} | {"units": units}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
@@ -234,18 +234,19 @@ def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "tolerance": facts["tolerance"],
         "highest_order": int(columns["lp1_order"].max()),
         "sufficient_orders": [
-            {"cutoff_hz": cutoff, "order": None if np.isnan(each) else int(each)} for cutoff, each in order.items()
+            {"cutoff_hz": cutoff, "order": None if np.isnan(least_order) else int(least_order)}
+            for cutoff, least_order in order.items()
         ],
     }
 
 
 def _filter_lines(found: Numbers) -> Iterator[Line]:
     orders = found["sufficient_orders"]
-    known = [f"{each['order']} at {each['cutoff_hz']:g} Hz" for each in orders if each["order"] is not None]
+    sufficient = [f"{row['order']} at {row['cutoff_hz']:g} Hz" for row in orders if row["order"] is not None]
     least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy to the waves of pmw"
-    yield f"{least}: {', '.join(known) or 'none'}", False
-    beyond = [f"{each['cutoff_hz']:g} Hz" for each in orders if each["order"] is None]
-    if beyond and known:
+    yield f"{least}: {', '.join(sufficient) or 'none'}", False
+    beyond = [f"{row['cutoff_hz']:g} Hz" for row in orders if row["order"] is None]
+    if beyond and sufficient:
         yield f"no order up to {found['highest_order']} is enough at {', '.join(beyond)}", False
     if found["controller"] == "pmw-lm":
         yield "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough", False
@@ -255,8 +256,8 @@ def _filter_lines(found: Numbers) -> Iterator[Line]:
 
 def _range(values: np.ndarray) -> list[float] | None:
     """The least and the largest value; None if none is known."""
-    known = values[~np.isnan(values)]
-    return [float(known.min()), float(known.max())] if known.size else None
+    finite = values[~np.isnan(values)]
+    return [float(finite.min()), float(finite.max())] if finite.size else None
 
 
 def _span(ends: list[float], digits: int = 7) -> str:

@@ -57,8 +57,10 @@ class PairMap:
     @property
     def still(self) -> np.ndarray:
         """The forces that move nothing at rest, orthonormal and constant over a frame, `(loops, 2 M, zeros)`."""
-        M, one = self.lifted.T.shape[-1] // 2, np.stack([self.h[:, 0, 1], -self.h[:, 0, 0]], -1)[:, :, None]
-        pair = one / np.sqrt((one**2).sum(1, keepdims=True)) if self.zeros == 1 else np.broadcast_to(np.eye(2), self.h.shape)
+        M, turned = self.lifted.T.shape[-1] // 2, np.stack([self.h[:, 0, 1], -self.h[:, 0, 0]], -1)[:, :, None]
+        pair = (
+            turned / np.sqrt((turned**2).sum(1, keepdims=True)) if self.zeros == 1 else np.broadcast_to(np.eye(2), self.h.shape)
+        )
         return np.tile(pair[:, :, : self.zeros], (1, M, 1)) * M**-0.5
 
     def apart(self) -> LiftedMap:
@@ -88,13 +90,13 @@ def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: floa
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
-        drawn, taken = at.drawn(), []
+        drawn, tick_maps = at.drawn(), []
         with np.errstate(all="ignore"):
             port = port_of(drawn, ports, drift)
             for E, B, C, D in port.maps:
                 back = inverse(np.ravel(drawn.period)[0] * np.eye(2) - damping * D) * damping
-                taken.append((E + B @ back @ C, B + B @ back @ D, C + D @ back @ C, D + D @ back @ D))
-            lifted = TickMaps.of(taken, port.kind, p.shape).lifted(measured=False)
+                tick_maps.append((E + B @ back @ C, B + B @ back @ D, C + D @ back @ C, D + D @ back @ D))
+            lifted = TickMaps.of(tick_maps, port.kind, p.shape).lifted(measured=False)
             sums = np.tile(np.eye(2), port.kind.size).T
             moved = -solve(lifted.E, lifted.G @ sums)
             h = sums.T @ (lifted.T @ sums + lifted.O @ moved) if port.drifts else port.position @ moved
@@ -120,7 +122,7 @@ def components_with_sizes(lifted: LiftedMap, theta: np.ndarray, sign: int) -> tu
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Worst:
+class WorstWeights:
     """At some points: the damping (N per m in a tick) that can be taken away at both ports, `(points,)`, the logarithms of the
     weights with which it can, and the components of displacements that bear no more, `(points, 2 M)` both."""
 
@@ -129,7 +131,7 @@ class Worst:
     y: np.ndarray
 
 
-def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> Worst:
+def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> WorstWeights:
     """The least eigenvalues of `He(R Z R^-1)` at the best weights, or given ones.
 
     Weights that balance the rows and columns of Z are the best ones if the ports act on each other in one way only, as those of
@@ -147,26 +149,26 @@ def worst(Z: np.ndarray, log_w: np.ndarray | None = None) -> Worst:
     R = np.exp(log_w)
     S = R[:, :, None] * Z / R[:, None, :]
     values, vectors = np.linalg.eigh((S + np.swapaxes(S.conj(), -1, -2)) / 2)
-    return Worst(values[:, 0], log_w, vectors[:, :, 0] / R)
+    return WorstWeights(values[:, 0], log_w, vectors[:, :, 0] / R)
 
 
 def least_shunt(pairs: Pairs, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The least shunt over all angles (N per m in a tick), -inf of unstable loops, and its angle (rad per frame)."""
     lifted = pairs(p).lifted
-    found, theta = np.full((2, len(p)), -np.inf)
+    shunts, theta = np.full((2, len(p)), -np.inf)
     stable = np.isfinite(lifted.E).all((-1, -2)) & np.isfinite(lifted.T).all((-1, -2))
     stable[stable] = is_stable(lifted.E[stable])
     at = np.flatnonzero(stable)
-    own = np.clip(np.abs(np.angle(1 + eigenvalues(lifted.E[at])[0])), NEAR_REST, np.pi)
-    angles = np.sort(np.concatenate([np.broadcast_to(TRIED, (at.size, TRIED.size)), own], axis=-1))
+    angle = np.clip(np.abs(np.angle(1 + eigenvalues(lifted.E[at])[0])), NEAR_REST, np.pi)
+    angles = np.sort(np.concatenate([np.broadcast_to(TRIED, (at.size, TRIED.size)), angle], axis=-1))
     for _ in range(1 + ZOOMS if at.size else 0):
         Z = impedances(lifted, np.repeat(at, angles.shape[1]), angles.ravel())
         shunt = worst(Z).shunt.reshape(angles.shape)
         best = shunt.argmin(-1)[:, None]
-        found[at], theta[at] = (np.take_along_axis(each, best, -1)[:, 0] for each in (shunt, angles))
+        shunts[at], theta[at] = (np.take_along_axis(array, best, -1)[:, 0] for array in (shunt, angles))
         below, above = (np.take_along_axis(angles, np.clip(best + step, 0, angles.shape[1] - 1), -1) for step in (-1, 1))
         angles = below + (above - below) * np.linspace(0, 1, POINTS)
-    return found, theta
+    return shunts, theta
 
 
 def impedances(lifted: LiftedMap, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
@@ -194,9 +196,11 @@ class Pair:
         """What takes energy in all components between two values, about as the worst forces do at these and in the middle."""
         p = np.array([low, (low + high) / 2, high])
         lifted, theta = (at := self.pairs(p)).lifted, np.append(TRIED, least_shunt(self.pairs, p[1:2])[1])
-        found = worst(impedances(lifted, np.ones(theta.size, int), theta))
-        share = (np.abs(found.y * np.exp(found.log_w)) ** 2).min(-1)  # of a component in the power, which may drown in rounding
-        theta = theta[np.argmin(found.shunt * share)]
+        worst_weights = worst(impedances(lifted, np.ones(theta.size, int), theta))
+        share = (np.abs(worst_weights.y * np.exp(worst_weights.log_w)) ** 2).min(
+            -1
+        )  # of a component in the power, which may drown in rounding
+        theta = theta[np.argmin(worst_weights.shunt * share)]
         Z = impedances(lifted, np.arange(3), np.full(3, theta))
         y = worst(Z).y[:, :, None]
         y /= np.take_along_axis(y, np.abs(y[1:2]).argmax(1, keepdims=True), 1)
@@ -210,7 +214,7 @@ class Pair:
 
         The interval times the circle is divided into boxes, each with its own weights.
         """
-        queue, open_ = [(low, high, *each) for each in pairwise(ANGLES)], []
+        queue, open_ = [(low, high, *pair) for pair in pairwise(ANGLES)], []
         if not is_stable(self.pairs(np.array([(low + high) / 2])).lifted.E).all():
             return None
         for _ in range(BOXES):
@@ -222,8 +226,8 @@ class Pair:
             if functions is None:
                 return p
             if shunts.min() > 0 and functions.positive(p, theta):
-                found = cover(functions, [[first, below or -above / 2], [last, above]], MOST)
-                if found is not None and not len(found.open) and not len(found.unstable):
+                covered = cover(functions, [[first, below or -above / 2], [last, above]], MOST)
+                if covered is not None and not len(covered.open) and not len(covered.unstable):
                     continue
             drops = shunts[1, 1] - shunts[[0, 2], 1].min(), shunts[1, 1] - shunts[1, [0, 2]].min()
             if drops[0] > drops[1] and last - first > FINEST * (high - low):
@@ -247,10 +251,10 @@ class Pair:
 
 def weights(log_w: np.ndarray, ratio: np.ndarray) -> np.ndarray:
     """Logarithms of weights for each of some loops, `(loops, 2 M)`; those of the components at rest have the ratio if known."""
-    found = np.broadcast_to(log_w, (len(ratio), len(log_w))).astype(np.result_type(ratio, float))
+    broadcast = np.broadcast_to(log_w, (len(ratio), len(log_w))).astype(np.result_type(ratio, float))
     half = np.where(np.isnan(ratio), log_w[0] - log_w[1], np.log(ratio) / 2) / 2
-    found[:, 0], found[:, 1] = log_w[:2].sum() / 2 + half, log_w[:2].sum() / 2 - half
-    return found
+    broadcast[:, 0], broadcast[:, 1] = log_w[:2].sum() / 2 + half, log_w[:2].sum() / 2 - half
+    return broadcast
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -269,33 +273,35 @@ class PairDeterminant:
 
     def values(self, x, units):  # noqa: ARG002
         """Phase, logarithm, error and pivots at points `(n, 2)`."""
-        whole, size, lifted, at, which = self.hermitian(x[:, 0], x[:, 1])
+        hermitian, size, lifted, at, place = self.hermitian(x[:, 0], x[:, 1])
         steps = on_circle(np.stack([x[:, 1], -x[:, 1]]))
-        parts = [(whole, size)] + [(A, np.abs(A)) for A in steps[..., None, None] * np.eye(lifted.E.shape[-1]) - lifted.E]
-        found = [np.linalg.slogdet(part) for part, _ in parts]
+        matrices = [(hermitian, size)] + [
+            (A, np.abs(A)) for A in steps[..., None, None] * np.eye(lifted.E.shape[-1]) - lifted.E
+        ]
+        determinants = [np.linalg.slogdet(matrix) for matrix, _ in matrices]
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
-        error = sum(TERMS * (np.abs(np.swapaxes(inverse(part), -1, -2)) * terms).sum((-1, -2)) for part, terms in parts)
+        error = sum(TERMS * (np.abs(np.swapaxes(inverse(matrix), -1, -2)) * terms).sum((-1, -2)) for matrix, terms in matrices)
         zeros = (steps[0] * steps[1]) ** (self.rest * at.zeros)
-        phase = np.prod([sign for sign, _ in found], axis=0) * np.abs(zeros) / zeros
-        return phase[None], (sum(log for _, log in found) - np.log(np.abs(zeros)))[None], error[None], at.pivots[which]
+        phase = np.prod([sign for sign, _ in determinants], axis=0) * np.abs(zeros) / zeros
+        return phase[None], (sum(log for _, log in determinants) - np.log(np.abs(zeros)))[None], error[None], at.pivots[place]
 
     def positive(self, p: float, theta: float) -> bool:
         """Whether all eigenvalues of the Hermitian part are positive at a point."""
-        whole, size, *_ = self.hermitian(np.array([p]), np.array([theta]))
-        return bool(np.linalg.eigvalsh(whole[0])[0] > 1e-12 * size.max())
+        hermitian, size, *_ = self.hermitian(np.array([p]), np.array([theta]))
+        return bool(np.linalg.eigvalsh(hermitian[0])[0] > 1e-12 * size.max())
 
     def hermitian(self, numbers, theta):
         """The Hermitian part, continued to complex numbers and angles, the sizes of its terms, the maps at the points, and the
         loops of different numbers with the index of each point in them."""
-        unique, which = np.unique(numbers, return_inverse=True)
+        unique, place = np.unique(numbers, return_inverse=True)
         at = self.pairs(unique if unique.imag.any() else unique.real)
         ratio = at.ratio if self.rest else np.full(unique.shape, np.nan)
-        R, lifted = np.exp(weights(self.log_w, ratio))[which], at.lifted.at(which)
+        R, lifted = np.exp(weights(self.log_w, ratio))[place], at.lifted.at(place)
         scale = R[:, :, None] / R[:, None, :]
-        (whole, size), (back, more) = (components_with_sizes(lifted, theta, sign) for sign in (1, -1))
-        whole, size = scale * whole + np.swapaxes(scale * back, -1, -2), np.abs(scale) * size
-        size += np.swapaxes(np.abs(scale) * more, -1, -2)
-        return whole / 2, size / 2, lifted, at, which
+        (hermitian, size), (back, size_back) = (components_with_sizes(lifted, theta, sign) for sign in (1, -1))
+        hermitian, size = scale * hermitian + np.swapaxes(scale * back, -1, -2), np.abs(scale) * size
+        size += np.swapaxes(np.abs(scale) * size_back, -1, -2)
+        return hermitian / 2, size / 2, lifted, at, place
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -318,15 +324,15 @@ class PairWitness:
         """Phase, logarithm, error and pivots at points `(n, 1)`."""
         at = self.pairs(x[:, 0])
         apart, e = at.apart(), at.still
-        powers, parts = ((x - self.span[1]) * 2 / ((self.span[2] - self.span[0]) or 1.0)) ** np.arange(3), []
+        powers, components = ((x - self.span[1]) * 2 / ((self.span[2] - self.span[0]) or 1.0)) ** np.arange(3), []
         for sign, force in ((1, self.force), (-1, self.force.conj())):
             H, size = with_sizes(apart, sign * self.theta)
             f = (powers @ force)[:, :, None]
             _, back = basis(self.theta, f.shape[1] // 2, sign)
             y, rough = back @ H @ f, np.abs(back) @ size @ np.abs(f)
             step = e @ (np.swapaxes(e, -1, -2) @ f) * (1 / on_circle(-sign * self.theta) - 1)
-            parts.append((back @ (f + step), y, np.abs(back) @ (np.abs(f) + np.abs(step)), rough))
-        (f, y, size, rough), (g, v, *_) = parts
+            components.append((back @ (f + step), y, np.abs(back) @ (np.abs(f) + np.abs(step)), rough))
+        (f, y, size, rough), (g, v, *_) = components
         value = -(g * y + f * v)[..., 0].T / 2
         error = TERMS * (np.abs(f) * rough + np.abs(y) * size)[..., 0].T / np.abs(value)
         return value / np.abs(value), np.log(np.abs(value)), error, at.pivots

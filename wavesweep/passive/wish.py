@@ -23,8 +23,8 @@ def port(loops, size: int) -> tuple:
     from wavesweep.passive.margin import port_margin
 
     del size
-    found = port_margin(held_loop(loops))
-    return np.where(found.stable, found.margin, np.nan), found.certified
+    margin = port_margin(held_loop(loops))
+    return np.where(margin.stable, margin.margin, np.nan), margin.certified
 
 
 WISHES = {
