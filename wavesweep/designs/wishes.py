@@ -1,7 +1,7 @@
 """Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,7 @@ from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.loops.controller_drawings import keys_of_page
 from wavesweep.engine.loops.domain import refuse_unsuitable
 from wavesweep.engine.response.at_hand import felt_of, responses_of
-from wavesweep.engine.response.steady import Response
+from wavesweep.engine.response.static import Response
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.radii import frames_with_reliability, radii_of
 from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
@@ -294,12 +294,11 @@ def _modes(spec, points) -> BandModes:
 
 def _responses(spec, frequency, points) -> Response:
     """The responses at the hand, `(points, frequencies)`."""
-    filled = Response(*(np.empty((points.size, frequency.size), kind) for kind in (complex, complex, float, float)))
+    responses = Response(*(np.empty((points.size, frequency.size), kind) for kind in (complex, complex, float, float)))
     for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        responses = responses_of(loops, members.size, frequency, ERROR / 2)
-        for item in fields(Response):
-            getattr(filled, item.name)[members] = getattr(responses, item.name)
-    return filled
+        for array, values in zip(responses, responses_of(loops, members.size, frequency, ERROR / 2), strict=True):
+            array[members] = values
+    return responses
 
 
 def _admittances(spec, points, frequency):

@@ -71,8 +71,8 @@ def test_what_is_felt_at_an_end_is_the_response_at_0_hz(drawn, seed, monkeypatch
     tables = TABLES | {"block": {"device": DEVICE, **blocks}}
     device = "hand - (" + force + ")" if drawn is not wave_line else " - ".join(["hand", *force.split(" + ")])
     loop = wavesweep.compile(tables | {"wire": {**wires, "device.f": device}, "ports": _ports(force)})
-    used, asked = [], resting_frame.resting_frame
-    monkeypatch.setattr(resting_frame, "resting_frame", lambda *given: used.append(asked(*given)) or used[-1])
+    used, asked = [], resting_frame.frame_dcgain
+    monkeypatch.setattr(resting_frame, "frame_dcgain", lambda *given: used.append(asked(*given)) or used[-1])
     waves = [10.0, 25.0, 60.0]
     table = loop.stable_intervals("K", b=waves)
     assert [each is not None for each in used] == [True]

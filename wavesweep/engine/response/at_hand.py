@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -15,9 +15,9 @@ from wavesweep.engine.loops.from_drawing import OUTPUT, twins
 from wavesweep.engine.loops.ports import hand_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port, port_between, port_of
-from wavesweep.engine.response.resting import resting
-from wavesweep.engine.response.static import limit_of
-from wavesweep.engine.response.steady import GOOD, Response, respond, static_response
+from wavesweep.engine.response.resting import tick_dcgain
+from wavesweep.engine.response.static import Response, dcgain
+from wavesweep.engine.response.steady import GOOD, respond, static_response
 from wavesweep.engine.stability.radii import drift_of, named_loops, watched_drift
 
 Route = tuple[str, str]  # names of an input and an output
@@ -26,31 +26,37 @@ SURE = 1e-6  # relative error up to which a stiffness counts as known
 
 def felt_of(loops: Loops, size: int) -> np.ndarray:
     """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
-    ports, felt = hand_of(loops.drawing), np.full(size, np.nan)
+    felt = np.full(size, np.nan)
     try:
-        drawn, drift = loops.drawn(), watched_drift(loops)
-        if not (drift.moved or drift.folded):
-            with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
-                felt = resting(drawn, ports).stiffness(np.arange(size), np.zeros(size))
-        unknown = np.flatnonzero(np.isnan(felt))
-        rates = _rates(loops)
-        if drift.folded and rates:  # what drifts may depend on the rate: the loops of each one by themselves
-            first, of = distinct_rows({path: rate[unknown] for path, rate in rates.items()}, unknown.size)
-            for number, at in enumerate(unknown[first].tolist()):
-                some, one = unknown[of == number], {path: rate[at].item() for path, rate in rates.items()}
-                felt[some] = felt_of(loops.some(some).changed(one), some.size)
-        elif unknown.size:
-            some = drawn if unknown.size == size else loops.some(unknown).drawn()
-            with named_loops(drawn):
-                _, stiffness, _, unsure = static_response(Lifted.of(port_of(some, ports, drift)))
-            felt[unknown] = np.where(unsure <= SURE, stiffness.real, np.nan)
+        _fill_felt(felt, loops)
     except UsageError:  # no plant has the position of the port
-        pass
+        return felt
     except IllPosedLoopError:
-        if size > 1:
-            loops = loops.changed({path: np.broadcast_to(v, (size,)) for path, v in loops.values.items() if np.ndim(v)})
-            return np.concatenate([felt_of(loops.some([at]), 1) for at in range(size)])
+        if size == 1:
+            return felt
+        loops = loops.changed({path: np.broadcast_to(v, (size,)) for path, v in loops.values.items() if np.ndim(v)})
+        return np.concatenate([felt_of(loops.some([at]), 1) for at in range(size)])
     return felt
+
+
+def _fill_felt(felt, loops):
+    """Write what is known of `felt_of` into the array."""
+    ports, size, drawn, drift = hand_of(loops.drawing), felt.size, loops.drawn(), watched_drift(loops)
+    if not (drift.moved or drift.folded):
+        with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
+            felt[:] = tick_dcgain(drawn, ports).stiffness(np.arange(size), np.zeros(size))
+    unknown = np.flatnonzero(np.isnan(felt))
+    rates = _rates(loops)
+    if drift.folded and rates:  # what drifts may depend on the rate: the loops of each one by themselves
+        first, of = distinct_rows({path: rate[unknown] for path, rate in rates.items()}, unknown.size)
+        for number, at in enumerate(unknown[first].tolist()):
+            members, values = unknown[of == number], {path: rate[at].item() for path, rate in rates.items()}
+            felt[members] = felt_of(loops.some(members).changed(values), members.size)
+    elif unknown.size:
+        drawn_unknown = drawn if unknown.size == size else loops.some(unknown).drawn()
+        with named_loops(drawn):
+            response = static_response(Lifted.of(port_of(drawn_unknown, ports, drift)))
+        felt[unknown] = np.where(response.impedance_error <= SURE, response.impedance.real, np.nan)
 
 
 def _rates(loops) -> dict[str, np.ndarray]:
@@ -69,14 +75,14 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
     first, of = distinct_rows(rates, size)
     for number, at in enumerate(first.tolist()):
         members = np.flatnonzero(of == number)
-        one = {path: rate[at].item() for path, rate in rates.items()}
-        some = loops if first.size == 1 and not one else loops.some(members).changed(one)
-        yield members, port_of_loops(some if members.size > 1 else some.one(0), route)
+        values = {path: rate[at].item() for path, rate in rates.items()}
+        batch = loops if first.size == 1 and not values else loops.some(members).changed(values)
+        yield members, port_of_loops(batch if members.size > 1 else batch.one(0), route)
 
 
 def port_of_loops(loops, route=None):
     if route:
-        source, signal = next(each for name, each, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
+        source, signal = next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
         drawn, drift = loops.drawn(), drift_of(loops, watched=(signal,))
         with named_loops(drawn):
             return port_between(drawn, source, signal, drift)
@@ -89,7 +95,7 @@ def port_of_loops(loops, route=None):
 def _at_rest(twin, ports, drift):
     """What a constant force of the hand does in the end, in a loop of the same structure."""
     with np.errstate(all="ignore"):
-        return limit_of(Lifted.of(port_of(twin, ports, drift)))[2]
+        return dcgain(Lifted.of(port_of(twin, ports, drift)))[2]
 
 
 def responses_of(loops: Loops, size: int, frequency_hz, good: float = GOOD) -> Response:
@@ -98,7 +104,6 @@ def responses_of(loops: Loops, size: int, frequency_hz, good: float = GOOD) -> R
     responses = Response(*(np.empty((size, frequency.size), kind) for kind in (complex, complex, float, float)))
     read = {path: loops.values[path] for path in loops.values.keys() & loops.drawing.reads}
     for at, port in ports_of_batch(Loops(loops.drawing, read), size):
-        some = respond(Lifted.of(port), frequency, good)
-        for each in fields(Response):
-            getattr(responses, each.name)[at] = getattr(some, each.name)
+        for array, values in zip(responses, respond(Lifted.of(port), frequency, good), strict=True):
+            array[at] = values
     return responses

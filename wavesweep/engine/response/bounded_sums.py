@@ -39,6 +39,6 @@ def plus(a, b):
     return a[0] + b[0], a[1] + b[1] + ROUNDING * (np.abs(a[0]) + np.abs(b[0]))
 
 
-def joined(parts, axis):
+def joined(pairs, axis):
     """Return pairs of an array and its error bound, joined along the axis."""
-    return tuple(concatenated(part, axis) for part in zip(*parts, strict=True))
+    return tuple(concatenated(arrays, axis) for arrays in zip(*pairs, strict=True))

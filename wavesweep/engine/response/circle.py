@@ -17,7 +17,7 @@ class Circle:
     def __init__(self, frequency, rate: float, ratio: int):
         self.frequency, self.rate, self.ratio = frequency, rate, ratio
         self.cycles = frequency / rate
-        self.known = np.ones((1, frequency.size), complex)
+        self.powers = np.ones((1, frequency.size), complex)
         product, error = _product(self.cycles, rate)
         self.high, self.low = _halves(self.cycles)
         self.rest = ((frequency - product) - error) / rate
@@ -30,8 +30,8 @@ class Circle:
 
     def angle(self, count: int):
         """Return `w count T`, rad, less full turns."""
-        whole = np.round(self.cycles * count)
-        return 2 * np.pi * (((self.high * count - whole) + self.low * count) + self.rest * count)
+        turns = np.round(self.cycles * count)
+        return 2 * np.pi * (((self.high * count - turns) + self.low * count) + self.rest * count)
 
     def turn(self, count: int):
         """Return `exp(j w count T)`."""
@@ -44,9 +44,9 @@ class Circle:
 
     def ladder(self, count: int):
         """`exp(j w i T)` for the first ticks i of a frame, `(count, points)`."""
-        while len(self.known) < count:  # always doubled, so that bits do not depend on what was asked before
-            self.known = np.concatenate([self.known, self.known * self.turn(len(self.known))])
-        return self.known[:count]
+        while len(self.powers) < count:  # always doubled, so that bits do not depend on what was asked before
+            self.powers = np.concatenate([self.powers, self.powers * self.turn(len(self.powers))])
+        return self.powers[:count]
 
     @cached_property
     def tick(self):

@@ -17,41 +17,41 @@ def with_displacements(drawn: MultirateLoop, drift: TickDrift) -> tuple[Multirat
     A block whose state only keeps the position x of a mass, and whose output is `c (x[k] - x[k-1])`, is one with the state
     `c (x[k] - x[k-1])`, which no drift moves. All runs in every tick. The states keep their names.
     """
-    placed, sums = {each.block.name: each for each in drawn.placed}, dict(drawn.sums)
+    placed, sums = {scheduled.block.name: scheduled for scheduled in drawn.placed}, dict(drawn.sums)
     leads, gone = {drift.states[lead] for lead, _ in drift.moved}, set()
-    for name, each in list(placed.items()):
+    for name, scheduled in list(placed.items()):
         source = sums.get(f"{name}.u", {})
         mass, _, port = next(iter(source), "").rpartition(".")
         state = f"{name}.u1"
-        if not _is_difference(each) or len(source) != 1 or state in leads or not _is_mass(placed.get(mass), port):
+        if not _is_difference(scheduled) or len(source) != 1 or state in leads or not _is_mass(placed.get(mass), port):
             continue
         placed[mass] = replace(placed[mass], block=_with_displacement(placed[mass].block))
-        block = each.block
+        block = scheduled.block
         E, B, C, D = np.array([[-1.0]]), block.D, np.ones((1, 1)), np.zeros((1, 1))
-        placed[name] = replace(each, block=Block(name, block.inputs, block.outputs, block.states, E, B, C, D))
+        placed[name] = replace(scheduled, block=Block(name, block.inputs, block.outputs, block.states, E, B, C, D))
         sums[f"{name}.u"] = {f"{mass}.{DISPLACEMENT}": next(iter(source.values()))}
         gone.add(drift.states.index(state))
-    moved = tuple((lead, tuple(pair for pair in others if pair[0] not in gone)) for lead, others in drift.moved)
+    moved = tuple((lead, tuple(pair for pair in moved if pair[0] not in gone)) for lead, moved in drift.moved)
     return replace(drawn, placed=tuple(placed.values()), sums=sums), replace(drift, moved=moved)
 
 
-def _is_difference(each):
-    block = each.block
-    kept = block.states == ("u1",) and each.every == 1 and block.E.shape[-2:] == block.B.shape[-2:] == (1, 1)
-    return kept and bool(np.all(block.E == -1) and np.all(block.B == 1) and np.all(block.C == -block.D))
+def _is_difference(scheduled):
+    block = scheduled.block
+    if block.states != ("u1",) or scheduled.every != 1 or not block.E.shape[-2:] == block.B.shape[-2:] == (1, 1):
+        return False
+    return bool(np.all(block.E == -1) and np.all(block.B == 1) and np.all(block.C == -block.D))
 
 
-def _is_mass(each, port):
-    return each is not None and each.every == 1 and each.block.states == ("v", "x") and port == "x"
+def _is_mass(scheduled, port):
+    return scheduled is not None and scheduled.every == 1 and scheduled.block.states == ("v", "x") and port == "x"
 
 
 def _with_displacement(block):
     if DISPLACEMENT in block.outputs:
         return block
-    parts, terms = ((block.E, block.B, block.C, block.D), block.terms)
-    both = [(*some[:2], *_rows(*some)) for some in (parts, terms) if some]
-    fields = dict(zip("EBCD", both[0], strict=True))
-    return replace(block, outputs=(*block.outputs, DISPLACEMENT), **fields, terms=both[1] if terms else None, at_rest=None)
+    C, D = _rows(block.E, block.B, block.C, block.D)
+    terms = block.terms and (*block.terms[:2], *_rows(*block.terms))
+    return replace(block, outputs=(*block.outputs, DISPLACEMENT), C=C, D=D, terms=terms, at_rest=None)
 
 
 def _rows(E, B, C, D):

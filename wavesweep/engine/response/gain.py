@@ -1,7 +1,6 @@
 """Worst-case gain: the largest singular value of the lifted map from the hand's forces of a frame to its positions."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
@@ -25,12 +24,14 @@ def gain_of(loop: Lifted) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     if it is unbounded; both are NaN if the value is not known. A loop that is the same in every tick mixes no images: its gain
     is the size of its admittance.
     """
-    return partial(_of_one_tick, loop) if loop.frame.ticks == 1 else Gain(loop)
+    if loop.frame.ticks > 1:
+        return Gain(loop)
 
+    def size_of_admittance(frequency_hz):
+        response = respond(loop, frequency_hz)
+        return np.abs(response.admittance), response.admittance_error
 
-def _of_one_tick(loop, frequency_hz):
-    found = respond(loop, frequency_hz)
-    return np.abs(found.admittance), found.admittance_error
+    return size_of_admittance
 
 
 class Gain:
@@ -45,7 +46,7 @@ class Gain:
         self.loop, (self.frame, self.lost) = loop, loop.of_positions
         with np.errstate(all="ignore"):
             self.n = self.frame.E[0].shape[-1]
-            (O, self.dO), (G, dG) = (part[..., -1, :, :] for part in self.frame.seen), self.frame.left
+            (O, self.dO), (G, dG) = (rows[..., -1, :, :] for rows in self.frame.observability), self.frame.controllability
             self.size, factoring = (
                 np.abs(O),
                 2 * self.n * ROUNDING,
@@ -68,11 +69,11 @@ class Gain:
         width = max(1, BLOCK // (max(1, self.lost.size) * ticks * (ticks if ticks <= DENSE else self.n)))
         with np.errstate(all="ignore"):
             for start in range(0, bounded.size, width):
-                which = bounded[start : start + width]
-                value, error = self._at(self.loop.circle(frequency[which]).frame)
+                index = bounded[start : start + width]
+                value, error = self._at(self.loop.circle(frequency[index]).frame)
                 off = error / value + self.n * ROUNDING
-                known = (off < LOST) & ~self.lost[..., None]
-                gain[..., which], relative[..., which] = (np.where(known, part, np.nan) for part in (value, off))
+                good = (off < LOST) & ~self.lost[..., None]
+                gain[..., index], relative[..., index] = np.where(good, value, np.nan), np.where(good, off, np.nan)
         return gain, np.where(self.lost[..., None], np.nan, relative)
 
     def _at(self, w):
@@ -87,27 +88,26 @@ class Gain:
         core = self.corner[..., None, :, :] @ X
         finite = np.isfinite(core).all((-1, -2))
         core = np.where(finite[..., None, None], core, 0)
-        value = self._dense(core) if self.frame.ticks <= DENSE else self._lanczos(core)
+        if self.frame.ticks <= DENSE:
+            H = self.left[..., None, :, :] @ core @ np.swapaxes(self.right, -1, -2)[..., None, :, :]
+            H += self.frame.impulse_map()[..., None, :, :]
+            value = np.sqrt(np.linalg.eigvalsh(np.swapaxes(H.conj(), -1, -2) @ H)[..., -1])
+        else:
+            value = self._lanczos(core)
         return np.where(finite, value, np.nan), error
-
-    def _dense(self, core):
-        """Return the largest singular value from the whole matrix A, the root of the largest eigenvalue of `A' A`."""
-        whole = self.left[..., None, :, :] @ core @ np.swapaxes(self.right, -1, -2)[..., None, :, :]
-        whole += self.frame.whole()[..., None, :, :]
-        return np.sqrt(np.linalg.eigvalsh(np.swapaxes(whole.conj(), -1, -2) @ whole)[..., -1])
 
     def _lanczos(self, core):
         """Return the largest singular value by Golub-Kahan-Lanczos with full reorthogonalisation, all points at once."""
         shape, ticks, rank = core.shape[:-2], self.frame.ticks, core.shape[-2:]
-        which = np.repeat(np.arange(int(np.prod(shape[:-1], dtype=int))), shape[-1])
-        left, right = (part.reshape(-1, *part.shape[-2:])[which] for part in (self.left, self.right))
+        loop = np.repeat(np.arange(int(np.prod(shape[:-1], dtype=int))), shape[-1])
+        left, right = (basis.reshape(-1, *basis.shape[-2:])[loop] for basis in (self.left, self.right))
         core = core.reshape(-1, *rank)
         turned = np.swapaxes(core.conj(), -1, -2)
 
         def apply(v, back):
-            own = applied(self.frame, v[..., None].view(float), which, adjoint=back).view(complex)[..., 0]
+            direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(complex)[..., 0]
             into, out, middle = (left, right, turned) if back else (right, left, core)
-            return own + (out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None])))[..., 0]
+            return direct + (out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None])))[..., 0]
 
         v = apply(np.ones((len(core), ticks), complex), back=True)
         mixed = np.random.default_rng(0).normal(size=ticks)  # the same always, and a part of every singular vector
@@ -124,8 +124,8 @@ class Gain:
             if settled.all():
                 break
             v = apply(band[-1], back=True)
-            for known in basis * 2:
-                v = v - known * (known.conj() * v).sum(-1, keepdims=True)
+            for vector in basis * 2:
+                v = v - vector * (vector.conj() * v).sum(-1, keepdims=True)
         return best.reshape(shape)
 
 
@@ -134,38 +134,38 @@ def _norm(v):
     return np.where(size > 0, size, 1)
 
 
-def applied(frame: Stretch, v, which, *, adjoint: bool):
+def applied(frame: Stretch, v, loop, *, adjoint: bool):
     """Return the positions of a frame for its forces v, `(vectors, ticks, columns)`, real; adjoint: the transposed map.
 
-    which: the loop of each vector. What the forces of one part of a long frame do in the other goes through the state.
+    loop: that of each vector. What the forces of one half of a long frame do in the other goes through the state.
     """
-    if frame.inner:
-        own = _of_loops(frame.inner[0], which)
-        return (np.swapaxes(own, -1, -2) if adjoint else own) @ v
+    if frame.impulse:
+        H = _of_loops(frame.impulse[0], loop)
+        return (np.swapaxes(H, -1, -2) if adjoint else H) @ v
     first, second, ticks = frame.first, frame.second, frame.first.ticks
-    parts = v[:, :ticks], v[:, ticks:]
-    found = [applied(part, some, which, adjoint=adjoint) for part, some in zip((first, second), parts, strict=True)]
-    seen, left = _of_loops(second.seen[0][..., -1, :, :], which), _of_loops(first.left[0], which)
+    early, late = v[:, :ticks], v[:, ticks:]
+    results = [applied(first, early, loop, adjoint=adjoint), applied(second, late, loop, adjoint=adjoint)]
+    O, G = _of_loops(second.observability[0][..., -1, :, :], loop), _of_loops(first.controllability[0], loop)
     if adjoint:
-        found[0] += np.swapaxes(left, -1, -2) @ (np.swapaxes(seen, -1, -2) @ parts[1])
+        results[0] += np.swapaxes(G, -1, -2) @ (np.swapaxes(O, -1, -2) @ late)
     else:
-        found[1] += seen @ (left @ parts[0])
-    return np.concatenate(found, axis=-2)
+        results[1] += O @ (G @ early)
+    return np.concatenate(results, axis=-2)
 
 
-def _of_loops(part, which):
-    part = part.reshape(-1, *part.shape[-2:])
-    return part[which] if len(part) > 1 else part
+def _of_loops(matrices, loop):
+    matrices = matrices.reshape(-1, *matrices.shape[-2:])
+    return matrices[loop] if len(matrices) > 1 else matrices
 
 
 def norm_of_errors(frame: Stretch) -> np.ndarray:
     """Return the Frobenius norm of the errors of the map from a frame's forces to its positions, `(...)`."""
-    if frame.inner:
-        return np.sqrt((frame.inner[1] ** 2).sum((-2, -1)))
-    seen, dseen = (part[..., -1, :, :] for part in frame.second.seen)
-    left, dleft = frame.first.left
-    size = np.abs(left)
-    across = norm_of_product(dseen, size) + norm_of_product(np.abs(seen), dleft + ROUNDING * size)
+    if frame.impulse:
+        return np.sqrt((frame.impulse[1] ** 2).sum((-2, -1)))
+    O, dO = (rows[..., -1, :, :] for rows in frame.second.observability)
+    G, dG = frame.first.controllability
+    size = np.abs(G)
+    across = norm_of_product(dO, size) + norm_of_product(np.abs(O), dG + ROUNDING * size)
     return np.sqrt(norm_of_errors(frame.first) ** 2 + norm_of_errors(frame.second) ** 2 + across**2)
 
 

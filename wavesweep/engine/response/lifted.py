@@ -15,6 +15,7 @@ from wavesweep.engine.response.bounded_sums import joined, long_sum, plus, times
 from wavesweep.engine.response.circle import Circle, circle_of
 from wavesweep.engine.response.modal import Modal
 from wavesweep.engine.response.port import Port, reached
+from wavesweep.engine.state_space import StateSpace
 
 LEAF = 64  # ticks up to which the outputs for forces of the same stretch are kept as a matrix
 HUGE = 1e100  # entries whose squares are next to overflow
@@ -24,97 +25,103 @@ HUGE = 1e100  # entries whose squares are next to overflow
 class Stretch:
     """Some ticks in a row; all arrays come as pairs with bounds on the errors of their entries.
 
-    E `(..., n, n)`: the change of the state. seen `(..., p, ticks, n)`: the outputs in each tick for the state before the
-    first. left `(..., n, ticks)`: what the force of each tick adds to the state after the last. For forces of the same stretch:
-    own `(..., p, ticks)` has the sums of outputs over equal numbers of ticks since a force, and inner `(..., ticks, ticks)`
-    the last output in each tick. A stretch of more than LEAF ticks has two parts, `first` and `second`, in place of these.
-    kept, rows: which of their states and outputs it has, if not all.
+    E `(..., n, n)`: the change of the state. observability `(..., p, ticks, n)`: the outputs in each tick for the state before
+    the first. controllability `(..., n, ticks)`: what the force of each tick adds to the state after the last. For forces of
+    the same stretch: forced `(..., p, ticks)` has the sums of outputs over equal numbers of ticks since a force, and impulse
+    `(..., ticks, ticks)` the last output in each tick. A stretch of more than LEAF ticks has two halves, `first` and `second`,
+    in place of these. state_index, rows: which of their states and outputs it has, if not all.
     """
 
     E: tuple
-    seen: tuple
-    left: tuple
-    own: tuple | None
-    inner: tuple | None
+    observability: tuple
+    controllability: tuple
+    forced: tuple | None
+    impulse: tuple | None
     first: "Stretch | None" = None
     second: "Stretch | None" = None
-    kept: np.ndarray | slice | None = None
+    state_index: np.ndarray | slice | None = None
     rows: slice = field(default_factory=lambda: slice(None))
 
     @staticmethod
     def of(port: Port) -> "Stretch":
         """Return the port's frame; repeated stretches are joined once."""
         ticks = []
-        for parts, sizes in zip(port.maps, port.sizes, strict=True):
-            E, B, C, D = (np.broadcast_arrays(part, ENTRIES * size) for part, size in zip(parts, sizes, strict=True))
-            ticks.append(Stretch(E, [part[..., None, :] for part in C], B, D, [part[..., -1:, :] for part in D]))
+        for matrices, sizes in zip(port.maps, port.sizes, strict=True):
+            E, B, C, D = (np.broadcast_arrays(matrix, ENTRIES * size) for matrix, size in zip(matrices, sizes, strict=True))
+            ticks.append(Stretch(E, [rows[..., None, :] for rows in C], B, D, [rows[..., -1:, :] for rows in D]))
         return in_a_row(port.kind.tolist(), ticks, _joined)
 
     @property
     def ticks(self) -> int:
         """Number of ticks."""
-        return self.left[0].shape[-1]
+        return self.controllability[0].shape[-1]
 
     def showing(self, rows: slice) -> "Stretch":
         """Return the frame with some outputs, and the states that these need to know of it."""
-        n, seen = self.E[0].shape[-1], [part[..., rows, :, :] for part in self.seen]
+        n, observability = self.E[0].shape[-1], [outputs[..., rows, :, :] for outputs in self.observability]
         reads = ((self.E[0] + np.eye(n)) != 0).reshape(-1, n, n).any(0)
-        kept = reached((seen[0] != 0).reshape(-1, n).any(0), reads)
-        E, left = [part[..., kept[:, None], kept] for part in self.E], [part[..., kept, :] for part in self.left]
-        own = self.own and [part[..., rows, :] for part in self.own]
-        return replace(self, E=E, seen=[part[..., kept] for part in seen], left=left, own=own, kept=kept, rows=rows)
+        index = reached((observability[0] != 0).reshape(-1, n).any(0), reads)
+        return replace(
+            self,
+            E=[change[..., index[:, None], index] for change in self.E],
+            observability=[outputs[..., index] for outputs in observability],
+            controllability=[states[..., index, :] for states in self.controllability],
+            forced=self.forced and [outputs[..., rows, :] for outputs in self.forced],
+            state_index=index,
+            rows=rows,
+        )
 
     @cached_property
     def sizes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sums over the ticks of the sizes of `seen`, `(..., p, n)`, and of `left`, `(..., n, 1)`."""
-        return np.abs(self.seen[0]).sum(-2), np.abs(self.left[0]).sum(-1, keepdims=True)
+        """Sums over the ticks of the sizes of `observability`, `(..., p, n)`, and of `controllability`, `(..., n, 1)`."""
+        return np.abs(self.observability[0]).sum(-2), np.abs(self.controllability[0]).sum(-1, keepdims=True)
 
     @cached_property
-    def size_of_own(self) -> np.ndarray:
+    def forced_size(self) -> np.ndarray:
         """Sum of the sizes of the terms of the outputs for forces of the same stretch, `(..., p)`."""
-        if self.own:
-            return np.abs(self.own[0]).sum(-1)
+        if self.forced:
+            return np.abs(self.forced[0]).sum(-1)
         across = (self.second.sizes[0] @ self.first.sizes[1])[..., 0]
-        return (self.first.size_of_own + self.second.size_of_own + across)[..., self.rows]
+        return (self.first.forced_size + self.second.forced_size + across)[..., self.rows]
 
-    def whole(self, part: int = 0) -> np.ndarray:
-        """Return the map from all forces to the last output in each tick, for the state 0; part: 1 for errors."""
-        if self.inner:
-            return self.inner[part]
-        first, second, across = self.first.whole(part), self.second.whole(part), self.across[part]
-        return _triangular(first, across, second)
+    def impulse_map(self, index: int = 0) -> np.ndarray:
+        """Return the map from all forces to the last output in each tick, for the state 0; index: 1 for its errors."""
+        if self.impulse:
+            return self.impulse[index]
+        return _triangular(self.first.impulse_map(index), self.across[index], self.second.impulse_map(index))
 
     @property
     def across(self) -> tuple:
-        """The map from forces of the first part to the last output in the second, a pair."""
-        return times([part[..., -1, :, :] for part in self.second.seen], self.first.left)
+        """The map from forces of the first half to the last output in the second, a pair."""
+        return times([outputs[..., -1, :, :] for outputs in self.second.observability], self.first.controllability)
 
 
 def _joined(first, second):
     """Return one stretch after the other."""
     eye = np.eye(first.E[0].shape[-1])
-    before, after = ((eye + each.E[0], each.E[1]) for each in (first, second))
+    before, after = (eye + first.E[0], first.E[1]), (eye + second.E[0], second.E[1])
     E = then(first.E[0], second.E[0]), both(first.E, second.E)[1]
-    seen = joined((first.seen, times(second.seen, [part[..., None, :, :] for part in before])), -2)
-    left = joined((times(after, first.left), second.left), -1)
+    carried = times(second.observability, [states[..., None, :, :] for states in before])
+    observability = joined((first.observability, carried), -2)
+    controllability = joined((times(after, first.controllability), second.controllability), -1)
     if first.ticks + second.ticks > LEAF:
-        return Stretch(E, seen, left, None, None, first, second)
-    later = times(second.seen, [part[..., None, :, :] for part in first.left])
-    own = plus(plus(_padded(first.own, second.ticks), _padded(second.own, first.ticks)), _over_lags(later))
-    across = [part[..., -1, :, :] for part in later]
-    return Stretch(E, seen, left, own, [_triangular(*parts) for parts in zip(first.inner, across, second.inner, strict=True)])
+        return Stretch(E, observability, controllability, None, None, first, second)
+    later = times(second.observability, [states[..., None, :, :] for states in first.controllability])
+    forced = plus(plus(_padded(first.forced, second.ticks), _padded(second.forced, first.ticks)), _over_lags(later))
+    corners = zip(first.impulse, [outputs[..., -1, :, :] for outputs in later], second.impulse, strict=True)
+    return Stretch(E, observability, controllability, forced, [_triangular(*blocks) for blocks in corners])
 
 
 def _triangular(first, across, second):
     """Return the map of two stretches from those of both, and from the first to the second."""
-    batch, rows = np.broadcast_shapes(*(part.shape[:-2] for part in (first, across, second))), first.shape[-1]
-    whole = np.zeros((*batch, rows + second.shape[-1], rows + second.shape[-1]))
-    whole[..., :rows, :rows], whole[..., rows:, :rows], whole[..., rows:, rows:] = first, across, second
-    return whole
+    batch, rows = np.broadcast_shapes(*(block.shape[:-2] for block in (first, across, second))), first.shape[-1]
+    joint = np.zeros((*batch, rows + second.shape[-1], rows + second.shape[-1]))
+    joint[..., :rows, :rows], joint[..., rows:, :rows], joint[..., rows:, rows:] = first, across, second
+    return joint
 
 
 def _padded(pair, count):
-    return tuple(np.concatenate([part, np.zeros((*part.shape[:-1], count))], axis=-1) for part in pair)
+    return tuple(np.concatenate([sums, np.zeros((*sums.shape[:-1], count))], axis=-1) for sums in pair)
 
 
 def _over_lags(later):
@@ -122,73 +129,73 @@ def _over_lags(later):
 
     later: a pair of `(..., second, first)`. Their ticks together are the length of the result.
     """
-    found = []
-    for part in (later[0], later[1] + ROUNDING * np.abs(later[0])):
-        second, first = part.shape[-2:]
-        wide = np.zeros((*part.shape[:-2], second, first + second))  # each row, put into shorter ones, is shifted by one more
-        wide[..., :first] = part[..., ::-1]
-        wide = wide.reshape(*part.shape[:-2], -1)[..., : second * (first + second - 1)]
-        sums = wide.reshape(*part.shape[:-2], second, first + second - 1).sum(-2)
-        found.append(np.concatenate([np.zeros((*sums.shape[:-1], 1)), sums], axis=-1))
-    return tuple(found)
+    pair = []
+    for impulse in (later[0], later[1] + ROUNDING * np.abs(later[0])):
+        batch, (second, first) = impulse.shape[:-2], impulse.shape[-2:]
+        wide = np.zeros((*batch, second, first + second))  # each row, put into shorter ones, is shifted by one more
+        wide[..., :first] = impulse[..., ::-1]
+        wide = wide.reshape(*batch, -1)[..., : second * (first + second - 1)]
+        sums = wide.reshape(*batch, second, first + second - 1).sum(-2)
+        pair.append(np.concatenate([np.zeros((*sums.shape[:-1], 1)), sums], axis=-1))
+    return tuple(pair)
 
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """A stretch under the force z^i in tick i: the outputs' sums over its ticks, each times z^-i, are `rows X + own`.
+    """A stretch under the force z^i in tick i: the outputs' sums over its ticks, each times z^-i, are `rows X + forced`.
 
-    rows `(..., p, points, n)`; own `(..., p, points)`; left `(..., n, points)`: what the force adds to the state. Each is
-    followed by a bound on its error, drows `(..., p, n)`, down `(..., p, points)`, dleft `(..., n, 1)`.
+    rows `(..., p, points, n)`; forced `(..., p, points)`; driven `(..., n, points)`: what the force adds to the state. Each is
+    followed by a bound on its error, drows `(..., p, n)`, dforced `(..., p, points)`, ddriven `(..., n, 1)`.
     """
 
     rows: np.ndarray
     drows: np.ndarray
-    own: np.ndarray
-    down: np.ndarray
-    left: np.ndarray
-    dleft: np.ndarray
+    forced: np.ndarray
+    dforced: np.ndarray
+    driven: np.ndarray
+    ddriven: np.ndarray
 
     @staticmethod
-    def of(stretch: Stretch, points, known: dict | None = None) -> "Sums":
-        """Return the sums at these points of the circle (see `Circle`); known: those of its parts, by identity."""
-        known = {} if known is None else known
-        if id(stretch) not in known:
-            known[id(stretch)] = _of_leaf(stretch, points) if stretch.own else _of_parts(stretch, points, known)
-        return known[id(stretch)]
+    def of(stretch: Stretch, points, memo: dict | None = None) -> "Sums":
+        """Return the sums at these points of the circle (see `Circle`); memo: those of its halves, by identity."""
+        memo = {} if memo is None else memo
+        if id(stretch) not in memo:
+            memo[id(stretch)] = _of_leaf(stretch, points) if stretch.forced else _of_halves(stretch, points, memo)
+        return memo[id(stretch)]
 
 
 def _of_leaf(stretch, points):
     z, rough = points.ladder(stretch.ticks), long_sum(stretch.ticks)
     real, imag = z.real.copy(), z.imag.copy()  # contiguous, as BLAS wants them
-    (seen, dseen), (own, down), (left, dleft) = stretch.seen, stretch.own, stretch.left
+    (O, dO), (forced, dforced), (G, dG) = stretch.observability, stretch.forced, stretch.controllability
     size, most = stretch.sizes
     return Sums(
-        real.T @ seen - 1j * (imag.T @ seen),
-        dseen.sum(-2) + rough * size,
-        own @ real - 1j * (own @ imag),
-        (down + rough * np.abs(own)).sum(-1, keepdims=True),
-        left @ real + 1j * (left @ imag),
-        dleft.sum(-1, keepdims=True) + rough * most,
+        real.T @ O - 1j * (imag.T @ O),
+        dO.sum(-2) + rough * size,
+        forced @ real - 1j * (forced @ imag),
+        (dforced + rough * np.abs(forced)).sum(-1, keepdims=True),
+        G @ real + 1j * (G @ imag),
+        dG.sum(-1, keepdims=True) + rough * most,
     )
 
 
-def _of_parts(stretch, points, known):
-    (first, second), eye = (stretch.first, stretch.second), np.eye(stretch.first.E[0].shape[-1])
-    a, b = (Sums.of(each, points, known) for each in (first, second))
-    (before, dbefore), (after, dafter) = ((eye + each.E[0], each.E[1]) for each in (first, second))
+def _of_halves(stretch, points, memo):
+    first, second, eye = stretch.first, stretch.second, np.eye(stretch.first.E[0].shape[-1])
+    a, b = Sums.of(first, points, memo), Sums.of(second, points, memo)
+    before, dbefore, after, dafter = eye + first.E[0], first.E[1], eye + second.E[0], second.E[1]
     turn, size, most = points.turn(first.ticks), second.sizes[0], first.sizes[1]
     unsure = dbefore + ROUNDING * np.abs(before), dafter + ROUNDING * np.abs(after)
     back = turn.conj()
-    shown = (b.rows * np.swapaxes(a.left, -1, -2)[..., None, :, :]).sum(-1)
-    kept, some = slice(None) if stretch.kept is None else stretch.kept, stretch.rows
-    rounding = [ROUNDING * part for part in stretch.sizes]
+    carried = (b.rows * np.swapaxes(a.driven, -1, -2)[..., None, :, :]).sum(-1)
+    index, rows = slice(None) if stretch.state_index is None else stretch.state_index, stretch.rows
+    rounding = [ROUNDING * sizes for sizes in stretch.sizes]
     return Sums(
-        (a.rows + back[:, None] * (b.rows @ before[..., None, :, :]))[..., some, :, kept],
-        (a.drows + b.drows @ np.abs(before) + size @ unsure[0])[..., some, kept] + rounding[0],
-        (a.own + b.own + back * shown)[..., some, :],
-        (a.down + b.down + b.drows @ most + size @ (a.dleft + ROUNDING * most))[..., some, :],
-        (after @ a.left + turn * b.left)[..., kept, :],
-        (np.abs(after) @ a.dleft + b.dleft + unsure[1] @ most)[..., kept, :] + rounding[1],
+        (a.rows + back[:, None] * (b.rows @ before[..., None, :, :]))[..., rows, :, index],
+        (a.drows + b.drows @ np.abs(before) + size @ unsure[0])[..., rows, index] + rounding[0],
+        (a.forced + b.forced + back * carried)[..., rows, :],
+        (a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + ROUNDING * most))[..., rows, :],
+        (after @ a.driven + turn * b.driven)[..., index, :],
+        (np.abs(after) @ a.ddriven + b.ddriven + unsure[1] @ most)[..., index, :] + rounding[1],
     )
 
 
@@ -196,12 +203,12 @@ def _of_parts(stretch, points, known):
 class Lifted:
     """Loops over a frame, ready for any frequency.
 
-    whole: their ticks in a row, with the outputs of the port and the position at the beginning of each tick. frame: the same
-    without the position and all that only this depends on. lost: which loops overflow in it, and are left at 0.
+    with_position: their ticks in a row, with the outputs of the port and the position at the beginning of each tick. frame: the
+    same without the position and all that only this depends on. lost: which loops overflow in it, and are left at 0.
     """
 
     port: Port
-    whole: Stretch
+    with_position: Stretch
     frame: Stretch
     lost: np.ndarray
 
@@ -209,11 +216,11 @@ class Lifted:
     def of(port: Port) -> "Lifted":
         """Return the loops over the port's frame."""
         with np.errstate(all="ignore"):  # a frame that overflows is found here
-            whole = Stretch.of(_with_position(port))
-            lost = np.broadcast_to(~_all(whole, np.isfinite), port.batch)
+            frame = Stretch.of(_with_position(port))
+            lost = np.broadcast_to(~_all(frame, np.isfinite), port.batch)
             if lost.any():
-                whole = Stretch.of(_with_position(_without(port, lost)))
-        return Lifted(port, whole, whole.showing(slice(0, port.outputs)), lost)
+                frame = Stretch.of(_with_position(_without(port, lost)))
+        return Lifted(port, frame, frame.showing(slice(0, port.outputs)), lost)
 
     @property
     def order(self) -> int:
@@ -233,13 +240,13 @@ class Lifted:
     @cached_property
     def bordered(self) -> Bordered:
         """The larger system, for what modes do not give."""
-        return Bordered(self.port.seen(), Stretch.of, Sums.of)
+        return Bordered(self.port.observable(), Stretch.of, Sums.of)
 
     @cached_property
     def of_positions(self) -> "tuple[Stretch, np.ndarray]":
         """The frame with the position as its only output, and which loops have numbers there whose squares overflow."""
-        frame = self.whole.showing(slice(self.port.outputs, None))
-        huge = ~_all(frame, lambda part: np.abs(part) < HUGE) & ~self.lost
+        frame = self.with_position.showing(slice(self.port.outputs, None))
+        huge = ~_all(frame, lambda entries: np.abs(entries) < HUGE) & ~self.lost
         if huge.any():
             frame = Stretch.of(_with_position(_without(self.port, huge | self.lost))).showing(slice(self.port.outputs, None))
         return frame, huge | self.lost
@@ -247,7 +254,7 @@ class Lifted:
     def stable_for_sure(self) -> np.ndarray:
         """Return which loops are stable whatever rounding does, `(...)`, by Gershgorin's discs about their eigenvalues."""
         n = self.port.maps[0][0].shape[-1]
-        E, dE = (part[..., :n, :n] for part in self.whole.E)
+        E, dE = (matrix[..., :n, :n] for matrix in self.with_position.E)
         with np.errstate(all="ignore"):
             poles, V = np.linalg.eig(E)
             into = solve(V.astype(complex), np.broadcast_to(np.eye(n), V.shape))
@@ -261,51 +268,52 @@ class Lifted:
 
 
 def _all(frame, test):
-    parts = (*frame.E, *frame.left, *(part.reshape(*part.shape[:-3], -1, part.shape[-1]) for part in frame.seen))
-    return np.logical_and.reduce(np.broadcast_arrays(*(test(part).all((-1, -2)) for part in parts)))
+    rows = (outputs.reshape(*outputs.shape[:-3], -1, outputs.shape[-1]) for outputs in frame.observability)
+    matrices = (*frame.E, *frame.controllability, *rows)
+    return np.logical_and.reduce(np.broadcast_arrays(*(test(matrix).all((-1, -2)) for matrix in matrices)))
 
 
 def _without(port, lost):
     """Return the port with zeros in place of the loops that are lost."""
-    gone = lost[..., None, None]
+    lost = lost[..., None, None]
     maps, sizes = (
-        tuple(tuple(np.where(gone, 0.0, part) for part in each) for each in parts) for parts in (port.maps, port.sizes)
+        tuple(StateSpace(*(np.where(lost, 0.0, matrix) for matrix in tick)) for tick in ticks)
+        for ticks in (port.maps, port.sizes)
     )
     return replace(port, maps=maps, sizes=sizes)
 
 
 def _with_position(port):
     """Return the port with the position at the beginning of each tick as a further output, a state more if it drifts."""
-    drifts, n = port.position is None, port.maps[0][0].shape[-1]
-    found = []
-    for parts, sign in ((port.maps, 1), (port.sizes, -1)):
-        several = []
-        for E, B, C, D in parts:
-            batch = np.broadcast_shapes(*(part.shape[:-2] for part in (E, B, C, D)))
-            wide, more = np.zeros((*batch, n + drifts, n + drifts)), np.zeros((*batch, n + drifts, 1))
-            wide[..., :n, :n], more[..., :n, :] = E, B
-            C_wide, D_wide = np.zeros((*batch, port.outputs + 1, n + drifts)), np.zeros((*batch, port.outputs + 1, 1))
-            C_wide[..., :-1, :n], D_wide[..., :-1, :] = C, D
-            if drifts:
-                wide[..., n, :n], more[..., n, :], C_wide[..., -1, n] = C[..., 0, :], D[..., 0, :], 1.0
-            else:
-                C_wide[..., -1:, :] = port.position if sign > 0 else np.abs(port.position)
-            several.append((wide, more, C_wide, D_wide))
-        found.append(tuple(several))
-    return replace(port, maps=found[0], sizes=found[1])
+    maps = tuple(_tick_with_position(tick, port.position) for tick in port.maps)
+    row = None if port.position is None else np.abs(port.position)
+    return replace(port, maps=maps, sizes=tuple(_tick_with_position(tick, row) for tick in port.sizes))
 
 
-def over_frame(port: Port, ticks: int, *, positions: bool) -> tuple[np.ndarray, ...]:
-    """Return E, B, C and D of one loop over a frame, from the forces of its ticks (N) to the displacements in them (m).
+def _tick_with_position(tick, position):
+    drifts, (outputs, n) = position is None, tick.C.shape[-2:]
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in tick))
+    E, B = np.zeros((*batch, n + drifts, n + drifts)), np.zeros((*batch, n + drifts, 1))
+    C, D = np.zeros((*batch, outputs + 1, n + drifts)), np.zeros((*batch, outputs + 1, 1))
+    E[..., :n, :n], B[..., :n, :], C[..., :-1, :n], D[..., :-1, :] = tick
+    if drifts:
+        E[..., n, :n], B[..., n, :], C[..., -1, n] = tick.C[..., 0, :], tick.D[..., 0, :], 1.0
+    else:
+        C[..., -1:, :] = position
+    return StateSpace(E, B, C, D)
+
+
+def over_frame(port: Port, ticks: int, *, positions: bool) -> StateSpace:
+    """Return one loop over a frame, from the forces of its ticks (N) to the displacements in them (m).
 
     ticks: in a frame, if the loop's own is a single one. positions: to those at the starts of the ticks instead; one that
     drifts is then among the states.
     """
     port, row = (_with_position(port), slice(-1, None)) if positions else (port, slice(1))
-    maps, sizes = (tuple((E, B, C[row], D[row]) for E, B, C, D in parts) for parts in (port.maps, port.sizes))
+    maps, sizes = (tuple(StateSpace(E, B, C[row], D[row]) for E, B, C, D in ticks) for ticks in (port.maps, port.sizes))
     kind = np.tile(port.kind, ticks // port.kind.size)
     frame = Stretch.of(replace(port, kind=kind, maps=maps, sizes=sizes)).showing(slice(None))
-    return frame.E[0], frame.left[0], frame.seen[0][0], frame.whole()
+    return StateSpace(frame.E[0], frame.controllability[0], frame.observability[0][0], frame.impulse_map())
 
 
 def held_over_frame(drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[str, ...]) -> tuple[np.ndarray, ...]:
@@ -317,7 +325,7 @@ def held_over_frame(drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[
     columns = [ticks.maps[0].inputs.index(name) for name in inputs]
     n, first = len(ticks.states), ticks.maps[ticks.kind[0]]
     A, B = np.eye(n), np.zeros((n, len(columns)))
-    for each in (ticks.maps[kind] for kind in ticks.kind.tolist()):
-        A, B = A + each.E @ A, B + each.E @ B + each.B[:, columns]
-    seen = reached((first.C != 0).any(0), A != 0)
-    return A[np.ix_(seen, seen)], B[seen], first.C[:, seen], first.D[:, columns]
+    for tick in (ticks.maps[kind] for kind in ticks.kind.tolist()):
+        A, B = A + tick.E @ A, B + tick.E @ B + tick.B[:, columns]
+    index = reached((first.C != 0).any(0), A != 0)
+    return A[np.ix_(index, index)], B[index], first.C[:, index], first.D[:, columns]

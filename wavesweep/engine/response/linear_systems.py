@@ -1,10 +1,21 @@
 """Linear systems with bounds on the errors of their solutions, entry by entry."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.monodromy.unit_circle import solve
 from wavesweep.engine.response.modal import CLOSE
+
+
+class LinearSystem(NamedTuple):
+    """`A X = b`, `(..., n, n)` and `(..., n, k)`, with bounds dA and db on the errors of the entries."""
+
+    A: np.ndarray
+    dA: np.ndarray
+    b: np.ndarray
+    db: np.ndarray
 
 
 def solved(A, dA, b, db):
@@ -14,31 +25,21 @@ def solved(A, dA, b, db):
     error small in every entry (Skeel 1980); the bound is `|A^-1| (|residual| + dA |X| + db)`. The bound is infinite if the
     inverse is not accurate enough.
     """
-    row, column = _scales(A)
+    column = 1 / _largest(A, -2)  # factors that give A a largest entry of 1 in each row and column
+    row = 1 / _largest(A * column[..., None, :], -1)
+    column = column / _largest(A * row[..., :, None] * column[..., None, :], -2)
     S = A * row[..., :, None] * column[..., None, :]
     unsure = dA * row[..., :, None] * column[..., None, :]
     b, db = b * row[..., None], db * row[..., None]
-    inverse = _refined_inverse(S)
+    eye = np.eye(A.shape[-1])
+    inverse = solve(S, np.broadcast_to(eye, S.shape))
+    inverse = inverse + inverse @ (eye - S @ inverse)  # so that small rows are right as well, and bound small unknowns
     X = inverse @ b
     for _ in range(2):
         X = X + inverse @ (b - S @ X)
     left = np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ np.abs(X) + ROUNDING * np.abs(b) + db
-    off = np.abs(np.eye(A.shape[-1]) - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
+    off = np.abs(eye - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
     return X * column[..., None], error_of(inverse, off, left) * column[..., None]
-
-
-def _scales(A):
-    """Factors of rows and of columns that give A a largest entry of 1 in each."""
-    column = 1 / _largest(A, -2)
-    row = 1 / _largest(A * column[..., None, :], -1)
-    return row, column / _largest(A * row[..., :, None] * column[..., None, :], -2)
-
-
-def _refined_inverse(S):
-    """The inverse, refined, so that small rows of it are right as well, and bound small unknowns."""
-    eye = np.eye(S.shape[-1])
-    inverse = solve(S, np.broadcast_to(eye, S.shape))
-    return inverse + inverse @ (eye - S @ inverse)
 
 
 def error_of(inverse, off, left) -> np.ndarray:

@@ -1,5 +1,7 @@
 """The resolvent of a frame through its modes."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavesweep.engine.monodromy.rounding import ROUNDING
@@ -7,6 +9,19 @@ from wavesweep.engine.monodromy.unit_circle import solve
 
 CLOSE = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
 NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
+
+
+class ModalSolution(NamedTuple):
+    """X of `(w - E) X = b`, `(..., n, points)`, and three measures of its accuracy.
+
+    unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on the relative error of the
+    inverse.
+    """
+
+    X: np.ndarray
+    unsure: np.ndarray
+    gain: np.ndarray
+    off: np.ndarray
 
 
 class Modal:
@@ -23,12 +38,8 @@ class Modal:
         self.into = solve(self.vectors, eye)
         self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
 
-    def solve(self, w, b, db):
-        """Return X `(..., n, points)` of `(w - E) X = b`, and three measures of its accuracy: unsure, gain and off.
-
-        unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on the relative error of
-        the inverse. db: error of b.
-        """
+    def solve(self, w, b, db) -> ModalSolution:
+        """Return X of `(w - E) X = b` and how accurate it is; db: error of b."""
         factor, E = 1 / (w - self.poles[..., None]), self.E + 0j
         X = self.vectors @ (factor * (self.into @ b))
         for _ in range(2):
@@ -36,7 +47,7 @@ class Modal:
             X = X + self.vectors @ (factor * (self.into @ left))
         left, size, gain = b - w * X + E @ X, np.abs(X), np.abs(factor)
         unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
-        return X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
+        return ModalSolution(X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0))
 
     def bound(self, unsure, gain, off):
         """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see `solve`."""
@@ -49,7 +60,7 @@ class Modal:
         w, unsure, gain, off: of the points, see `solve`.
         """
         factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
-        unsure, gain = (np.swapaxes(part, -1, -2)[..., None] for part in (unsure, gain))
+        unsure, gain = (np.swapaxes(sizes, -1, -2)[..., None] for sizes in (unsure, gain))
         vectors, into = self.vectors[..., None, :, :], self.into[..., None, :, :]
         noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
         bound = np.swapaxes((np.abs((vectors * factor) @ into) @ unsure + noise)[..., 0], -1, -2)

@@ -8,6 +8,7 @@ import numpy as np
 
 from wavesweep.engine.response.lifted import Stretch
 from wavesweep.engine.response.port import Port
+from wavesweep.engine.state_space import StateSpace
 
 MOST_TICKS = 4096  # of a frame whose map from tick to tick is kept as a matrix
 ENTRIES = 50_000  # of maps over several frames that are summed together
@@ -15,7 +16,7 @@ WORK = 2e9  # multiplications, up to which the sum goes on
 SETTLED, KNOWN = 1e-6, 1e-2  # share of the sum that its rest may be: to stop, and to give a result at all
 
 
-class Peak(NamedTuple):
+class PeakGain(NamedTuple):
     """gain: at least the largest output under any input between -1 and 1, and more by `excess` at most. step: the largest
     output, at any time, after an input that is 0 before some tick and 1 from there on."""
 
@@ -24,7 +25,7 @@ class Peak(NamedTuple):
     step: float
 
 
-def peak_of(port: Port) -> Peak | None:
+def l1_norm(port: Port) -> PeakGain | None:
     """Return the peak gain of one loop from the input to the first output of its port; see `port_between`.
 
     With the frame `x' = A x + G u`, `y = O x + T u` the output in tick i of a frame is at most the sum over all ticks before of
@@ -35,21 +36,21 @@ def peak_of(port: Port) -> Peak | None:
 
     Accuracy: rounding, and `excess`.
     """
-    if not any(part.any() for _, B, _, D in port.maps for part in (B, D)):
-        return Peak(0.0, 0.0, 0.0)
+    if not any(matrix.any() for tick in port.maps for matrix in (tick.B, tick.D)):
+        return PeakGain(0.0, 0.0, 0.0)
     if port.kind.size > MOST_TICKS or port.outputs > 1:
         return None
     with np.errstate(all="ignore"):
         frame = Stretch.of(port).showing(slice(0, 1))
-        parts = frame.E[0], frame.left[0], frame.seen[0][0], frame.whole()
-        return _summed(*parts) if all(np.isfinite(part).all() for part in parts) else None
+        system = StateSpace(frame.E[0], frame.controllability[0], frame.observability[0][0], frame.impulse_map())
+        return _summed(*system) if all(np.isfinite(matrix).all() for matrix in system) else None
 
 
 def _summed(E, G, O, T):
     (n, ticks), row = G.shape, np.abs(T).sum(-1)
     step, before = np.abs(_from_each(T)).max(), T.sum(-1)
     if not (n and O.any() and G.any()):
-        return Peak(float(row.max()), 0.0, float(step))
+        return PeakGain(float(row.max()), 0.0, float(step))
     if not (np.abs(1 + np.linalg.eigvals(E)) < 1).all():
         return None
     once = max(1, min(ENTRIES // ticks**2, 1024))
@@ -58,9 +59,9 @@ def _summed(E, G, O, T):
         rows.append(rows[-1] @ A)
     rows, far, power, shown = np.concatenate(rows), np.linalg.matrix_power(A, once), np.eye(n), np.zeros_like(O)
     for _ in range(max(1, int(WORK / (rows.shape[0] * (n + 4) * ticks)))):
-        seen = rows @ power
-        maps = (seen @ G).reshape(once, ticks, ticks)
-        row, shown, sums = row + np.abs(maps).sum((0, -1)), shown + np.abs(seen).reshape(once, ticks, n).sum(0), maps.sum(-1)
+        later = rows @ power
+        maps = (later @ G).reshape(once, ticks, ticks)
+        row, shown, sums = row + np.abs(maps).sum((0, -1)), shown + np.abs(later).reshape(once, ticks, n).sum(0), maps.sum(-1)
         reached = before + np.concatenate([np.zeros((1, ticks)), np.cumsum(sums, 0)[:-1]])
         step = max(step, np.abs(_from_each(maps) + reached[..., None]).max())
         before, power = before + sums.sum(0), far @ power
@@ -69,7 +70,7 @@ def _summed(E, G, O, T):
             break
     if not excess <= KNOWN * row.max():
         return None
-    return Peak(float(row.max() + excess), float(excess), float(max(step, np.abs(before).max() + excess)))
+    return PeakGain(float(row.max() + excess), float(excess), float(max(step, np.abs(before).max() + excess)))
 
 
 def _rest(shown, power, into):

@@ -13,6 +13,7 @@ from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.engine.response.bounded_sums import long_sum
 from wavesweep.engine.response.encoder import with_displacements
+from wavesweep.engine.state_space import StateSpace
 
 STILL = 1e-9  # of the terms of a shift: a movement below it is rounding
 
@@ -36,8 +37,8 @@ class Port:
     each shift moves the position.
     """
 
-    maps: tuple[tuple[np.ndarray, ...], ...]
-    sizes: tuple[tuple[np.ndarray, ...], ...]
+    maps: tuple[StateSpace, ...]
+    sizes: tuple[StateSpace, ...]
     kind: np.ndarray
     period: float
     position: np.ndarray | None
@@ -51,7 +52,7 @@ class Port:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
-        return np.broadcast_shapes(*(part.shape[:-2] for each in self.maps for part in each))
+        return np.broadcast_shapes(*(matrix.shape[:-2] for tick in self.maps for matrix in tick))
 
     @property
     def axes(self) -> int:
@@ -81,11 +82,14 @@ class Port:
         """Relative error of sums over a frame."""
         return long_sum(self.kind.size)
 
-    def seen(self) -> "Port":
+    def observable(self) -> "Port":
         """Return the port without the states that no output depends on."""
-        alive = _alive(self.maps)
-        maps, sizes = (tuple(_some(each, alive) for each in parts) for parts in (self.maps, self.sizes))
-        return replace(self, maps=maps, sizes=sizes, position=None if self.position is None else self.position[..., alive])
+        states = _observable(self.maps)
+        maps, sizes = (
+            tuple(StateSpace(E[..., states[:, None], states], B[..., states, :], C[..., states], D) for E, B, C, D in ticks)
+            for ticks in (self.maps, self.sizes)
+        )
+        return replace(self, maps=maps, sizes=sizes, position=None if self.position is None else self.position[..., states])
 
 
 def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
@@ -98,32 +102,24 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
     ticks = ticks_of(drawn, ports.signals, terms=True)
     places = len(ports.forces)
     reads = ticks.maps[0].C[..., :places, :]
-    for at, position in enumerate(ports.signals[:places]):
-        if any(np.any(each.D[..., at, :]) or np.any(each.C[..., at, :] != reads[..., at, :]) for each in ticks.maps):
+    for row, position in enumerate(ports.signals[:places]):
+        if any(np.any(tick.D[..., row, :]) or np.any(tick.C[..., row, :] != reads[..., row, :]) for tick in ticks.maps):
             raise NoPositionError(f"[ports]: expected {OF_PLANT}, found {position}")
     shifts = _Shifts.of(ticks, drift, reads)
-    answers = ticks.maps[0].C[..., 1:2, :] if ports.reaction else None
-    share = shifts.seen(answers) if ports.reaction else None
-    moves = ports.reaction and shifts.move(answers)
-    force = [drawn.inputs.index(each) for each in ports.forces]
-    maps, sizes = [], []
-    for each in ticks.maps:
-        for of_sizes, parts, found in ((False, (each.E, each.B, each.C, each.D), maps), (True, each.terms, sizes)):
-            E, B, C, D = parts
-            B, D = B[..., force], D[..., force]
-            read = np.abs(reads) if of_sizes else reads
-            with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
-                first = read @ E, read @ B
-            rows = [first] + ([(C[..., 1:2, :], D[..., 1:2, :])] if ports.reaction else [])
-            if moves:
-                along = np.abs(share) + np.abs(answers) @ shifts.dN / ENTRIES if of_sizes else share
-                rows.append((along @ E[..., shifts.leads, :], along @ B[..., shifts.leads, :]))
-            found.append(shifts.counted((E, B), rows, (each.E, each.B[..., force]) if of_sizes else ()))
+
+    def outputs(tick, absolute):
+        read = np.abs(reads) if absolute else reads
+        with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
+            first = read @ tick.E, read @ tick.B
+        return [first] + ([(tick.C[..., 1:2, :], tick.D[..., 1:2, :])] if ports.reaction else [])
+
+    columns, reaction = [drawn.inputs.index(name) for name in ports.forces], ticks.maps[0].C[..., 1:2, :]
+    maps, sizes = _counted_maps(ticks, columns, shifts, reaction if ports.reaction else None, outputs)
     moving = shifts.move(reads)
-    position = None if moving and not ports.others else reads[..., shifts.kept]
-    seen = shifts.seen(reads)
-    drifts = int(np.linalg.matrix_rank(seen, rtol=STILL).max()) if moving else 0
-    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, position), drifts=drifts, moves=seen)
+    position = None if moving and not ports.others else reads[..., shifts.remaining]
+    moves = shifts.share_of(reads)
+    drifts = int(np.linalg.matrix_rank(moves, rtol=STILL).max()) if moving else 0
+    return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), drifts=drifts, moves=moves)
 
 
 def port_between(drawn: MultirateLoop, source: str, signal: str, drift: TickDrift) -> Port:
@@ -133,37 +129,52 @@ def port_between(drawn: MultirateLoop, source: str, signal: str, drift: TickDrif
     the share in the tick is a second output. drift: with the signal watched.
     """
     drawn, drift = with_displacements(drawn, drift)
-    ticks, column = ticks_of(drawn, (signal,), terms=True), slice(drawn.inputs.index(source), drawn.inputs.index(source) + 1)
-    answers = ticks.maps[0].C
-    shifts = _Shifts.of(ticks, drift, answers)
-    share, moves = shifts.seen(answers), shifts.move(answers)
-    maps, sizes = [], []
-    for each in ticks.maps:
-        for of_sizes, (E, B, C, D), found in ((False, (each.E, each.B, each.C, each.D), maps), (True, each.terms, sizes)):
-            rows = [(C, D[..., column])]
-            if moves:
-                along = np.abs(share) + np.abs(answers) @ shifts.dN / ENTRIES if of_sizes else share
-                rows.append((along @ E[..., shifts.leads, :], along @ B[..., shifts.leads, column]))
-            found.append(shifts.counted((E, B[..., column]), rows, (each.E, each.B[..., column]) if of_sizes else ()))
-    nowhere = np.zeros((1, len(shifts.kept)))
-    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, nowhere), between=True)
+    ticks, column = ticks_of(drawn, (signal,), terms=True), drawn.inputs.index(source)
+    reads = ticks.maps[0].C
+    shifts = _Shifts.of(ticks, drift, reads)
+    maps, sizes = _counted_maps(ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)])
+    position = np.zeros((1, len(shifts.remaining)))
+    return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), between=True)
 
 
-def _timing(drawn, position):
+def _counted_maps(ticks, columns, shifts, drifting, outputs):
+    """Return the map of each kind of tick with states counted from the leads, and the sizes of its terms.
+
+    columns: of the inputs. drifting: rows of a signal whose share that drifts becomes a further output, or None. outputs(tick,
+    absolute): pairs of rows of C and D of the other outputs, of a tick or of the sizes of its terms.
+    """
+    maps, sizes, share = [], [], None
+    if drifting is not None and shifts.move(drifting):
+        share = shifts.share_of(drifting)
+        size = np.abs(share) + np.abs(drifting) @ shifts.dN / ENTRIES
+    for tick in ticks.maps:
+        (E, B, C, D), (of_E, of_B, of_C, of_D) = (tick.E, tick.B, tick.C, tick.D), tick.terms
+        exact = StateSpace(E, B[..., columns], C, D[..., columns])
+        terms = StateSpace(of_E, of_B[..., columns], of_C, of_D[..., columns])
+        rows, of_rows = outputs(exact, False), outputs(terms, True)
+        if share is not None:
+            rows.append((share @ E[..., shifts.leads, :], share @ exact.B[..., shifts.leads, :]))
+            of_rows.append((size @ of_E[..., shifts.leads, :], size @ terms.B[..., shifts.leads, :]))
+        maps.append(shifts.counted(exact[:2], rows))
+        sizes.append(shifts.counted(terms[:2], of_rows, exact[:2]))
+    return tuple(maps), tuple(sizes)
+
+
+def _timing(drawn):
     period = float(np.ravel(drawn.period)[0].real)  # proofs along a rate take complex ones, and do not read it
     rate = 1 / period if drawn.rate is None else float(np.ravel(drawn.rate)[0].real)
-    return period, position, max(each.every for each in drawn.placed), rate
+    return {"period": period, "slowest": max(placed.every for placed in drawn.placed), "rate": rate}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shifts:
     """What drifts in loops: states `leads`, each of which moves others by factors, so that no tick changes anything.
 
-    N `(..., n, leads)`: the factors, 0 in the rows of all leads; dN: bounds on their errors.
+    remaining: the other states. N `(..., n, leads)`: the factors, 0 in the rows of all leads; dN: bounds on their errors.
     """
 
     leads: list[int]
-    kept: list[int]
+    remaining: list[int]
     N: np.ndarray
     dN: np.ndarray
 
@@ -171,30 +182,30 @@ class _Shifts:
     def of(ticks: Ticks, drift: TickDrift, reads) -> "_Shifts":
         moved = [*drift.moved, *(() if drift.folded else ((state, ()) for state in drift.unread))]
         constant = np.zeros((len(drift.states), len(moved)))
-        for column, (_, others) in enumerate(moved):
-            for state, factor in others:
+        for column, (_, followers) in enumerate(moved):
+            for state, factor in followers:
                 constant[state, column] = factor
         leads, folded = [lead for lead, _ in moved], list(drift.folded)
         if folded:
             folded = _best_leads(ticks, reads, folded, [state for state in range(len(drift.states)) if state not in leads])
         leads += folded
-        kept = [state for state in range(len(drift.states)) if state not in leads]
+        remaining = [state for state in range(len(drift.states)) if state not in leads]
         if not folded:
-            return _Shifts(leads, kept, constant, 0 * constant)
-        V, dV = _fixed(ticks, kept, folded)
+            return _Shifts(leads, remaining, constant, 0 * constant)
+        V, dV = _fixed(ticks, remaining, folded)
         N, dN = np.zeros((2, *V.shape[:-2], len(drift.states), len(leads)))
         N[..., : len(moved)] = constant
-        N[..., kept, len(moved) :], dN[..., kept, len(moved) :] = V, dV
-        return _Shifts(leads, kept, N, dN)
+        N[..., remaining, len(moved) :], dN[..., remaining, len(moved) :] = V, dV
+        return _Shifts(leads, remaining, N, dN)
 
-    def seen(self, reads):
+    def share_of(self, reads):
         """Return by how much each shift moves a signal, `(..., 1, leads)`."""
         return reads[..., self.leads] + reads @ self.N
 
     def move(self, reads) -> bool:
         """Return whether a shift moves a signal at all."""
         size = np.abs(reads[..., self.leads]) + np.abs(reads) @ np.abs(self.N)
-        return bool((np.abs(self.seen(reads)) > STILL * size + np.abs(reads) @ self.dN).any())
+        return bool((np.abs(self.share_of(reads)) > STILL * size + np.abs(reads) @ self.dN).any())
 
     def counted(self, steps, rows, of=()):
         """Return the map of a tick with the states counted from the leads.
@@ -203,10 +214,11 @@ class _Shifts:
         """
         if self.leads:
             sign, N = (1, np.abs(self.N)) if of else (-1, self.N)
-            vague = [self.dN / ENTRIES @ np.abs(part[..., self.leads, :]) for part in of] or (0.0, 0.0)  # as that of terms
-            steps = [part + sign * (N @ part[..., self.leads, :]) + more for part, more in zip(steps, vague, strict=True)]
-        C, D = (np.concatenate(np.broadcast_arrays(*part), axis=-2) for part in zip(*rows, strict=True))
-        return steps[0][..., self.kept, :][..., self.kept], steps[1][..., self.kept, :], C[..., self.kept], D
+            vague = [self.dN / ENTRIES @ np.abs(step[..., self.leads, :]) for step in of] or (0.0, 0.0)  # as that of terms
+            steps = [step + sign * (N @ step[..., self.leads, :]) + error for step, error in zip(steps, vague, strict=True)]
+        C, D = (np.concatenate(np.broadcast_arrays(*column), axis=-2) for column in zip(*rows, strict=True))
+        index = self.remaining
+        return StateSpace(steps[0][..., index, :][..., index], steps[1][..., index, :], C[..., index], D)
 
 
 def _best_leads(ticks, reads, leads, states):
@@ -214,62 +226,59 @@ def _best_leads(ticks, reads, leads, states):
 
     Errors of the factors count as much as the lead changes in a tick. Beside the position, differences of it are exact.
     """
-    others = [state for state in states if state not in leads]
-    V, _ = _fixed(ticks, others, leads)
-    cost = sum(each.terms[0].max(tuple(range(each.terms[0].ndim - 2))).sum(-1) for each in ticks.maps)
-    place, found = (reads != 0).any(tuple(range(reads.ndim - 1))), []
+    followers = [state for state in states if state not in leads]
+    V, _ = _fixed(ticks, followers, leads)
+    cost = sum(tick.terms[0].max(tuple(range(tick.terms[0].ndim - 2))).sum(-1) for tick in ticks.maps)
+    place, chosen = (reads != 0).any(tuple(range(reads.ndim - 1))), []
     for column, lead in enumerate(leads):
         factors = np.zeros(len(cost))
-        factors[lead], factors[others] = 1.0, np.abs(V[..., column]).min(tuple(range(V.ndim - 2)))
-        factors[found] = 0.0
+        factors[lead], factors[followers] = 1.0, np.abs(V[..., column]).min(tuple(range(V.ndim - 2)))
+        factors[chosen] = 0.0
         first = place & (factors > 0)
-        found.append(int(np.argmax(np.where(first, factors, 0.0) if first.any() else factors / np.where(cost > 0, cost, 1.0))))
-    return found
+        chosen.append(int(np.argmax(np.where(first, factors, 0.0) if first.any() else factors / np.where(cost > 0, cost, 1.0))))
+    return chosen
 
 
-def _fixed(ticks, kept, leads):
-    """Return the factors V `(..., kept, leads)` of shifts that depend on a loop's numbers, and bounds on their errors.
+def _fixed(ticks, followers, leads):
+    """Return the factors V `(..., followers, leads)` of shifts that depend on a loop's numbers, and bounds on their errors.
 
-    They are the least-squares solution of `E_kept V = -E_leads`, the equations of all ticks together, which do not contradict
-    each other; a factor that is nothing but rounding is 0.
+    They are the least-squares solution of `E_followers V = -E_leads`, the equations of all ticks together, which do not
+    contradict each other; a factor that is nothing but rounding is 0.
     """
-    batch = np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
+    batch = np.broadcast_shapes(*(tick.E.shape[:-2] for tick in ticks.maps))
     E, sizes = (
-        np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis=-2)
-        for parts in zip(*((each.E, each.terms[0]) for each in ticks.maps), strict=True)
+        np.concatenate([np.broadcast_to(change, (*batch, *change.shape[-2:])) for change in changes], axis=-2)
+        for changes in zip(*((tick.E, tick.terms[0]) for tick in ticks.maps), strict=True)
     )
     weight = np.abs(E).max(-1, keepdims=True, initial=0)
     weight = np.where(np.isfinite(weight) & (weight > 0), 1 / np.where(weight > 0, weight, 1), 0.0)
-    E, sizes = (np.where(np.isfinite(part), part, 0.0) * weight for part in (E, sizes))
-    A, b = E[..., kept], -E[..., leads]
+    E, sizes = (np.where(np.isfinite(entries), entries, 0.0) * weight for entries in (E, sizes))
+    A, b = E[..., followers], -E[..., leads]
     column = np.abs(A).max(-2, keepdims=True, initial=0)
     column = 1 / np.where(column > 0, column, 1)
     inverse = np.swapaxes(column, -1, -2) * np.linalg.pinv(A * column)
     V = inverse @ b
     for _ in range(2):
         V = V + inverse @ (b - A @ V)
-    left = np.abs(b - A @ V) + (ENTRIES * sizes[..., kept] + ROUNDING * np.abs(A)) @ np.abs(V) + ENTRIES * sizes[..., leads]
+    left = (
+        np.abs(b - A @ V) + (ENTRIES * sizes[..., followers] + ROUNDING * np.abs(A)) @ np.abs(V) + ENTRIES * sizes[..., leads]
+    )
     dV = np.abs(inverse) @ left
     return np.where(np.abs(V) <= dV, 0.0, V), dV
 
 
-def _alive(maps):
+def _observable(maps):
     """Return the indices of the states that the outputs depend on in some tick of some loop."""
-    n = maps[0][0].shape[-1]
-    reads, seen = np.zeros((n, n), bool), np.zeros(n, bool)
+    n = maps[0].E.shape[-1]
+    reads, shown = np.zeros((n, n), bool), np.zeros(n, bool)
     for E, _, C, _ in maps:
         reads |= (E != 0).any(tuple(range(E.ndim - 2)))
-        seen |= (C != 0).any(tuple(range(C.ndim - 1)))
-    return reached(seen, reads)
+        shown |= (C != 0).any(tuple(range(C.ndim - 1)))
+    return reached(shown, reads)
 
 
-def reached(seen, reads) -> np.ndarray:
-    """Return the indices of the states that are seen, `(n,)`, or that these depend on; reads: on which, `(n, n)`."""
-    while not np.array_equal(seen | reads[seen].any(0), seen):
-        seen = seen | reads[seen].any(0)
-    return np.flatnonzero(seen)
-
-
-def _some(parts, alive):
-    E, B, C, D = parts
-    return E[..., alive[:, None], alive], B[..., alive, :], C[..., alive], D
+def reached(start, reads) -> np.ndarray:
+    """Return the indices of the states `start`, a mask `(n,)`, and those that they depend on; reads: on which, `(n, n)`."""
+    while not np.array_equal(start | reads[start].any(0), start):
+        start = start | reads[start].any(0)
+    return np.flatnonzero(start)

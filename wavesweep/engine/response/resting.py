@@ -7,6 +7,7 @@ combination of its states, has no unique state at rest; then the result here is 
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ SURE = 1e-9  # relative error up to which a stiffness is known; as a share of a 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Resting:
+class DcGain:
     """Loops at rest under a unit force of the hand, and a number p of them that is one scalar gain.
 
     shown: `(loops, 3, 2)`; the rows are position (m), force against the hand (N) and the number's product. The first column is
@@ -34,44 +35,45 @@ class Resting:
     error: np.ndarray
     free: bool
 
-    def stiffness(self, at, p, beside=0.0) -> np.ndarray:
+    def stiffness(self, at, p, second=0.0) -> np.ndarray:
         """Return the stiffness (N/m) that the hand feels of the loops `at` if the number is p, `(n,)` all.
 
-        beside: the number of the fourth row. NaN: not known to SURE. If nothing is swept, one loop represents all.
+        second: the number of the fourth row. NaN: not known to SURE. If nothing is swept, one loop represents all.
 
         The product of the number is p times the signal that it multiplies, and that signal is `F_0/(p - F_1)` (Sherman and
         Morrison 1950); of F the product of the other number is a part.
         """
         at = at if len(self.shown) > 1 else 0 * at
-        (still, more), (unsure, of_more) = (
-            np.moveaxis(part.take(at, axis=0), (-1, -2), (0, 1)) for part in (self.shown, self.error)
+        (still, change), (unsure, of_change) = (
+            np.moveaxis(rows.take(at, axis=0), (-1, -2), (0, 1)) for rows in (self.shown, self.error)
         )
         with np.errstate(all="ignore"):
             if self.free:
                 if len(still) > 3:
-                    (still, unsure), (more, of_more) = (_less(*each, beside) for each in ((still, unsure), (more, of_more)))
-                left = p - more[2]
-                of_left = of_more[2] + ROUNDING * (np.abs(p) + np.abs(more[2]))
-                sizes = np.abs(still[:2] * left), np.abs(still[2] * more[:2])
+                    still, unsure = _less(still, unsure, second)
+                    change, of_change = _less(change, of_change, second)
+                left = p - change[2]
+                of_left = of_change[2] + ROUNDING * (np.abs(p) + np.abs(change[2]))
+                sizes = np.abs(still[:2] * left), np.abs(still[2] * change[:2])
                 error = unsure[:2] * np.abs(left) + np.abs(still[:2]) * of_left + ROUNDING * sum(sizes)
-                error = error + unsure[2] * np.abs(more[:2]) + np.abs(still[2]) * of_more[:2]
-                found, rigid = still[:2] * left + still[2] * more[:2], np.abs(still[1] / still[0])
+                error = error + unsure[2] * np.abs(change[:2]) + np.abs(still[2]) * of_change[:2]
+                limits, rigid = still[:2] * left + still[2] * change[:2], np.abs(still[1] / still[0])
             else:
-                found, error, rigid = still[:2], unsure[:2], 0.0
-            felt, off = found[1] / found[0], error / np.abs(found)
-            felt = np.where((off[1] >= 1) & (error[1] <= SURE * rigid * np.abs(found[0])), 0.0, felt)
-            return np.where((off[0] <= SURE) & ((off[1] <= SURE) | (felt == 0)), felt, np.nan)
+                limits, error, rigid = still[:2], unsure[:2], 0.0
+            stiffness, off = limits[1] / limits[0], error / np.abs(limits)
+            stiffness = np.where((off[1] >= 1) & (error[1] <= SURE * rigid * np.abs(limits[0])), 0.0, stiffness)
+            return np.where((off[0] <= SURE) & ((off[1] <= SURE) | (stiffness == 0)), stiffness, np.nan)
 
 
-def _less(rows, errors, beside):
+def _less(rows, errors, second):
     """The first three rows with the fourth one times a number taken from the third, and the errors."""
-    product = beside * rows[3]
+    product = second * rows[3]
     third = rows[2] - product
-    error = errors[2] + np.abs(beside) * errors[3] + ROUNDING * (np.abs(rows[2]) + np.abs(product))
+    error = errors[2] + np.abs(second) * errors[3] + ROUNDING * (np.abs(rows[2]) + np.abs(product))
     return np.stack([*rows[:2], third]), np.stack([*errors[:2], error])
 
 
-def resting(drawn: MultirateLoop, ports: Ports, product: str = "", factor: str = "") -> Resting:
+def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: str = "") -> DcGain:
     """Return the loops at rest.
 
     product, factor: the number's product is that input of the drawing, and it would multiply the signal `factor`; if they are
@@ -82,20 +84,32 @@ def resting(drawn: MultirateLoop, ports: Ports, product: str = "", factor: str =
     """
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()), *((factor,) if factor else ()))
     drawn = drawn.living(signals)
-    sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
-    block = connect("rest", [each.block for each in drawn.placed], sums, drawn.inputs, signals, terms=True)
+    blocks = [placed.block for placed in drawn.placed]
+    sums = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(drawn.sums)
+    block = connect("rest", blocks, sums, drawn.inputs, signals, terms=True)
     hand, free = drawn.inputs.index(ports.force), drawn.inputs.index(product) if factor else None
-    parts = (block.E, block.B, block.C, block.D), block.terms
-    (A, right, rows, direct), sizes = (_at_rest(*each, block.batch, hand, bool(ports.reaction), free) for each in parts)
+    structure = block.batch, hand, bool(ports.reaction), free
+    at_rest = _at_rest(block.E, block.B, block.C, block.D, *structure)
+    sizes = _at_rest(*block.terms, *structure)
     with np.errstate(all="ignore"):
-        X, dX = solved(A, ENTRIES * sizes[0], right, ENTRIES * np.abs(sizes[1]))
-        shown, size = ordered_products(rows, X) + direct, ordered_products(sizes[2], np.abs(X)) + sizes[3]
-        error = ordered_products(np.abs(rows), dX) + (ENTRIES + A.shape[-1] * ROUNDING) * size
-    return Resting(*(part.reshape(-1, 3, 2) for part in (shown, error)), bool(factor))
+        X, dX = solved(at_rest.A, ENTRIES * sizes.A, at_rest.right, ENTRIES * np.abs(sizes.right))
+        shown = ordered_products(at_rest.rows, X) + at_rest.direct
+        size = ordered_products(sizes.rows, np.abs(X)) + sizes.direct
+        error = ordered_products(np.abs(at_rest.rows), dX) + (ENTRIES + X.shape[-2] * ROUNDING) * size
+    return DcGain(shown.reshape(-1, 3, 2), error.reshape(-1, 3, 2), bool(factor))
+
+
+class RestEquations(NamedTuple):
+    """The equations at rest, `A X = right`; `rows X + direct` is shown by `DcGain`."""
+
+    A: np.ndarray
+    right: np.ndarray
+    rows: np.ndarray
+    direct: np.ndarray
 
 
 def _at_rest(E, B, C, D, batch, hand, reacts, free):
-    """Return the equations at rest, `A X = right`; `rows X + direct` is shown by `Resting`.
+    """Return the equations at rest.
 
     hand, free: inputs that are the hand's force and the number's product, None without a number. reacts: whether the second
     signal is the force against the hand. They may be made of sizes as well; only `right` has the other sign then.
@@ -111,4 +125,4 @@ def _at_rest(E, B, C, D, batch, hand, reacts, free):
         A[..., :n, n], A[..., n, :n], A[..., n, n] = B[..., free], C[..., -1, :], D[..., -1, free]
         right[..., n, 0], right[..., n, 1] = -D[..., -1, hand], 1
         rows[..., : 1 + reacts, n], rows[..., 2, n] = D[..., :-1, free], 1
-    return A, right, rows, direct
+    return RestEquations(A, right, rows, direct)

@@ -14,21 +14,21 @@ from wavesweep.engine.monodromy.drift import TickDrift, counted_row
 from wavesweep.engine.monodromy.open_frame import OpenFrame
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.response.linear_systems import solved
-from wavesweep.engine.response.resting import Resting
+from wavesweep.engine.response.resting import DcGain
 
 SURELY = 2  # a sum below so many bounds on its rounding counts as 0
 
 
 def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> bool:
     """Whether the force against the hand can be seen in any tick by what is held for the loop alone; read: see `open_frame`."""
-    held, placed = drawn.held(read), {each.block.name: each for each in drawn.placed}
-    parts = (source.rpartition(".") for source in drawn.sources(ports.reaction))
+    held, placed = drawn.held(read), {scheduled.block.name: scheduled for scheduled in drawn.placed}
+    sources = (source.rpartition(".") for source in drawn.sources(ports.reaction))
     return bool(ports.reaction) and all(
-        name in placed and (placed[name].every == 1 or port in held[name]) for name, _, port in parts if name
+        name in placed and (placed[name].every == 1 or port in held[name]) for name, _, port in sources if name
     )
 
 
-def resting_frame(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: TickDrift) -> Resting | None:
+def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: TickDrift) -> DcGain | None:
     """Return the loops at rest, free in the number that the frame is without; None if the frame does not determine them.
 
     frame: with the hand's force; its signals are first the one that the number multiplies, then perhaps the one that another
@@ -50,19 +50,19 @@ def resting_frame(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: T
 
 def _position(drawn, signal, states):
     """The row of a position over the states of a frame; None if it is more than a sum of them."""
-    row, blocks = np.zeros((1, len(states))), {each.block.name: each for each in drawn.placed}
+    row, placed = np.zeros((1, len(states))), {scheduled.block.name: scheduled for scheduled in drawn.placed}
     for source, gain in drawn.sums.get(signal, {signal: 1.0}).items():
         name, _, port = source.rpartition(".")
-        if name not in blocks or blocks[name].every > 1:
+        if name not in placed or placed[name].every > 1:
             return None
-        block = blocks[name].block
+        block = placed[name].block
         at = block.outputs.index(port)
         if np.any(block.D[..., at, :]):
             return None
-        part = np.asarray(gain)[..., None, None] * block.C[..., at : at + 1, :]
-        more = np.zeros((*part.shape[:-1], len(states)))
-        more[..., [states.index(f"{name}.{state}") for state in block.states]] = part
-        row = row + more
+        entries = np.asarray(gain)[..., None, None] * block.C[..., at : at + 1, :]
+        term = np.zeros((*entries.shape[:-1], len(states)))
+        term[..., [states.index(f"{name}.{state}") for state in block.states]] = entries
+        row = row + term
     return row
 
 
@@ -81,34 +81,27 @@ class _Equations:
 
     @classmethod
     def of(cls, frame, drift, position):
-        n, shown_sizes = len(frame.ticks.states), (frame.dC, frame.dD)
-        sizes = frame.dE + ROUNDING * np.abs(frame.E), frame.dB + ROUNDING * np.abs(frame.B)
-        leads = [lead for lead, _ in drift.moved]
+        n, leads = len(frame.ticks.states), [lead for lead, _ in drift.moved]
         order = [state for state in range(n) if state not in leads] + leads
-        parts = (frame.E, frame.B), sizes
-        place, still = (position, np.zeros((1, 3))), (ROUNDING * np.abs(position), np.zeros((1, 3)))
-        rows = (frame.C, frame.D), shown_sizes
-        beside = frame.C.shape[-2] > 2
-        rows = [
-            [tuple(part[..., some, :] for part in each) if some else own for some in ([0, -1], [], [1])[: 2 + beside]]
-            for each, own in zip(rows, (place, still), strict=True)
-        ]
-        both = []
-        for (E, B), signals in zip(parts, rows, strict=True):
-            batch = np.broadcast_shapes(*(part.shape[:-2] for part in (E, B, frame.C, frame.D, position)))
-            P = np.zeros((*batch, n + 3 + beside, n + 3))
+        sizes = frame.dE + ROUNDING * np.abs(frame.E), frame.dB + ROUNDING * np.abs(frame.B), frame.dC, frame.dD
+        batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (frame.E, frame.B, frame.C, frame.D, position)))
+        second, pair = frame.C.shape[-2] > 2, []
+        for (E, B, C, D), place in (((frame.E, frame.B, frame.C, frame.D), position), (sizes, ROUNDING * np.abs(position))):
+            P = np.zeros((*batch, n + 3 + second, n + 3))
             P[..., :n, : n - len(leads)], P[..., :n, n:] = E[..., order, :][..., order[: n - len(leads)]], B[..., order, :]
-            for at, (C, D) in zip((slice(n, n + 2), slice(n + 2, n + 3), slice(n + 3, n + 4)), signals, strict=False):
-                P[..., at, :n], P[..., at, n:] = C[..., order], D
-            both.append(P)
-        return cls(*both)
+            P[..., n : n + 2, :n], P[..., n : n + 2, n:] = C[..., [0, -1], :][..., order], D[..., [0, -1], :]
+            P[..., n + 2, :n] = place[..., 0, order]
+            if second:
+                P[..., n + 3, :n], P[..., n + 3, n:] = C[..., 1, order], D[..., 1, :]
+            pair.append(P)
+        return cls(*pair)
 
-    def resting(self, ticks) -> Resting:
+    def resting(self, ticks) -> DcGain:
         """The loops at rest; ticks: of the frame."""
         n, P, dP = self.P.shape[-1] - 3, self.P, self.dP
-        known, adding = self._unknowns(n)
-        at = np.array([*known, n])
-        A, dA = (np.ascontiguousarray(part[..., at[:, None], at]) for part in (P, dP))
+        determined, adding = self._unknowns(n)
+        at = np.array([*determined, n])
+        A, dA = (np.ascontiguousarray(equations[..., at[:, None], at]) for equations in (P, dP))
         right, unsure = np.zeros((2, *A.shape[:-1], 2))
         right[..., 0], unsure[..., 0], right[..., -1, 1] = -P[..., at, n + 1], dP[..., at, n + 1], 1
         if adding:
@@ -120,41 +113,39 @@ class _Equations:
         share = P[..., n + 2 : n + 3, :][..., adding]
         change, of_change = share @ P[..., adding, :], np.abs(share) @ dP[..., adding, :]
         law = _product((change[..., at], of_change[..., at]), inverse)
-        hand = P[..., at, n + 1 :], dP[..., at, n + 1 :]
-        kept = (change[..., n + 1 :], of_change[..., n + 1 :]), _product(law, hand)
-        kept = kept[0][0] - kept[1][0], kept[0][1] + kept[1][1]
-        held = (np.abs(kept[0][..., 0]) <= SURELY * kept[1][..., 0]) & (np.abs(law[0][..., -1]) <= SURELY * law[1][..., -1])
-        own = [part[..., n + 2 : n + 3, :][..., at] for part in (P, dP)]
-        for part, more in zip(own, law, strict=True):
-            part[..., :-1] += more[..., :-1]
-        one = np.zeros_like(A[..., :1, :])
-        one[..., -1] = 1
-        force, beside = (
-            [part[..., rows, :][..., at] for part in (P, dP)] for rows in (slice(n + 1, n + 2), slice(n + 3, None))
-        )
-        rows = [np.concatenate(parts, axis=-2) for parts in zip(own, force, (one, 0 * one), beside, strict=True)]
-        shown, error = _product(rows, X)
-        for part, moment, reaction in zip((shown, error), kept, (P, dP), strict=True):
-            part[..., 0, 0] += moment[..., 0, 1] / ticks
-            part[..., 1, 0] += reaction[..., n + 1, n + 1]
-            part[..., 3:, 0] += reaction[..., n + 3 :, n + 1]
+        by_law = _product(law, (P[..., at, n + 1 :], dP[..., at, n + 1 :]))
+        moment = change[..., n + 1 :] - by_law[0], of_change[..., n + 1 :] + by_law[1]
+        held = (np.abs(moment[0][..., 0]) <= SURELY * moment[1][..., 0]) & (np.abs(law[0][..., -1]) <= SURELY * law[1][..., -1])
+        unit = np.zeros_like(A[..., :1, :])
+        unit[..., -1] = 1
+        pairs = []
+        for equations, of_law, product in ((P, law[0], unit), (dP, law[1], 0 * unit)):
+            position = equations[..., n + 2 : n + 3, :][..., at]
+            position[..., :-1] += of_law[..., :-1]
+            reaction, second = equations[..., n + 1 : n + 2, :][..., at], equations[..., n + 3 :, :][..., at]
+            pairs.append(np.concatenate([position, reaction, product, second], axis=-2))
+        shown, error = _product(pairs, X)
+        for rows, of_moment, equations in zip((shown, error), moment, (P, dP), strict=True):
+            rows[..., 0, 0] += of_moment[..., 0, 1] / ticks
+            rows[..., 1, 0] += equations[..., n + 1, n + 1]
+            rows[..., 3:, 0] += equations[..., n + 3 :, n + 1]
         error[..., 0, :] = np.where(held, error[..., 0, :], np.inf)
-        return Resting(*(part.reshape(-1, *part.shape[-2:]) for part in (shown, error)), True)
+        return DcGain(*(rows.reshape(-1, *rows.shape[-2:]) for rows in (shown, error)), True)
 
     def _unknowns(self, n):
         """Indices of the states that the signals depend on, and of those that the position alone reads."""
         reads = (self.P != 0).any(tuple(range(self.P.ndim - 2)))[:, :n]
         shown = np.flatnonzero(reads[n + 2]).tolist()
-        rows, known = [n, n + 1, *range(n + 3, self.P.shape[-2]), *shown], set()
+        rows, determined = [n, n + 1, *range(n + 3, self.P.shape[-2]), *shown], set()
         for row in rows:
-            more = set(np.flatnonzero(reads[row]).tolist()) - known
-            known |= more
-            rows += sorted(more)
-        return sorted(known), [state for state in shown if state not in known]
+            new = set(np.flatnonzero(reads[row]).tolist()) - determined
+            determined |= new
+            rows += sorted(new)
+        return sorted(determined), [state for state in shown if state not in determined]
 
 
-def _product(one, other):
+def _product(left, right):
     """The product of two matrices, each a pair with bounds on the errors of its entries; in a batch as for one loop alone."""
-    (a, da), (b, db) = ([np.ascontiguousarray(part) for part in each] for each in (one, other))
+    (a, da), (b, db) = ([np.ascontiguousarray(matrix) for matrix in pair] for pair in (left, right))
     size, sizes = np.abs(a), np.abs(b)
     return a @ b, da @ (sizes + db) + size @ (db + a.shape[-1] * ROUNDING * sizes)

@@ -1,12 +1,19 @@
 """Steady response of loops to a sinusoidal force of the hand, as the hand feels it, with bounds on its errors."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.response.lifted import Lifted, Sums
-from wavesweep.engine.response.static import LOST, NOTHING, at_port, at_signal, limit_between, limit_of, relative_response
+from wavesweep.engine.response.static import (
+    LOST,
+    NOTHING,
+    Response,
+    at_port,
+    at_signal,
+    dcgain,
+    dcgain_between,
+    relative_response,
+)
 from wavesweep.engine.rows import different
 
 GOOD = 1e-9  # relative error up to which the modes are believed; beyond it the larger system is solved
@@ -14,19 +21,6 @@ EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrap
 LOW = 2e-4  # of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
 TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
 BLOCK = 200_000  # entries of one batch of matrices
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Response:
-    """Admittance (m/N) and impedance (N/m), complex, `(..., points)`, and bounds on their relative errors.
-
-    NaN: not known; with an error of 0 the number is known to have no bound.
-    """
-
-    admittance: np.ndarray
-    impedance: np.ndarray
-    admittance_error: np.ndarray
-    impedance_error: np.ndarray
 
 
 def respond(loop: Lifted, frequency_hz, good: float = GOOD) -> Response:
@@ -42,16 +36,16 @@ def respond(loop: Lifted, frequency_hz, good: float = GOOD) -> Response:
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     still = frequency == 0
-    found = [np.empty((*loop.port.batch, frequency.size), kind) for kind in (complex, complex, float, float)]
+    response = Response(*(np.empty((*loop.port.batch, frequency.size), kind) for kind in (complex, complex, float, float)))
     with np.errstate(all="ignore"):
         moving, width = np.flatnonzero(~still), max(1, TERMS // max(1, loop.weight))
         for at in (moving[start : start + width] for start in range(0, moving.size, width)):
-            for array, part in zip(found, _responses(loop, loop.circle(frequency[at]), good), strict=True):
-                array[..., at] = part
+            for array, values in zip(response, _responses(loop, loop.circle(frequency[at]), good), strict=True):
+                array[..., at] = values
         if still.any():
-            for array, part in zip(found, static_response(loop), strict=True):
-                array[..., still] = part[..., None]
-    return Response(*found)
+            for array, limits in zip(response, static_response(loop), strict=True):
+                array[..., still] = limits[..., None]
+    return response
 
 
 def transfer(loop: Lifted, frequency_hz, good: float = GOOD) -> tuple[np.ndarray, np.ndarray]:
@@ -66,21 +60,21 @@ def transfer(loop: Lifted, frequency_hz, good: float = GOOD) -> tuple[np.ndarray
     still, width, frame = frequency == 0, max(1, TERMS // max(1, loop.weight)), loop.frame
     with np.errstate(all="ignore"):
         moving = np.flatnonzero(~still)
-        terms = (frame.size_of_own[..., :1] + (frame.sizes[0] @ frame.sizes[1])[..., :1, 0]) / frame.ticks
+        terms = (frame.forced_size[..., :1] + (frame.sizes[0] @ frame.sizes[1])[..., :1, 0]) / frame.ticks
         for at in (moving[start : start + width] for start in range(0, moving.size, width)):
             points = loop.circle(frequency[at])
-            found, error = (part[..., 0, :] for part in _quantities(loop, points, good))
-            none = (np.abs(found) <= error) & (error <= NOTHING * terms) & (points.frame == 0)
-            found, error = np.where(none, 0.0, found), np.where(none, 0.0, error)
-            relative = np.where(error == 0, 0.0, error / np.abs(found)) + 4 * np.finfo(float).eps
+            signal, error = (quantities[..., 0, :] for quantities in _quantities(loop, points, good))
+            none = (np.abs(signal) <= error) & (error <= NOTHING * terms) & (points.frame == 0)
+            signal, error = np.where(none, 0.0, signal), np.where(none, 0.0, error)
+            relative = np.where(error == 0, 0.0, error / np.abs(signal)) + 4 * np.finfo(float).eps
             unsure[..., at] = relative = np.where(relative < LOST, relative, np.nan)
-            value[..., at] = np.where(np.isnan(relative), np.nan, found)
+            value[..., at] = np.where(np.isnan(relative), np.nan, signal)
         if still.any():
-            value[..., still], unsure[..., still] = (part[..., None] for part in limit_between(loop))
+            value[..., still], unsure[..., still] = (limits[..., None] for limits in dcgain_between(loop))
     return value, unsure
 
 
-def static_response(loop: Lifted) -> tuple[np.ndarray, ...]:
+def static_response(loop: Lifted) -> Response:
     """Return admittance (m/N) and impedance (N/m) in the limit towards 0 Hz, and their relative errors, `(...)` each.
 
     NaN: it does not exist, or is not known. If a constant force moves the position without end, there is no admittance. If it
@@ -91,26 +85,26 @@ def static_response(loop: Lifted) -> tuple[np.ndarray, ...]:
     with the limit.
     """
     with np.errstate(all="ignore"):
-        (position, force), (of_position, of_force), rest = limit_of(loop)
-        found = np.stack([position, np.where(rest.silent & ~rest.rigid, 0.0, force / position)])
+        (position, force), (of_position, of_force), rest = dcgain(loop)
+        limits = np.stack([position, np.where(rest.silent & ~rest.rigid, 0.0, force / position)])
         error = np.stack([of_position / np.abs(position), np.where(force == 0, 0.0, of_force / np.abs(force))])
         error[1] += np.where(force == 0, 0.0, error[0])
         rough = ~(error <= GOOD).all(0) & ~(rest.going | rest.rigid | loop.lost)
         if rough.any():
-            low = _from_low_frequencies(loop, found)
-            error = np.where(rough & (found != 0), np.fmin(error, low), error)
-        error += np.where(found == 0, 0.0, 4 * np.finfo(float).eps)
-        found = np.where(error < LOST, found, np.nan)
+            low = _from_low_frequencies(loop, limits)
+            error = np.where(rough & (limits != 0), np.fmin(error, low), error)
+        error += np.where(limits == 0, 0.0, 4 * np.finfo(float).eps)
+        limits = np.where(error < LOST, limits, np.nan)
         error = np.where(error < LOST, error, np.nan)
-        found[0], error[0] = (np.where(rest.going, *part) for part in ((np.nan, found[0]), (0.0, error[0])))
-        known = np.where(np.abs(force) > of_force, 0.0, np.nan)  # whether it is known that a rigid loop has no impedance
-        for row, (value, unsure) in enumerate(((0.0, 0.0), (np.nan, known))):
-            found[row], error[row] = np.where(rest.rigid, value, found[row]), np.where(rest.rigid, unsure, error[row])
-        found, error = (np.where(loop.lost, np.nan, part) for part in (found, error))
-    return found[0] + 0j, found[1] + 0j, error[0], error[1]
+        limits[0], error[0] = np.where(rest.going, np.nan, limits[0]), np.where(rest.going, 0.0, error[0])
+        none = np.where(np.abs(force) > of_force, 0.0, np.nan)  # whether it is known that a rigid loop has no impedance
+        for row, (value, unsure) in enumerate(((0.0, 0.0), (np.nan, none))):
+            limits[row], error[row] = np.where(rest.rigid, value, limits[row]), np.where(rest.rigid, unsure, error[row])
+        limits, error = np.where(loop.lost, np.nan, limits), np.where(loop.lost, np.nan, error)
+    return Response(limits[0] + 0j, limits[1] + 0j, error[0], error[1])
 
 
-def _from_low_frequencies(loop, found):
+def _from_low_frequencies(loop, limits):
     """Return how far a limit of admittance and impedance may be off, relative, `(2, ...)`, by frequencies f, f/2 and f/4.
 
     Their real parts are even in f.
@@ -120,40 +114,40 @@ def _from_low_frequencies(loop, found):
     # Powers of four, and each loop its own, so that what is found of one does not depend on the others of a batch.
     level = np.floor(np.log2(LOW * slow * loop.port.rate / loop.frame.ticks) / 2)
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
-    for each in different(level):
-        parts = _responses(loop, loop.circle(4.0**each * np.array([1, 0.5, 0.25])), GOOD)
-        low = [np.where((level == each)[..., None], part, whole) for part, whole in zip(parts, low, strict=True)]
+    for power in different(level):
+        response = _responses(loop, loop.circle(4.0**power * np.array([1, 0.5, 0.25])), GOOD)
+        low = [np.where((level == power)[..., None], new, old) for new, old in zip(response, low, strict=True)]
     off = []
-    for value, part, error in zip(found, low[:2], low[2:], strict=True):
-        first, second = ((4 * part[..., at + 1] - part[..., at]).real / 3 for at in (0, 1))
-        expected, missed = (16 * second - first) / 15, EXTRAPOLATED * (error * np.abs(part)).max(-1)
+    for value, at_low, error in zip(limits, low[:2], low[2:], strict=True):
+        first, second = ((4 * at_low[..., i + 1] - at_low[..., i]).real / 3 for i in (0, 1))
+        expected, missed = (16 * second - first) / 15, EXTRAPOLATED * (error * np.abs(at_low)).max(-1)
         off.append((np.abs(value - expected) + missed) / np.minimum(np.abs(value), np.abs(expected)))
     return np.stack(off)
 
 
 def _responses(loop, points, good):
-    """`respond` for some frequencies that are not 0, as a tuple."""
-    found, error = _quantities(loop, points, good)
-    force, unsure = found[..., 1, :], error[..., 1, :]
+    """`respond` for some frequencies that are not 0."""
+    quantities, error = _quantities(loop, points, good)
+    force, unsure = quantities[..., 1, :], error[..., 1, :]
     none = (np.abs(force) <= unsure) & (unsure <= NOTHING) & (points.frame == 0)  # as of one that is held over the frame
-    found[..., 1, :], error[..., 1, :] = np.where(none, 0.0, force), np.where(none, 0.0, unsure)
-    return relative_response(found, error)
+    quantities[..., 1, :], error[..., 1, :] = np.where(none, 0.0, force), np.where(none, 0.0, unsure)
+    return relative_response(quantities, error)
 
 
 def _quantities(loop, points, good):
     """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop that is lost."""
-    found, error, again = _by_modes(loop, points)
+    quantities, error, again = _by_modes(loop, points)
     for improve in (again, lambda index: loop.bordered.outputs(points.at(index))):
-        doubtful = ~(error <= good * np.abs(found)).all(-2) & ~loop.lost[..., None]
-        some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
+        doubtful = ~(error <= good * np.abs(quantities)).all(-2) & ~loop.lost[..., None]
+        columns = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
         width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
-        for start in range(0, some.size, width):
-            index = some[start : start + width]
+        for start in range(0, columns.size, width):
+            index = columns[start : start + width]
             number, less = (_reading(loop)(*pair) for pair in zip(improve(index), _both_steps(points, index), strict=True))
             better = doubtful[..., None, index] & ~(less >= error[..., index])
-            found[..., index] = np.where(better, number, found[..., index])
+            quantities[..., index] = np.where(better, number, quantities[..., index])
             error[..., index] = np.where(better, less, error[..., index])
-    return found, np.where(loop.lost[..., None, None], np.nan, error)
+    return quantities, np.where(loop.lost[..., None, None], np.nan, error)
 
 
 def _reading(loop):
@@ -172,19 +166,19 @@ def _by_modes(loop, points):
     The function returns the outputs at some of the points again, with a better bound.
     """
     sums, modal, ticks = Sums.of(loop.frame, points), loop.modal, loop.frame.ticks
-    X, unsure, gain, off = modal.solve(points.frame, sums.left, sums.dleft)
-    size, seen = np.abs(sums.rows), np.swapaxes(X, -1, -2)[..., None, :, :]
-    total = (sums.rows * seen).sum(-1) + sums.own
-    rest = (size * (ROUNDING * np.abs(seen))).sum(-1) + sums.drows @ np.abs(X) + sums.down + ROUNDING * np.abs(sums.own)
+    X, *accuracy = modal.solve(points.frame, sums.driven, sums.ddriven)
+    size, states = np.abs(sums.rows), np.swapaxes(X, -1, -2)[..., None, :, :]
+    total = (sums.rows * states).sum(-1) + sums.forced
+    rest = (size * (ROUNDING * np.abs(states))).sum(-1) + sums.drows @ np.abs(X) + sums.dforced + ROUNDING * np.abs(sums.forced)
 
     def error(bound, index):
         grown = np.swapaxes(bound, -1, -2)[..., None, :, :]
         return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / ticks
 
     def again(index):
-        chosen = (part[..., index] for part in (unsure, gain, off))
+        chosen = (measure[..., index] for measure in accuracy)
         return total[..., index] / ticks, error(modal.careful_bound(points.frame[index], *chosen), index)
 
     step, length = _both_steps(points, slice(None))
     at = _reading(loop)
-    return at(total / ticks, step), at(error(modal.bound(unsure, gain, off), slice(None)), length), again
+    return at(total / ticks, step), at(error(modal.bound(*accuracy), slice(None)), length), again

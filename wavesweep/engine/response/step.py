@@ -78,7 +78,7 @@ class Step:
         """Times of the first samples that reach 10 % and 90 % of the final value; NaN if they are not known."""
         if not self.known:
             return np.nan, np.nan
-        reached_by = [np.flatnonzero(self.value / self.final >= part) for part in (LOW, HIGH)]
+        reached_by = [np.flatnonzero(self.value / self.final >= share) for share in (LOW, HIGH)]
         first, second = (float(self.time_s[at[0]]) if at.size else np.nan for at in reached_by)
         return first, second
 
@@ -96,12 +96,13 @@ def step_of(port: Port, most: int = MOST) -> Step:
     """
     loop, ticks = Lifted.of(port), port.kind.size
     if port.outputs > 1 or ticks > MOST_TICKS or loop.lost.any():
-        found = "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
-        raise UsageError(f"step: expected a signal that comes to rest, in frames of at most {MOST_TICKS} ticks, found {found}")
+        fault = "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
+        raise UsageError(f"step: expected a signal that comes to rest, in frames of at most {MOST_TICKS} ticks, found {fault}")
     frame, rough = Stretch.of(port), long_sum(ticks)
-    (E, dE), (C, dC) = frame.E, (part[0] for part in frame.seen)
+    (E, dE), C, dC = frame.E, frame.observability[0][0], frame.observability[1][0]
     (D, dD), (g, dg) = (
-        (part.sum(-1), (off + rough * np.abs(part)).sum(-1)) for part, off in ((frame.whole(), frame.whole(1)), frame.left)
+        (response.sum(-1), (off + rough * np.abs(response)).sum(-1))
+        for response, off in ((frame.impulse_map(), frame.impulse_map(1)), frame.controllability)
     )
     moved = reached(g != 0, (E != 0).T)
     E, dE, C, dC, g, dg = E[np.ix_(moved, moved)], dE[np.ix_(moved, moved)], C[:, moved], dC[:, moved], g[moved], dg[moved]
@@ -124,7 +125,7 @@ def step_of(port: Port, most: int = MOST) -> Step:
     steps, terms = X @ E.T + g, np.abs(X) @ np.abs(E).T + np.abs(g)
     missed = np.abs(later - X - steps) + ROUNDING * (np.abs(later) + np.abs(X) + terms) + np.abs(X) @ dE.T + dg
     read = np.abs(X) @ (dC + ROUNDING * np.abs(C)).T + dD + ROUNDING * np.abs(D)
-    final, unsure = (float(part.ravel()[0].real) for part in transfer(loop, 0.0))
+    final, unsure = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
     error = gain * float((missed / unit).max(initial=0.0)) + float(read.max())
     last = float(value[-1].mean())  # which all later frames have, but for the tail
     final, error = (last, error + tail) if np.isnan(unsure * final) else (final, error + unsure * abs(final))

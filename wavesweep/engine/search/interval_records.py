@@ -21,7 +21,7 @@ from wavesweep.engine.stability.intervals import Intervals, in_rows
 from wavesweep.engine.stability.radii import watched_drift
 
 if TYPE_CHECKING:
-    from wavesweep.engine.response.resting import Resting
+    from wavesweep.engine.response.resting import DcGain
     from wavesweep.engine.search.interval_search import Search
 
 FIELDS = (
@@ -174,17 +174,17 @@ def _buildable(search, loops):
     return Loops(loops.drawing, {path: v for path, v in loops.values.items() if path not in building})
 
 
-def _resting(search, loops) -> "Resting | None":
+def _resting(search, loops) -> "DcGain | None":
     """The loops at rest, if the number is one scalar gain of them."""
     if not scalar_place(loops.drawing, search.number) or seen_by_hand(loops.drawing, search.number):
         return None
     with suppress(IllPosedLoopError):
         drift = watched_drift(loops.changed({search.along: np.array(search.span)}))
         if not (drift.moved or drift.folded):
-            from wavesweep.engine.response.resting import resting
+            from wavesweep.engine.response.resting import tick_dcgain
 
             one = loops.changed({search.along: 1.0})
-            return resting(one.drawn(search.number), hand_of(loops.drawing), PRODUCT, FACTOR)
+            return tick_dcgain(one.drawn(search.number), hand_of(loops.drawing), PRODUCT, FACTOR)
     return None
 
 

@@ -27,7 +27,7 @@ from wavesweep.engine.stability.radii import drift_of, named_loops
 from wavesweep.engine.stability.stable import stable_intervals
 
 if TYPE_CHECKING:
-    from wavesweep.engine.response.resting import Resting
+    from wavesweep.engine.response.resting import DcGain
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 FEW = 200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
@@ -73,11 +73,11 @@ class OpenLoops:
         return self.cut.remembered(("batch", size), lambda: with_batch(self.cut, size))
 
     @cached_property
-    def at_rest(self) -> "Resting | None":
+    def at_rest(self) -> "DcGain | None":
         """The loops as their hand feels them at rest; None without a hand, or if the frame does not show it."""
-        from wavesweep.engine.response.resting_frame import resting_frame
+        from wavesweep.engine.response.resting_frame import frame_dcgain
 
-        return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
+        return self.hand and frame_dcgain(self.drawn, self.hand, self.frame, self.drift)
 
 
 def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = False, each: bool = False) -> OpenLoops | None:

@@ -17,7 +17,7 @@ from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
 if TYPE_CHECKING:
-    from wavesweep.engine.response.peak import Peak
+    from wavesweep.engine.response.peak import PeakGain
 
 GIVEN = ("resolution", "friction", "max_force")  # of `Spec.hardware`
 ROUNDING = "encoder's rounding"  # the input from outside that is added to each reading
@@ -36,19 +36,19 @@ def readings(drawn: MultirateLoop, device: str) -> MultirateLoop:
     return replace(drawn, sums=sums, inputs=(*drawn.inputs, ROUNDING))
 
 
-def peak_of_encoder(loop: Loops) -> Peak | None:
+def peak_of_encoder(loop: Loops) -> PeakGain | None:
     """Return the peak gain (N/m) from the error of the encoder to the force of the motors, of one loop.
 
-    None without a device that the hand holds and a force against it, and as for `peak_of`.
+    None without a device that the hand holds and a force against it, and as for `l1_norm`.
     """
-    from wavesweep.engine.response.peak import peak_of
+    from wavesweep.engine.response.peak import l1_norm
 
     device = device_of(loop.drawing)
     if device is None or loop.drawing.hand[2] is None:
         return None
     drawn, drift = loop.drawn(), drift_of(loop, watched=(POSITION, REACTION))
     with named_loops(drawn):
-        return peak_of(port_between(readings(drawn, device), ROUNDING, REACTION, drift))
+        return l1_norm(port_between(readings(drawn, device), ROUNDING, REACTION, drift))
 
 
 def peaks_of(loops: Loops, size: int) -> np.ndarray:
@@ -62,7 +62,7 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
 
     Of [simulate] or the device preset, each if it is given: resolution D (m), friction f_c (N), max_force (N). step_force (N):
     the largest force of the motors after one step of the encoder, at any time. chatter (N): a bound on what the encoder's
-    rounding adds to the force of the linear loop, whatever the hand does; see `peak_of`. Both are of stable loops alone.
+    rounding adds to the force of the linear loop, whatever the hand does; see `l1_norm`. Both are of stable loops alone.
     holds_to, passive_to: see `limits_of_walls`. depth (m), by `verdict`: to which the wall can be pressed, slowly, before the
     motors end, max_force over the stiffness felt at rest.
     """

@@ -1,0 +1,15 @@
+"""The four matrices of a linear map with states, which loops, frames and channels share."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class StateSpace(NamedTuple):
+    """`x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`, `(..., n, n)`, `(..., n, m)`, `(..., p, n)`, `(..., p, m)`;
+    or bounds on the errors of their entries, or the sizes of the terms of these."""
+
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
