@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,8 +93,8 @@ class DrawnLoop:
         if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in known]:
             raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
         ports = Ports(force, position, reaction)
-        found = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
-        return DataFrame({"frequency_hz": frequency, **{f.name: getattr(found, f.name) for f in fields(found)}})
+        response = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
+        return DataFrame({"frequency_hz": frequency, **response._asdict()})
 
 
 def refuse_infinite(drawn: MultirateLoop) -> None:

@@ -43,5 +43,5 @@ def test_what_is_kept():
     A[:, 2, 0], A[1, 6, 5] = -0.25, 0.5
     lines = DelayLines.of(A - np.eye(7))
     assert [1, 2] in [line.tolist() for line in lines.lines]
-    assert {0, 3, 4} <= set(lines.kept)
-    assert len({5, 6} & set(lines.kept)) == 1
+    assert {0, 3, 4} <= set(lines.solved)
+    assert len({5, 6} & set(lines.solved)) == 1

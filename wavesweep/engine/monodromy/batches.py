@@ -18,11 +18,11 @@ def product(A, B) -> np.ndarray:
     if A.shape[-1] < MANY:
         return A @ B
     batch, size = np.broadcast_shapes(A.shape[:-2], B.shape[:-2]), B.shape[-2:]
-    first, second = (np.broadcast_to(each, (*batch, *each.shape[-2:])).reshape(-1, *each.shape[-2:]) for each in (A, B))
-    found = np.empty(second.shape, np.result_type(A, B))
-    for a, b, out in zip(first, second, found, strict=True):
+    first, second = (np.broadcast_to(M, (*batch, *M.shape[-2:])).reshape(-1, *M.shape[-2:]) for M in (A, B))
+    result = np.empty(second.shape, np.result_type(A, B))
+    for a, b, out in zip(first, second, result, strict=True):
         out[...] = _product(a, b)
-    return found.reshape(*batch, *size)
+    return result.reshape(*batch, *size)
 
 
 def _product(A, B):
@@ -42,18 +42,18 @@ def sparse(A):
 
 
 def in_parts(work, batch, size: int, kind):
-    """Return `work(part)` for all parts of a batch, in one array.
+    """Return `work(index)` for all of a batch, in one array, a few matrices at a time.
 
-    part: an index of the first axis, which is that of the result as well. size: of the matrices; kind: type of their numbers.
+    index: of the first axis, which is that of the result as well. size: of the matrices; kind: type of their numbers.
     work must treat each matrix by itself, so that the division changes no bit.
     """
     few = max(1, CACHED // max(size * size * np.dtype(kind).itemsize * prod(batch[1:]), 1))
     if not batch or batch[0] <= few:
         return work(...)
-    found = work(slice(few))
-    whole = np.empty((batch[0], *found.shape[1:]), found.dtype)
-    whole[:few] = found
-    for first in range(few, batch[0], few):
-        part = slice(first, first + few)
-        whole[part] = work(part)
-    return whole
+    head = work(slice(few))
+    result = np.empty((batch[0], *head.shape[1:]), head.dtype)
+    result[:few] = head
+    for start in range(few, batch[0], few):
+        index = slice(start, start + few)
+        result[index] = work(index)
+    return result

@@ -17,23 +17,23 @@ def in_even_units(E, B, C):
     The units are powers of two, and rough: a fast relative of `balance`.
     """
     n = E.shape[-1]
-    whole = np.zeros((n + C.shape[-2], n + 1, len(E)))
-    whole[:n, :1], whole[:n, 1:], whole[n:, 1:] = (np.moveaxis(part, 0, -1) for part in (B, E, C))
+    system = np.zeros((n + C.shape[-2], n + 1, len(E)))
+    system[:n, :1], system[:n, 1:], system[n:, 1:] = (np.moveaxis(matrices, 0, -1) for matrices in (B, E, C))
     index, units = np.arange(n), np.zeros((n, len(E)), np.float32)
     with np.errstate(all="ignore"):
-        size = np.log2(np.abs(whole[:n, 1:], dtype=np.float32))
+        size = np.log2(np.abs(system[:n, 1:], dtype=np.float32))
         size[index, index] = -np.inf
         for _ in range(ROUNDS):
             now = size + (units - units[:, None])
             step = STEP * (now.max(1) - now.max(0))
             units += np.where(np.isfinite(step), step, 0)
     units = np.exp2(np.round(units).astype(float))
-    whole[:, 1:] *= units
-    whole[:n] /= units[:, None]
-    return whole
+    system[:, 1:] *= units
+    system[:n] /= units[:, None]
+    return system
 
 
-def reduced(whole):
+def reduced(system):
     """Return loops [[B, E], [0, C]] in controller-Hessenberg form: H, C and the input's gain.
 
     H `(n, n, loops)`: upper Hessenberg; what is below its diagonal is 1, its entries above are multiplied by what was there. So
@@ -41,24 +41,24 @@ def reduced(whole):
     Trans. Automat. Control 26, 1981).
     Accuracy: exact for matrices that differ from the given ones by some roundings of their largest entries.
     """
-    n = whole.shape[1] - 1
-    whole = whole.copy()
+    n = system.shape[1] - 1
+    system = system.copy()
     for k in range(n - 1):
-        v = whole[k:n, k].copy()
+        v = system[k:n, k].copy()
         size = np.sqrt((v * v).sum(0))
         v[0] += np.copysign(size, v[0])
         length = (v * v).sum(0)
         v *= np.sqrt(2 / np.where(length > 0, length, np.inf))
-        right = whole[k:n, k:]
+        right = system[k:n, k:]
         right -= v[:, None] * (v[:, None] * right).sum(0)
-        below = whole[:, k + 1 :]
+        below = system[:, k + 1 :]
         below -= (below * v).sum(1)[:, None] * v
-    H, C = whole[:n, 1:], whole[n:, 1:]
+    H, C = system[:n, 1:], system[n:, 1:]
     scale = np.zeros(H.shape)
     scale[-1, -1] = 1.0
     for k in range(n - 2, -1, -1):
         scale[k, k], scale[k, k + 1 :] = 1.0, H[k + 1, k] * scale[k + 1, k + 1 :]
-    return H * scale, C * scale[0], whole[0, 0]
+    return H * scale, C * scale[0], system[0, 0]
 
 
 def polynomials(form, w):
@@ -68,16 +68,16 @@ def polynomials(form, w):
     Accuracy: that of Hessenberg matrices each of whose entries differs by some roundings.
     """
     if len(w) > MOST:
-        parts = (slice(begin, begin + MOST) for begin in range(0, len(w), MOST))
-        found = [polynomials([each[..., part] for each in form], w[part]) for part in parts]
-        return tuple(map(np.concatenate, zip(*found, strict=True)))
+        batches = (slice(begin, begin + MOST) for begin in range(0, len(w), MOST))
+        values = [polynomials([array[..., batch] for array in form], w[batch]) for batch in batches]
+        return tuple(map(np.concatenate, zip(*values, strict=True)))
     H, C, gain = form
-    n, H, C = len(H), *(np.ascontiguousarray(np.moveaxis(part, -1, 0)) for part in (H, gain * C))
+    n, H, C = len(H), *(np.ascontiguousarray(np.moveaxis(array, -1, 0)) for array in (H, gain * C))
     Q = np.empty((len(H), n, w.shape[-1]), complex)
-    parts, Q[:, -1] = Q.view(float), 1.0
+    pairs, Q[:, -1] = Q.view(float), 1.0  # real and imaginary halves
     for k in range(n - 1, 0, -1):
         np.multiply(w, Q[:, k], out=Q[:, k - 1])
-        parts[:, k - 1] -= (H[:, k : k + 1, k:] @ parts[:, k:])[:, 0]
+        pairs[:, k - 1] -= (H[:, k : k + 1, k:] @ pairs[:, k:])[:, 0]
     pole = w * Q[:, 0]
-    pole.view(float)[...] -= (H[:, :1] @ parts)[:, 0]
-    return pole, (C @ parts).view(complex)
+    pole.view(float)[...] -= (H[:, :1] @ pairs)[:, 0]
+    return pole, (C @ pairs).view(complex)

@@ -1,9 +1,12 @@
 """Connection of blocks of one rate through their summing junctions, with every algebraic loop closed exactly."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavesweep.engine.loops.algebraic import loop_inverse
 from wavesweep.engine.loops.block import Block, block_diagonal, concatenated, numbers
+from wavesweep.engine.state_space import StateSpace
 
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
@@ -19,42 +22,67 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     in the order in which their direct terms need each other, so that what a port does not depend on is exactly zero in it.
     Ports that need each other are an algebraic loop, and are found together.
     """
-    ports = [f"{each.name}.{port}" for each in blocks for port in each.inputs]
-    made = [f"{each.name}.{port}" for each in blocks for port in each.outputs]
-    known: dict = {signal: {signal: 1.0} for signal in (*made, *inputs)}
-    wired = [_traced(port, sums, known) for port in ports]
-    shown = [{each: 1.0} if each in ports else _traced(each, sums, known) for each in outputs]  # not its sum: that may cancel
-    of_made, of_inputs, of_ports = (_matrix(shown, columns) for columns in (made, inputs, ports))
-    E, B, C, D = values = [block_diagonal([getattr(each, part) for each in blocks]) for part in "EBCD"]
-    sizes = [np.abs(part) for part in values]
-    if terms and blocks:
-        given = zip(*(each.terms or [np.abs(getattr(each, part)) for part in "EBCD"] for each in blocks), strict=True)
-        sizes = [block_diagonal(list(some)) for some in given]
-    needs = _closure(_somewhere(np.abs(_matrix(wired, made)) @ sizes[3]))
-    reads = _somewhere(sizes[1]).any(0) | _somewhere(np.abs(of_made) @ sizes[3] + np.abs(of_ports)).any(0) | needs.diagonal()
-    used = (reads | reads @ needs).tolist()
-    wired = [row if each else {} for row, each in zip(wired, used, strict=True)]
-    K, L = (_matrix(wired, columns) for columns in (made, inputs))
-    n = E.shape[-1]
+    ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
+    system = StateSpace(*(block_diagonal([getattr(block, matrix) for block in blocks]) for matrix in "EBCD"))
+    sizes = _sizes_of(blocks) if terms and blocks else StateSpace(*map(np.abs, system))
+    wires = _wires(blocks, ports, sums, inputs, outputs, sizes)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        found = _Ports(ports, name, K, L, C, D, sizes[2:])
-        read = _times(of_made, D) + of_ports
-        parts = _closed(E, B, _times(of_made, C), read, of_inputs, found.values)
-        at_most = np.abs(found.values[..., n:])
-        for part, of_part in ((1, np.abs(B) @ at_most), (3, np.abs(of_inputs) + np.abs(read) @ at_most)):
-            # The wall's force may reach the avatar twice, by +1/b and -1/b, which leaves eps/b.
-            parts[part] = np.where((np.abs(parts[part]) <= ROUNDING * of_part) & np.isfinite(of_part), 0.0, parts[part])
+        rows = _Ports(ports, name, wires.K, wires.L, system.C, system.D, sizes[2:])
+        read, external = _times(wires.of_made, system.D) + wires.of_ports, rows.values[..., system.E.shape[-1] :]
+        closed = _closed(system, _times(wires.of_made, system.C), read, wires.of_inputs, rows.values)
+        closed = closed._replace(
+            B=_without_rounding(closed.B, np.abs(system.B) @ np.abs(external)),
+            D=_without_rounding(closed.D, np.abs(wires.of_inputs) + np.abs(read) @ np.abs(external)),
+        )
+        matrices = list(closed)
         if terms:
-            size, of_read = np.abs(of_made), np.abs(of_made) @ sizes[3] + np.abs(of_ports)
-            parts += _closed(sizes[0], sizes[1], size @ sizes[2], of_read, np.abs(of_inputs), found.sizes)
-    kind, batch = np.result_type(float, *parts), np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+            size, of_read = np.abs(wires.of_made), np.abs(wires.of_made) @ sizes.D + np.abs(wires.of_ports)
+            matrices += _closed(sizes, size @ sizes.C, of_read, np.abs(wires.of_inputs), rows.sizes)
+    kind, batch = np.result_type(float, *matrices), np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
     if len(batch) == 1:
-        parts = [np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts]
+        matrices = [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices]
     for block in blocks:
-        found.condition, found.pivot = found.condition * block.condition, found.pivot * block.pivot
-    facts = {"condition": found.condition, "pivot": found.pivot, "terms": tuple(parts[4:]) or None}
+        rows.condition, rows.pivot = rows.condition * block.condition, rows.pivot * block.pivot
+    facts = {"condition": rows.condition, "pivot": rows.pivot, "terms": tuple(matrices[4:]) or None}
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
-    return Block(name, tuple(inputs), tuple(outputs), states, *(part.astype(kind, copy=False) for part in parts[:4]), **facts)
+    return Block(name, tuple(inputs), tuple(outputs), states, *(m.astype(kind, copy=False) for m in matrices[:4]), **facts)
+
+
+def _sizes_of(blocks):
+    """Return the sizes of the terms of the blocks side by side."""
+    sizes = [block.terms or [np.abs(getattr(block, matrix)) for matrix in "EBCD"] for block in blocks]
+    return StateSpace(*(block_diagonal(list(matrices)) for matrices in zip(*sizes, strict=True)))
+
+
+def _without_rounding(matrix, terms):
+    """Return a sum of terms, 0 where it is rounding: the wall's force may reach the avatar by +1/b and -1/b, which leaves eps/b."""
+    return np.where((np.abs(matrix) <= ROUNDING * terms) & np.isfinite(terms), 0.0, matrix)
+
+
+class _Wires(NamedTuple):
+    """Gains of ports as sums of the blocks' outputs, K, and of external inputs, L, and of the signals that are shown as sums of
+    outputs, of external inputs and of ports."""
+
+    K: np.ndarray
+    L: np.ndarray
+    of_made: np.ndarray
+    of_inputs: np.ndarray
+    of_ports: np.ndarray
+
+
+def _wires(blocks, ports, sums, inputs, outputs, sizes):
+    """Return the wires; those of a port that no state and no output depends on are 0."""
+    made = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
+    traced: dict = {signal: {signal: 1.0} for signal in (*made, *inputs)}
+    wired = [_traced(port, sums, traced) for port in ports]
+    # Of a port itself, not its sum: that may cancel.
+    shown = [{signal: 1.0} if signal in ports else _traced(signal, sums, traced) for signal in outputs]
+    of_made, of_inputs, of_ports = (_matrix(shown, columns) for columns in (made, inputs, ports))
+    needs = _closure(_somewhere(np.abs(_matrix(wired, made)) @ sizes.D))
+    reads = _somewhere(sizes.B).any(0) | _somewhere(np.abs(of_made) @ sizes.D + np.abs(of_ports)).any(0) | needs.diagonal()
+    used = (reads | reads @ needs).tolist()
+    wired = [row if is_used else {} for row, is_used in zip(wired, used, strict=True)]
+    return _Wires(_matrix(wired, made), _matrix(wired, inputs), of_made, of_inputs, of_ports)
 
 
 class _Ports:
@@ -65,11 +93,11 @@ class _Ports:
 
     def __init__(self, ports, name, K, L, C, D, sizes):
         self.condition = self.pivot = 1.0
-        through, own, size = _times(K, D), concatenated((_times(K, C), L), -1), np.abs(K)
-        of_through, of_own = size @ sizes[1], concatenated((size @ sizes[0], np.abs(L)), -1)
+        through, driven, size = _times(K, D), concatenated((_times(K, C), L), -1), np.abs(K)
+        of_through, of_driven = size @ sizes[1], concatenated((size @ sizes[0], np.abs(L)), -1)
         needs = _closure(_somewhere(of_through))
-        batch, kind = np.broadcast_shapes(through.shape[:-2], own.shape[:-2]), np.result_type(through, own)
-        self.values, self.sizes = (np.broadcast_to(part, (*batch, *part.shape[-2:])).copy() for part in (own, of_own))
+        batch, kind = np.broadcast_shapes(through.shape[:-2], driven.shape[:-2]), np.result_type(through, driven)
+        self.values, self.sizes = (np.broadcast_to(terms, (*batch, *terms.shape[-2:])).copy() for terms in (driven, of_driven))
         self.values = self.values.astype(kind, copy=False)
         count = (needs | np.eye(len(ports), dtype=bool)).sum(-1)
         for port in np.argsort(count, kind="stable").tolist():  # more than that of each port that it needs
@@ -78,10 +106,10 @@ class _Ports:
             if not needs[port].any() or (loop.size and loop[0] != port):
                 continue
             rows = loop if loop.size else np.array([port])
-            value = _some(own, rows) + _times(_some(through, rows, before), _some(self.values, before))
-            of_value = _some(of_own, rows) + _some(of_through, rows, before) @ _some(self.sizes, before)
+            value = _picked(driven, rows) + _times(_picked(through, rows, before), _picked(self.values, before))
+            of_value = _picked(of_driven, rows) + _picked(of_through, rows, before) @ _picked(self.sizes, before)
             if loop.size:
-                inside = _some(through, rows, rows), _some(of_through, rows, rows)
+                inside = _picked(through, rows, rows), _picked(of_through, rows, rows)
                 reached = np.linalg.matrix_power(np.eye(rows.size) + _somewhere(inside[0]), rows.size) > 0
                 inverse, condition, pivot = loop_inverse(*inside, reached, name, [ports[row] for row in rows])
                 right, value = value, inverse @ value
@@ -92,7 +120,7 @@ class _Ports:
             self.values[..., rows, :], self.sizes[..., rows, :] = value, of_value
 
 
-def _some(matrices, rows, columns=slice(None)):
+def _picked(matrices, rows, columns=slice(None)):
     """Return some rows and columns, in the order of memory in which a product has the same bits in every batch."""
     return np.ascontiguousarray(matrices[..., rows, :][..., columns])
 
@@ -104,32 +132,32 @@ def _closure(needs):
     return needs
 
 
-def _closed(E, B, C, read, through, ports):
-    """Return E, B, C and D of the whole; read: how outputs depend on ports; through: on the external inputs."""
-    n = E.shape[-1]
+def _closed(system, C, read, through, ports):
+    """Return the connected blocks; C: how outputs depend on states; read: on ports; through: on the external inputs."""
+    n = system.E.shape[-1]
     x, w = ports[..., :n], ports[..., n:]
-    return [E + _times(B, x), _times(B, w), C + _times(read, x), through + _times(read, w)]
+    return StateSpace(system.E + _times(system.B, x), _times(system.B, w), C + _times(read, x), through + _times(read, w))
 
 
 def _times(A, B):
     """Return `A B`, in which an entry that overflows is lost only for what it is multiplied with."""
-    found = A @ B
-    if np.isfinite(found).all():
-        return found
-    return np.where((A != 0).astype(float) @ (B != 0) > 0, found, 0.0)
+    product = A @ B
+    if np.isfinite(product).all():
+        return product
+    return np.where((A != 0).astype(float) @ (B != 0) > 0, product, 0.0)
 
 
-def _traced(signal, sums, known):
-    """Return a signal as gains of outputs of blocks and external inputs. known: signals of which these are known already."""
-    if signal not in known:
+def _traced(signal, sums, traced):
+    """Return a signal as gains of outputs of blocks and external inputs; traced: signals whose gains have been found."""
+    if signal not in traced:
         if signal not in sums:
             raise ValueError(f"nothing makes the signal {signal!r}")
-        found: dict = {}
+        gains: dict = {}
         for source, gain in sums[signal].items():
-            for end, factor in _traced(source, sums, known).items():
-                found[end] = found.get(end, 0.0) + gain * factor
-        known[signal] = found
-    return known[signal]
+            for end, factor in _traced(source, sums, traced).items():
+                gains[end] = gains.get(end, 0.0) + gain * factor
+        traced[signal] = gains
+    return traced[signal]
 
 
 def _matrix(rows, columns):
@@ -143,6 +171,6 @@ def _matrix(rows, columns):
     return out
 
 
-def _somewhere(part):
+def _somewhere(matrix):
     """Return which entries are not zero in some loop of the batch."""
-    return (part != 0).any(tuple(range(part.ndim - 2)))
+    return (matrix != 0).any(tuple(range(matrix.ndim - 2)))

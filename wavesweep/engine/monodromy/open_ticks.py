@@ -28,14 +28,14 @@ class OpenTicks:
     frame: "_OpenFrame | None"
 
     @staticmethod
-    def of(drawn: MultirateLoop, whole: MultirateLoop, product: str, factor: str) -> "OpenTicks":
+    def of(drawn: MultirateLoop, closed: MultirateLoop, product: str, factor: str) -> "OpenTicks":
         """Connect the ticks.
 
-        drawn: with the number's product as an input; whole: with the number in its place, which determines the signals that are
-        held.
+        drawn: with the number's product as an input; closed: with the number in its place, which determines the signals that
+        are held.
         Errors: IllPosedLoopError for an algebraic loop without a solution.
         """
-        ticks = ticks_of(drawn, (factor,), alone=True, through=product, held=whole.held(), terms=True)
+        ticks = ticks_of(drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True)
         readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
         with np.errstate(all="ignore"):
             return OpenTicks(ticks, _OpenFrame.of(ticks) if readings <= MOST_READINGS else None)
@@ -46,7 +46,7 @@ class OpenTicks:
         terms: whether they have the sizes of their terms; the number's loop is as uncertain as its direct term lets it be.
         """
         with np.errstate(all="ignore"):
-            return replace(self.ticks, maps=tuple(_closed(each, at, p, terms) for each in self.ticks.maps))
+            return replace(self.ticks, maps=tuple(_closed(block, at, p, terms) for block in self.ticks.maps))
 
     def frames(self, at, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frames less identity `(..., n, n)`, and their pivots and conditions; see `closed` and `Block`."""
@@ -55,12 +55,12 @@ class OpenTicks:
                 ticks = self.closed(at, p)
                 return frame_of(ticks), *facts_of(ticks.maps)
             at, p = np.broadcast_arrays(at, p)
-            closures = [_closure(each, at, p) for each in self.ticks.maps]
+            closures = [_closure(block, at, p) for block in self.ticks.maps]
             read = [closures[kind][0] for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
             n = self.frame.E.shape[-1]
-            E = in_parts(lambda part: self._frames(at[part], p[part], [gain[part] for gain in read]), p.shape, n, p.dtype)
-            pivot, condition = (reduce(np.multiply, part) for part in list(zip(*closures, strict=True))[1:])
-            return E, pivot, condition
+            E = in_parts(lambda index: self._frames(at[index], p[index], [gain[index] for gain in read]), p.shape, n, p.dtype)
+            _, pivots, conditions = zip(*closures, strict=True)
+            return E, reduce(np.multiply, pivots), reduce(np.multiply, conditions)
 
     def _frames(self, at, p, gains):
         """Return frames closed at their readings; those that would lose digits by it are closed in their ticks."""
@@ -72,12 +72,12 @@ class OpenTicks:
 
 def facts_of(maps) -> tuple[np.ndarray, np.ndarray]:
     """Return the pivot and the condition of a frame of connected ticks; see `Block`."""
-    return tuple(reduce(np.multiply, (getattr(each, part) for each in maps)) for part in FACTS)
+    return tuple(reduce(np.multiply, (getattr(block, fact) for block in maps)) for fact in FACTS)
 
 
 def _closure(block, at, p):
     """Return the gain from the signal that the number multiplies to its product, and the tick's pivot and condition."""
-    pivot, condition = (np.asarray(part)[at] if np.ndim(part) else part for part in (block.pivot, block.condition))
+    pivot, condition = (np.asarray(fact)[at] if np.ndim(fact) else fact for fact in (block.pivot, block.condition))
     if not block.inputs:
         return p, pivot, condition
     through = p * (block.D[at] if block.D.ndim > 2 else block.D)[..., 0, 0]
@@ -94,16 +94,16 @@ def _closed(block, at, p, terms):
 
 
 def _sizes_closed(block, at, p, gain):
-    *parts, direct = block.terms
+    E, B, C, direct = block.terms
     if not block.inputs:
-        return _with_gain(parts, at, gain)
+        return _with_gain((E, B, C), at, gain)
     direct = np.where(block.D == 0, 0.0, direct)  # what cancels to nothing is nothing
     size, through = np.abs(gain), np.abs(p) * (direct[at] if direct.ndim > 2 else direct)[..., 0, 0]
-    return _with_gain(parts, at, size * (size / np.abs(p) * (1 + through)))
+    return _with_gain((E, B, C), at, size * (size / np.abs(p) * (1 + through)))
 
 
-def _with_gain(parts, at, gain):
-    E, B, C = (part[at] if part.ndim > 2 else part for part in parts)
+def _with_gain(matrices, at, gain):
+    E, B, C = (matrix[at] if matrix.ndim > 2 else matrix for matrix in matrices)
     return E + B * gain[..., None, None] * C if B.shape[-1] else E
 
 
@@ -122,15 +122,15 @@ class _OpenFrame:
 
     @staticmethod
     def of(ticks: Ticks) -> "_OpenFrame":
-        return in_a_row(ticks.kind.tolist(), [_OpenFrame(each.E, each.B, each.C, 0 * each.D) for each in ticks.maps], _joined)
+        return in_a_row(ticks.kind.tolist(), [_OpenFrame(tick.E, tick.B, tick.C, 0 * tick.D) for tick in ticks.maps], _joined)
 
     def closed(self, at, gains) -> tuple[np.ndarray, np.ndarray]:
         """Return the frames with these gains at the readings, `(readings, ...)`, and which have lost digits as terms cancel.
 
         A reading is known from the state and from those before it, so this is forward substitution.
         """
-        E, B, C, D = (part[at] if part.ndim > 2 else part for part in (self.E, self.B, self.C, self.D))
-        one, rows, row_sizes = np.eye(E.shape[-1]), [], []
+        E, B, C, D = (matrix[at] if matrix.ndim > 2 else matrix for matrix in (self.E, self.B, self.C, self.D))
+        eye, rows, row_sizes = np.eye(E.shape[-1]), [], []
         for i, gain in enumerate(gains):
             row, size = C[..., i, :], np.abs(C[..., i, :])
             for j in range(i):
@@ -138,15 +138,15 @@ class _OpenFrame:
             rows.append(gain[..., None] * row)
             row_sizes.append(np.abs(gain)[..., None] * size)
         if not rows:
-            return np.broadcast_to(E, (*at.shape, *one.shape)), np.zeros(at.shape, bool)
-        sizes = np.abs(one + E) + np.abs(B) @ np.stack(row_sizes, axis=-2)
+            return np.broadcast_to(E, (*at.shape, *eye.shape)), np.zeros(at.shape, bool)
+        sizes = np.abs(eye + E) + np.abs(B) @ np.stack(row_sizes, axis=-2)
         E = E + B @ np.stack(rows, axis=-2)
-        return E, size_of(sizes) > CANCELS * np.maximum(1.0, size_of(one + E))
+        return E, size_of(sizes) > CANCELS * np.maximum(1.0, size_of(eye + E))
 
 
 def _joined(first, second):
-    one, nothing = second.C @ first.B, np.zeros((first.C.shape[-2], second.B.shape[-1]))
+    across, nothing = second.C @ first.B, np.zeros((first.C.shape[-2], second.B.shape[-1]))
     E = then(first.E, second.E)
     B = concatenated((first.B + second.E @ first.B, second.B), -1)
     C = concatenated((first.C, second.C + second.C @ first.E), -2)
-    return _OpenFrame(E, B, C, concatenated((concatenated((first.D, nothing), -1), concatenated((one, second.D), -1)), -2))
+    return _OpenFrame(E, B, C, concatenated((concatenated((first.D, nothing), -1), concatenated((across, second.D), -1)), -2))

@@ -11,6 +11,7 @@ from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.batches import in_parts, product
 from wavesweep.engine.monodromy.interconnect import connect
+from wavesweep.engine.state_space import StateSpace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,30 +47,27 @@ def ticks_of(
     sets, kind = drawn.schedule()
     if places is not None:
         used, kind = np.unique(kind[places], return_inverse=True)
-        sets = [sets[each] for each in used]
+        sets = [sets[index] for index in used]
     held = drawn.held(outputs) if held is None else held
-    sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
+    blocks = [scheduled.block for scheduled in drawn.placed]
+    sums = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(drawn.sums)
     silent = sums | {name: {} for name in drawn.inputs}
     maps = []
     for running in sets:
         inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
-        if through and _reaches(drawn, running, through):
+        if through and _reaches(drawn, [blocks[index] for index in running], through):
             inputs, wires = (through,), {name: terms for name, terms in silent.items() if name != through}
         elif through:
             shown = ()
-        maps.append(_connected(drawn, set(running), held, wires, inputs, shown, terms))
+        running = set(running)
+        in_tick = [_in_tick(block, index in running, held[block.name]) for index, block in enumerate(blocks)]
+        maps.append(connect("tick", in_tick, wires, inputs, tuple(shown), terms))
     return Ticks(tuple(maps), kind)
 
 
-def _reaches(drawn, running, signal):
-    """Return whether a block that runs reads the signal."""
-    ports = (f"{drawn.placed[index].block.name}.{port}" for index in running for port in drawn.placed[index].block.inputs)
-    return any(signal in drawn.sources(port) for port in ports)
-
-
-def _connected(drawn, running, held, sums, inputs, outputs, terms):
-    blocks = [_in_tick(each.block, index in running, held[each.block.name]) for index, each in enumerate(drawn.placed)]
-    return connect("tick", blocks, sums, inputs, tuple(outputs), terms)
+def _reaches(drawn, blocks, signal):
+    """Return whether one of the blocks reads the signal."""
+    return any(signal in drawn.sources(f"{block.name}.{port}") for block in blocks for port in block.inputs)
 
 
 def _in_tick(block, runs, held):
@@ -80,25 +78,26 @@ def _in_tick(block, runs, held):
     if runs and not held:
         return block
     rows = [block.outputs.index(port) for port in held]
-    E, B, C, D = _holding((block.E, block.B, block.C, block.D), rows, runs, -1.0)
-    terms = _holding(block.terms, rows, runs, 1.0) if block.terms and runs else None
+    system = _holding(StateSpace(block.E, block.B, block.C, block.D), rows, runs, -1.0)
+    terms = _holding(StateSpace(*block.terms), rows, runs, 1.0) if block.terms and runs else None
     states = (*block.states, *(f"{port} held" for port in held))
-    return replace(block, states=states, E=E, B=B, C=C, D=D, labels=(), terms=terms)
+    return replace(block, states=states, **system._asdict(), labels=(), terms=terms)
 
 
-def _holding(parts, rows, runs, forgotten):
-    """Return E, B, C and D with states for the outputs `rows`; forgotten: of each if the block runs."""
-    (n, m), p, h = parts[1].shape[-2:], parts[2].shape[-2], len(rows)
-    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts)) if runs else ()
-    kind = np.result_type(*parts) if runs else float
+def _holding(system, rows, runs, forgotten):
+    """Return a system with states for the outputs `rows`; forgotten: of each of them if the block runs."""
+    (n, m), p, h = system.B.shape[-2:], system.C.shape[-2], len(rows)
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in system)) if runs else ()
+    kind = np.result_type(*system) if runs else float
     E, B = np.zeros((*batch, n + h, n + h), kind), np.zeros((*batch, n + h, m), kind)
     C, D = np.zeros((*batch, p, n + h), kind), np.zeros((*batch, p, m), kind)
     if runs:
-        E[..., :n, :n], B[..., :n, :], C[..., :n], D[...] = parts
-        E[..., n:, :n], B[..., n:, :], E[..., n:, n:] = parts[2][..., rows, :], parts[3][..., rows, :], forgotten * np.eye(h)
+        E[..., :n, :n], B[..., :n, :], C[..., :n], D[...] = system
+        E[..., n:, :n], B[..., n:, :] = system.C[..., rows, :], system.D[..., rows, :]
+        E[..., n:, n:] = forgotten * np.eye(h)
     else:
         C[..., rows, n:] = np.eye(h)
-    return E, B, C, D
+    return StateSpace(E, B, C, D)
 
 
 def frame_of(ticks: Ticks) -> np.ndarray:
@@ -109,10 +108,11 @@ def frame_of(ticks: Ticks) -> np.ndarray:
     n, kinds = len(ticks.states), ticks.kind.tolist()
     if not kinds:
         return np.zeros((n, n))
-    changes = [Change.of(each.E) for each in ticks.maps]
-    batch, kind = np.broadcast_shapes(*(each.E.shape[:-2] for each in changes)), np.result_type(*(each.E for each in changes))
+    changes = [Change.of(tick.E) for tick in ticks.maps]
+    E = [change.E for change in changes]
+    batch, kind = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in E)), np.result_type(*E)
     with np.errstate(over="ignore", invalid="ignore"):
-        return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], Change.then).E, batch, n, kind)
+        return in_parts(lambda index: in_a_row(kinds, [change.at(index) for change in changes], Change.then).E, batch, n, kind)
 
 
 GROWING = 32.0  # growth beyond which it is computed for each loop (see `rounding`)
@@ -130,15 +130,15 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     """
 
     def joined(first, second):
-        (E, *found), (later, *others) = first, second
+        (E, largest_E, lost_E), (later, largest_later, lost_later) = first, second
         both = then(E, later)
-        terms = size_of(np.abs(_whole(later)) @ np.abs(_whole(E)))
-        largest, lost = (np.maximum(one, other) for one, other in zip(found, others, strict=True))
-        return both, np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_whole(both))))
+        terms = size_of(np.abs(_with_identity(later)) @ np.abs(_with_identity(E)))
+        largest, lost = np.maximum(largest_E, largest_later), np.maximum(lost_E, lost_later)
+        return both, np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_with_identity(both))))
 
     with np.errstate(all="ignore"):  # of a frame that overflows
         E, largest, lost = in_a_row(kind.tolist(), [(E, 1.0, 1.0) for E in changes], joined)
-        return np.fmax(lost, largest / np.fmax(1.0, size_of(_whole(E))))
+        return np.fmax(lost, largest / np.fmax(1.0, size_of(_with_identity(E))))
 
 
 def known_frames(E: np.ndarray, growth) -> np.ndarray:
@@ -146,7 +146,7 @@ def known_frames(E: np.ndarray, growth) -> np.ndarray:
     return np.where((growth <= LOST)[..., None, None], E, np.nan) if np.any(growth > LOST) else E
 
 
-def _whole(E):
+def _with_identity(E):
     return E + np.eye(E.shape[-1])
 
 
@@ -170,10 +170,10 @@ def in_a_row(kinds, maps, joined):
 def stretches(kinds, maps, joined):
     """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the rest between them, in a row."""
     pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
-    known = dict(enumerate(maps))
+    joined_maps = dict(enumerate(maps))
     for name, (first, second) in pairs:
-        known[name] = joined(known[first], known[second])
-    return [known[name] for name in rest]
+        joined_maps[name] = joined(joined_maps[first], joined_maps[second])
+    return [joined_maps[name] for name in rest]
 
 
 @lru_cache(maxsize=64)
@@ -209,15 +209,15 @@ def _most_frequent(sequence):
 
 
 def _replaced(sequence, pair, name):
-    found, at = [], 0
+    replaced, at = [], 0
     while at < len(sequence):
         if at + 1 < len(sequence) and (sequence[at], sequence[at + 1]) == pair:
-            found.append(name)
+            replaced.append(name)
             at += 2
         else:
-            found.append(sequence[at])
+            replaced.append(sequence[at])
             at += 1
-    return found
+    return replaced
 
 
 def then(first, second):
@@ -243,14 +243,15 @@ class Change:
 
     @staticmethod
     def of(E) -> "Change":
-        own = E[..., : E.shape[-2]]
-        return Change(E, _forgotten(own), _forgotten(np.swapaxes(own, -1, -2)))
+        square = E[..., : E.shape[-2]]
+        return Change(E, _forgotten(square), _forgotten(np.swapaxes(square, -1, -2)))
 
-    def at(self, few) -> "Change":
+    def at(self, index) -> "Change":
         """Return the change of some matrices of a batch."""
         if self.E.ndim == 2 or len(self.E) == 1:
             return self
-        return Change(self.E[few], *([(state, loops[few]) for state, loops in some] for some in (self.unread, self.unset)))
+        unread = [(state, loops[index]) for state, loops in self.unread]
+        return Change(self.E[index], unread, [(state, loops[index]) for state, loops in self.unset])
 
     def then(self, later) -> "Change":
         E = self.E + later.E
@@ -265,7 +266,7 @@ def _forgotten(E):
 
     Each matrix has its own, since a state may die out in one loop of a batch and not in another.
     """
-    less, own = -np.eye(E.shape[-1]), E.diagonal(axis1=-2, axis2=-1) == -1
-    some = np.flatnonzero(own.any(tuple(range(own.ndim - 1))))
-    found = [(column, (E[..., column] == less[column]).all(-1)) for column in some.tolist()]
-    return [(column, loops) for column, loops in found if loops.any()]
+    less, dead = -np.eye(E.shape[-1]), E.diagonal(axis1=-2, axis2=-1) == -1
+    columns = np.flatnonzero(dead.any(tuple(range(dead.ndim - 1))))
+    forgotten = [(column, (E[..., column] == less[column]).all(-1)) for column in columns.tolist()]
+    return [(column, loops) for column, loops in forgotten if loops.any()]

@@ -27,30 +27,30 @@ def product_with_errors(
     entries of the loops that are multiplied together, which is tight for loops that are alike.
     Accuracy: to first order in a rounding.
     """
-    over = np.asarray if each else _over_batch
+    over = np.asarray if each else lambda size: size.max(tuple(range(size.ndim - 2)))
     kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
 
-    batch = np.broadcast_shapes(*(each.shape[:-2] for each in (*changes, *sizes)))
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes)))
 
-    def of_part(part):
+    def of_loops(index):
         ticks = []
-        for pair in zip(changes, sizes, strict=True):
-            E, size = (np.broadcast_to(each, (*batch, *each.shape[-2:]))[part] if each.ndim > 2 else each for each in pair)
+        for tick in zip(changes, sizes, strict=True):
+            E, size = (np.broadcast_to(M, (*batch, *M.shape[-2:]))[index] if M.ndim > 2 else M for M in tick)
             ticks.append(((E, 1), *_largest(over, E), ENTRIES * over(size)))
         (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp, over))
         return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
 
     with np.errstate(all="ignore"):
-        found = in_parts(of_part, batch, changes[0].shape[-1], np.result_type(*changes))
-    E, dE = found[..., 0, :, :], found[..., 1, :, :]
+        pair = in_parts(of_loops, batch, changes[0].shape[-1], np.result_type(*changes))
+    E, dE = pair[..., 0, :, :], pair[..., 1, :, :]
     return np.where(still, -np.eye(*still.shape), E), np.where(still, 0.0, dE)
 
 
 def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False) -> np.ndarray:
     """Return which entries of the product of ticks, identity included, may be other than 0 in a loop, `(n, n + inputs)`."""
     patterns, (n, width) = [], changes[0].shape[-2:]
-    for each in changes:
-        pattern = (each != -np.eye(n, width)).any(tuple(range(each.ndim - 2)))
+    for change in changes:
+        pattern = (change != -np.eye(n, width)).any(tuple(range(change.ndim - 2)))
         if ramp:
             pattern[:, -1] |= pattern[:, -2]
         patterns.append(pattern.tobytes())
@@ -59,18 +59,18 @@ def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = 
 
 @lru_cache(maxsize=256)
 def _pattern(patterns, kinds, n, width):
-    maps = [np.vstack([np.frombuffer(each, bool).reshape(n, width), np.eye(width, dtype=bool)[n:]]) for each in patterns]
+    maps = [np.vstack([np.frombuffer(pattern, bool).reshape(n, width), np.eye(width, dtype=bool)[n:]]) for pattern in patterns]
     kinds = np.frombuffer(kinds, np.int64).tolist()
-    found = in_a_row(kinds, maps, lambda one, other: (other.astype(float) @ one) > 0)
-    found = np.ascontiguousarray(found[:n])
-    found.flags.writeable = False
-    return found
+    entries = in_a_row(kinds, maps, lambda first, second: (second.astype(float) @ first) > 0)
+    entries = np.ascontiguousarray(entries[:n])
+    entries.flags.writeable = False
+    return entries
 
 
 def blocks_of(pattern: np.ndarray) -> list[np.ndarray]:
     """Return the strongly connected components of a pattern `(n, n)`, each as indices in order; what acts comes before what is
     acted on. In this order a matrix with the pattern is block-triangular, and its eigenvalues are those of the blocks."""
-    return [np.array(each) for each in _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))]
+    return [np.array(block) for block in _components(np.ascontiguousarray(pattern, bool).tobytes(), len(pattern))]
 
 
 @lru_cache(maxsize=256)
@@ -78,40 +78,36 @@ def _components(pattern, n):
     reach = np.frombuffer(pattern, bool).reshape(n, n) | np.eye(n, dtype=bool)
     for _ in range(max(1, n).bit_length()):
         reach = (reach.astype(float) @ reach) > 0
-    alike, found = reach & reach.T, {}
+    alike, members = reach & reach.T, {}
     for state in range(n):
-        found.setdefault(int(np.flatnonzero(alike[state])[0]), []).append(state)
-    return tuple(sorted(map(tuple, found.values()), key=lambda each: (int(reach[each[0]].sum()), each)))
+        members.setdefault(int(np.flatnonzero(alike[state])[0]), []).append(state)
+    return tuple(sorted(map(tuple, members.values()), key=lambda block: (int(reach[block[0]].sum()), block)))
 
 
 def _after(ramp, first, second):
     """One stretch of ticks after another, each as its change and its ticks."""
-    (P, ticks), (Q, more) = first, second
+    (P, ticks), (Q, more_ticks) = first, second
     E = P + Q
     E += Q[..., : P.shape[-2]] @ P
     if ramp:
         E[..., -1] += ticks * Q[..., -2]
-    return E, ticks + more
+    return E, ticks + more_ticks
 
 
 def _after_with_errors(ramp, over, first, second):
     """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound on their errors."""
-    (P, one, kept, dP), (Q, two, moved, dQ) = first, second
-    both, n = _after(ramp, P, Q), one.shape[-2]
-    dE = moved[..., :n] @ dP + dQ[..., :n] @ kept + ROUNDING * (one + two + two[..., :n] @ one)
+    (P, size_P, whole_P, dP), (Q, size_Q, whole_Q, dQ) = first, second
+    both, n = _after(ramp, P, Q), size_P.shape[-2]
+    dE = whole_Q[..., :n] @ dP + dQ[..., :n] @ whole_P + ROUNDING * (size_P + size_Q + size_Q[..., :n] @ size_P)
     dE[..., n:] += dQ[..., n:]
     if ramp:
-        dE[..., -1] += P[1] * (dQ[..., -2] + ROUNDING * two[..., -2])
+        dE[..., -1] += P[1] * (dQ[..., -2] + ROUNDING * size_Q[..., -2])
     return both, *_largest(over, both[0]), dE
 
 
 def _largest(over, E):
     """The sizes of the entries of E, and of I + E, the largest over a batch of loops or each one's."""
     size, index = over(np.abs(E)), np.arange(E.shape[-2])
-    whole = size.copy()
-    whole[..., index, index] = over(np.abs(1 + E[..., index, index])[..., None, :])[..., 0, :]
-    return size, whole
-
-
-def _over_batch(size):
-    return size.max(tuple(range(size.ndim - 2)))
+    with_identity = size.copy()
+    with_identity[..., index, index] = over(np.abs(1 + E[..., index, index])[..., None, :])[..., 0, :]
+    return size, with_identity

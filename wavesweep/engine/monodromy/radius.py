@@ -12,9 +12,11 @@ def within(E: np.ndarray, radius) -> np.ndarray:
     """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity; radius: `(...)`, up to 1."""
     r, at = np.asarray(radius)[..., None], np.arange(E.shape[-1])
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        found, own = E / r[..., None], np.diagonal(E, axis1=-2, axis2=-1)
-        found[..., at, at] = np.where(own.real < -0.5, (1 + own) / r - 1, (own + (1 - r)) / r)  # each without cancellation
-    return found
+        scaled, diagonal = E / r[..., None], np.diagonal(E, axis1=-2, axis2=-1)
+        scaled[..., at, at] = np.where(
+            diagonal.real < -0.5, (1 + diagonal) / r - 1, (diagonal + (1 - r)) / r
+        )  # each without cancellation
+    return scaled
 
 
 def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:

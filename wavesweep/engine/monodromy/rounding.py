@@ -31,8 +31,8 @@ def both(first, second):
 
 def _error(first, second):
     (a, da), (b, db) = first, second
-    eye, one, two = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
-    return np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
+    eye, size_a, size_b = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
+    return np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (size_a + size_b + size_b @ size_a)
 
 
 def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
@@ -42,22 +42,22 @@ def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
     Accuracy: growth is a measure of the digits that are lost, and not a bound. It is given as 1 where the products of the
     largest entries in many loops of a batch are no larger than GROWING, which is quick to see.
     """
-    kinds, batch = kind.tolist(), np.broadcast_shapes(*(each.shape[:-2] for each in changes))
+    kinds, batch = kind.tolist(), np.broadcast_shapes(*(change.shape[:-2] for change in changes))
     n, growth = changes[0].shape[-1], np.ones(batch)
-    changes = [np.broadcast_to(each, (*batch, *each.shape[-2:])) if each.ndim > 2 else each for each in changes]
+    changes = [np.broadcast_to(change, (*batch, *change.shape[-2:])) if change.ndim > 2 else change for change in changes]
 
-    def frame(part):
-        some = [each[part] if each.ndim > 2 else each for each in changes]
-        E, _, largest = in_a_row(kinds, [(Change.of(each), _largest(each), 1.0) for each in some], joined)
+    def frame(index):
+        ticks = [change[index] if change.ndim > 2 else change for change in changes]
+        E, _, largest = in_a_row(kinds, [(Change.of(tick), _largest(tick), 1.0) for tick in ticks], joined)
         if not largest <= GROWING:
-            growth[part] = growth_of(kind, some)
+            growth[index] = growth_of(kind, ticks)
         return E.E
 
     def joined(first, second):
-        (P, one, *known), (Q, other, *others) = first, second
+        (P, size_P, largest_P), (Q, size_Q, largest_Q) = first, second
         both = P.then(Q)
-        terms = np.nan_to_num(size_of(other @ one), nan=np.inf)
-        return both, _largest(both.E), max(*known, *others, terms)
+        terms = np.nan_to_num(size_of(size_Q @ size_P), nan=np.inf)
+        return both, _largest(both.E), max(largest_P, largest_Q, terms)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
         return in_parts(frame, batch, n, float), growth
@@ -102,11 +102,11 @@ def uneven_units(sizes):
     by powers of its poles; entries of a frame that grows are large in any units.
     """
     units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
-    some = np.flatnonzero(largest > UNEVEN)
-    if some.size:
-        better, found = balance(sizes[some], MORE)
-        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[some]
-        units[some[helps]] = found[helps]
+    uneven = np.flatnonzero(largest > UNEVEN)
+    if uneven.size:
+        better, balanced = balance(sizes[uneven], MORE)
+        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[uneven]
+        units[uneven[helps]] = balanced[helps]
     return units
 
 
@@ -119,9 +119,9 @@ def may_have(E, dE, points) -> np.ndarray:
     """
     with np.errstate(all="ignore"):
         reach = np.abs(inverse(points[..., None, None] * np.eye(E.shape[-1]) - E[:, None])) @ dE[:, None]
-        known, vector = np.isfinite(reach).all((-1, -2)), reach.sum(-1, keepdims=True)
-        clear = known & ~((reach @ vector >= vector) & (vector > 0)).any((-1, -2))  # a row of zeros has no part in it
-        open_ = np.nonzero(known & ~clear)
+        finite, vector = np.isfinite(reach).all((-1, -2)), reach.sum(-1, keepdims=True)
+        clear = finite & ~((reach @ vector >= vector) & (vector > 0)).any((-1, -2))  # a row of zeros has no part in it
+        open_ = np.nonzero(finite & ~clear)
         clear[open_] = np.abs(np.linalg.eigvals(reach[open_])).max(-1, initial=0.0) < 1
     return ~clear.all(-1)
 
@@ -143,10 +143,10 @@ def radius_hidden(E, dE) -> np.ndarray:
     shape, n = E.shape[:-2], E.shape[-1]
     E, dE = E.reshape(-1, n, n), np.broadcast_to(dE, E.shape).reshape(-1, n, n)
     finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
-    E, dE = (np.where(finite[:, None, None], part, 0.0) for part in (E, dE))
+    E, dE = np.where(finite[:, None, None], E, 0.0), np.where(finite[:, None, None], dE, 0.0)
     delta = np.linalg.eigvals(E).astype(complex)
     size = np.abs(1 + delta)
     radius = size.max(-1, initial=0.0)
     further = at_angles_of(delta, radius + TELLING * np.maximum(radius, 1), -size)
-    found = finite & may_have(E, dE, np.concatenate([further, at_angles_of(delta, 1.0, -size)], axis=-1))
-    return found.reshape(shape)
+    hidden = finite & may_have(E, dE, np.concatenate([further, at_angles_of(delta, 1.0, -size)], axis=-1))
+    return hidden.reshape(shape)

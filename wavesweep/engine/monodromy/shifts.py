@@ -10,40 +10,44 @@ from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 
 @dataclass(frozen=True, slots=True)
 class DelayLines:
-    """States of a frame with `z x_i = x_j`, but for terms of states that are kept and of the input, as those of a delay.
+    """States of a frame with `z x_i = x_j`, but for terms of the states `solved` and of the input, as those of a delay.
 
-    kept: all other states, which alone have to be solved for. lines: the delayed states, each after the one that it takes over.
+    solved: all other states, which alone have to be solved for. lines: the delayed states, each after the one that it takes over.
     """
 
-    kept: np.ndarray
+    solved: np.ndarray
     lines: tuple[np.ndarray, ...]
 
     @staticmethod
     def of(E) -> "DelayLines":
         """Return the delay lines that all frames less identity of a batch have, `(..., n, n)`.
 
-        The state with the most entries that a delay does not have is kept, then the next one, and so on; then those that
+        The state with the most entries that a delay does not have is solved for, then the next one, and so on; then those that
         several states take over from.
         """
         passed = (E + np.eye(E.shape[-1])).reshape(-1, *E.shape[-2:])
-        there, one, delayed = (passed != 0).any(0), (passed == 1).all(0), (passed.diagonal(axis1=1, axis2=2) == 0).all(0)
+        entries, passed_on, delayed = (
+            (passed != 0).any(0),
+            (passed == 1).all(0),
+            (passed.diagonal(axis1=1, axis2=2) == 0).all(0),
+        )
         for branches in (False, True):
             while True:
-                some = there & delayed & delayed[:, None]
-                several = some.sum(0) > 1 if branches else some.sum(1, keepdims=True) > 1
-                other = some & (~one | several)
-                if not other.any():
+                links = entries & delayed & delayed[:, None]
+                several = links.sum(0) > 1 if branches else links.sum(1, keepdims=True) > 1
+                branching = links & (~passed_on | several)
+                if not branching.any():
                     break
-                delayed[np.argmax(np.maximum(other.sum(0), other.sum(1)))] = False
-        after = np.where(some.any(0), some.argmax(0), -1)
+                delayed[np.argmax(np.maximum(branching.sum(0), branching.sum(1)))] = False
+        after = np.where(links.any(0), links.argmax(0), -1)
         lines = []
-        for first in np.flatnonzero(delayed & ~some.any(1)).tolist():
+        for first in np.flatnonzero(delayed & ~links.any(1)).tolist():
             lines.append([first])
             while after[lines[-1][-1]] >= 0:
                 lines[-1].append(after[lines[-1][-1]])
-        # States in a ring are not reached and are kept.
+        # States in a ring are not reached, and are solved for.
         lines = tuple(map(np.array, lines))
-        return DelayLines(np.setdiff1d(np.arange(len(some)), np.concatenate([*lines, []])), lines)
+        return DelayLines(np.setdiff1d(np.arange(len(links)), np.concatenate([*lines, []])), lines)
 
     @property
     def delayed(self) -> np.ndarray:
@@ -61,20 +65,20 @@ class DelayLines:
         """Return `out @ along`, `(..., rows, delayed)`; out: the same, the factors of the delayed states."""
         return self._summed(out, z, -1)
 
-    def _summed(self, parts, z, step):
+    def _summed(self, inputs, z, step):
         """Sums of what enters lines, or is read of them, up to each of their states, or back from the end; step: 1 or -1."""
-        found = np.zeros(np.broadcast_shapes(parts.shape, z.shape), complex)
-        some = np.flatnonzero(np.swapaxes(parts, -1, -2).any(tuple(range(parts.ndim - 1))))
-        for at in self._places() if some.size else ():
+        result = np.zeros(np.broadcast_shapes(inputs.shape, z.shape), complex)
+        nonzero = np.flatnonzero(np.swapaxes(inputs, -1, -2).any(tuple(range(inputs.ndim - 1))))
+        for at in self._places() if nonzero.size else ():
             power = np.repeat(z[..., 0], at.stop - at.start, axis=-1)
             power[..., 0] = 1
             power = np.cumprod(power, axis=-1, out=power)[..., None, :]
-            there, back = (power, 1 / power) if step > 0 else (1 / power, power)
-            sums = parts[..., some, at] * there
+            forward, back = (power, 1 / power) if step > 0 else (1 / power, power)
+            sums = inputs[..., nonzero, at] * forward
             np.cumsum(sums[..., ::step], -1, out=sums[..., ::step])
             sums *= back / z
-            found[..., some, at] = sums
-        return found
+            result[..., nonzero, at] = sums
+        return result
 
     def _places(self):
         """The places of each line in `delayed`."""
@@ -83,21 +87,21 @@ class DelayLines:
 
     def reached(self, E, B, theta):
         """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E: `(..., n, n)`, B: `(..., n, 1)`, theta: `(...)`."""
-        k, d, w = self.kept, self.delayed, on_circle(theta)[..., None, None]
+        k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
         into = self.along(np.concatenate([E[..., d[:, None], k], B[..., d, :]], -1), 1 + w)
         gained = E[..., k[:, None], d] @ into
-        kept = solve(w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1], B[..., k, :] + gained[..., -1:])
-        found = np.empty((*theta.shape, E.shape[-1]), complex)
-        found[..., k], found[..., d] = kept[..., 0], (into[..., :-1] @ kept + into[..., -1:])[..., 0]
-        return found
+        solved = solve(w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1], B[..., k, :] + gained[..., -1:])
+        states = np.empty((*theta.shape, E.shape[-1]), complex)
+        states[..., k], states[..., d] = solved[..., 0], (into[..., :-1] @ solved + into[..., -1:])[..., 0]
+        return states
 
     def row(self, E, C, theta):
         """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, the others as for `reached`."""
-        k, d, w = self.kept, self.delayed, on_circle(theta)[..., None, None]
+        k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
         out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]
-        whole = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
-        kept = np.swapaxes(solve(np.swapaxes(whole, -1, -2), np.swapaxes(C[..., k] + gained[..., -1:, :], -1, -2)), -1, -2)
-        found = np.empty((*theta.shape, E.shape[-1]), complex)
-        found[..., k], found[..., d] = kept[..., 0, :], (kept @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :]
-        return found
+        A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
+        solved = np.swapaxes(solve(np.swapaxes(A, -1, -2), np.swapaxes(C[..., k] + gained[..., -1:, :], -1, -2)), -1, -2)
+        states = np.empty((*theta.shape, E.shape[-1]), complex)
+        states[..., k], states[..., d] = solved[..., 0, :], (solved @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :]
+        return states

@@ -19,17 +19,10 @@ def solve(A, b):
     except np.linalg.LinAlgError:
         singular = np.linalg.slogdet(A)[0] == 0
         nudge = np.finfo(float).eps * np.maximum(np.abs(A).max((-1, -2)), 1) * singular
-        return _solved_where_possible(A + nudge[..., None, None] * np.eye(A.shape[-1]), b)
-
-
-def _solved_where_possible(A, b):
-    """Solve a batch of linear systems; NaN for a matrix that stays singular after `solve` has changed its diagonal.
-
-    This happens, for example, if the sizes of rows differ by more decades than a double has digits.
-    """
+        A = A + nudge[..., None, None] * np.eye(A.shape[-1])
     try:
         return np.linalg.solve(A, b)
-    except np.linalg.LinAlgError:
+    except np.linalg.LinAlgError:  # as if the sizes of rows differ by more decades than a double has digits
         lost = (np.linalg.slogdet(A)[0] == 0)[..., None, None]
         return np.where(lost, np.nan, np.linalg.solve(np.where(lost, np.eye(A.shape[-1]), A), b))
 

@@ -41,7 +41,7 @@ def unstable_counts(frames, errors, span, columns: int, bounds, resolved=None) -
 
 def _is_clear(lines, panels, at):
     """Whether it is proved that no eigenvalue is on the circle on a panel."""
-    k, d = lines.kept, lines.delayed
+    k, d = lines.solved, lines.delayed
     places = (k[:, None], k), (k[:, None], d), (d[:, None], k)
     c, error = ([part[at][..., rows, columns] for rows, columns in places] for part in (panels.coefficients, panels.error))
     order = np.arange(len(c[0]))

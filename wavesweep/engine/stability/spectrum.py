@@ -200,7 +200,7 @@ def _at_least(E, units, w):
     are most of its states, of the others as their Schur complement, and of the ways from one to the other.
     """
     lines = DelayLines.of(E)
-    k, d, w = lines.kept, lines.delayed, w[:, None, None]
+    k, d, w = lines.solved, lines.delayed, w[:, None, None]
     if k.size > d.size:
         return np.zeros(len(w))
 
