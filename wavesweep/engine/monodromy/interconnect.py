@@ -55,7 +55,7 @@ def _sizes_of(blocks):
 
 
 def _without_rounding(matrix, terms):
-    """Return a sum of terms, 0 where it is rounding: the wall's force may reach the avatar by +1/b and -1/b, which leaves eps/b."""
+    """Return sums of terms, with 0 for rounding: a wall's force may reach the avatar by +1/b and -1/b, which leaves eps/b."""
     return np.where((np.abs(matrix) <= ROUNDING * terms) & np.isfinite(terms), 0.0, matrix)
 
 

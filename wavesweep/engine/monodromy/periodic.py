@@ -59,8 +59,8 @@ def ticks_of(
             inputs, wires = (through,), {name: terms for name, terms in silent.items() if name != through}
         elif through:
             shown = ()
-        running = set(running)
-        in_tick = [_in_tick(block, index in running, held[block.name]) for index, block in enumerate(blocks)]
+        runs = set(running)
+        in_tick = [_in_tick(block, index in runs, held[block.name]) for index, block in enumerate(blocks)]
         maps.append(connect("tick", in_tick, wires, inputs, tuple(shown), terms))
     return Ticks(tuple(maps), kind)
 

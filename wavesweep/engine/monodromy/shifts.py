@@ -12,7 +12,8 @@ from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 class DelayLines:
     """States of a frame with `z x_i = x_j`, but for terms of the states `solved` and of the input, as those of a delay.
 
-    solved: all other states, which alone have to be solved for. lines: the delayed states, each after the one that it takes over.
+    solved: all other states, which alone have to be solved for. lines: the delayed states, each after the one that it takes
+    over.
     """
 
     solved: np.ndarray
