@@ -36,7 +36,6 @@ SPENT = 0.9  # part of the work after which no more norms are searched
 SEARCHES = 8  # into which the work that is left is divided: one for norms that do not exist ends soon
 STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
 FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # factor and last value of finer tolerances that follow if cheap, and the work for them
-LEFT_OUT = 1e-4  # of an interval, next to its low limit: at 0 many loops do not decay, and rounding leaves no room next to it
 FRUITLESS = 3  # finer graphs without a longer stretch, after which rounding leaves no room
 STEPS = 300  # norms for one side of the start
 # The shortest stretch of a proof that goes on from the start, of one that goes back to what is proved, and of several together
@@ -74,8 +73,8 @@ class Bracket:
     low, high: every number from low to high, both included, is proved; NaN if nothing is, and then nothing else is known.
     fails_below, fails_from: the nearest refuted numbers below low and above high, NaN if there is none. words: the patterns
     that refute them, or (). settled: whether each end is within the tolerance of the refuted number, or of the limit that was
-    asked for, the low one also if it is within LEFT_OUT of the way to the high end. stretches: the proof, from low to high
-    without a gap.
+    asked for, the low one also if it is within the square of the tolerance, relative to the high one, since at 0 many loops do
+    not decay. stretches: the proof, from low to high without a gap.
     """
 
     low: float
@@ -124,7 +123,7 @@ def bracket(family: Family, start: float, limits: tuple[float, float], tolerance
     if factor < 1:
         return Bracket(np.nan, np.nan, np.nan, np.nan, ((), ()), False, ())
     above = _side(family, start, limits[1], tolerance, first, work)
-    below = _side(family, start, limits[0], tolerance, first, work, LEFT_OUT * abs(above.end - start))
+    below = _side(family, start, limits[0], tolerance, first, work, tolerance**2 * abs(above.end - start))
     return Bracket(
         float(below.end),
         float(above.end),
