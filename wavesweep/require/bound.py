@@ -59,12 +59,12 @@ class Bound:
 
     def radius_of(self, period) -> np.ndarray:
         """The radius of loops with these periods of a frame, in s."""
-        found = np.minimum(self.radius, SETTLED ** (np.asarray(period, float) / self.settling))
-        if (found < LEAST).any():
+        radius = np.minimum(self.radius, SETTLED ** (np.asarray(period, float) / self.settling))
+        if (radius < LEAST).any():
             frame = np.max(period)
             expected = f"at least {np.log(SETTLED) / np.log(LEAST) * frame:.3g} s where a frame takes {frame:.3g} s"
             raise UsageError(f"sweep.require.settling: expected {expected}, found {self.settling:g}")
-        return found
+        return radius
 
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they may be, `(..., 2)`."""
@@ -76,9 +76,9 @@ class Bound:
     def intervals(self, frames, errors, span, columns: int, period, bounds, resolved) -> Intervals:
         """The intervals in which every mode has the damping ratio, or is bounded in a loop that conserves."""
         from wavesweep.require.by_discs import along_by_discs
-        from wavesweep.require.discs import Circle, Spiral
+        from wavesweep.require.discs import RequiredCircle, Spiral
 
-        place = Circle() if self.bounded else Spiral(self.damping_ratio)
+        place = RequiredCircle() if self.bounded else Spiral(self.damping_ratio)
         return along_by_discs(frames, errors, span, columns, period, bounds, resolved, place)
 
     def within_gain(self, loops, along: str, span, period, bounds, resolved, stable: Intervals) -> Intervals:
@@ -92,9 +92,9 @@ class Bound:
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
-        found = f"{of_size}; of frames over the required radius, whose unit circle is its circle" if self.of_size else ""
+        way = f"{of_size}; of frames over the required radius, whose unit circle is its circle" if self.of_size else ""
         discs = DISCS.format("each other and the unit circle" if self.bounded else "the spiral of the damping ratio")
-        modes = [discs if self.damping_ratio or self.bounded else "", found]
+        modes = [discs if self.damping_ratio or self.bounded else "", way]
         return "; and ".join(filter(None, [*modes, of_size if self.gain and not any(modes) else "", GAIN if self.gain else ""]))
 
     def refuse_rates(self, name: str) -> None:

@@ -10,14 +10,14 @@ from wavesweep.engine.stability.intervals import Intervals
 from wavesweep.engine.stability.regions import NEAR_ZERO
 from wavesweep.engine.stability.sampled_frames import level, pole_inside
 from wavesweep.require.disc_panels import OPEN, PANELS, RIM, Accuracy, along_panels
-from wavesweep.require.discs import Circle, Spiral, verdicts
+from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
 
 MANY, LARGE = 1024, 50_000  # panels of a column that may be open, and entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
 
 
-def along_by_discs(frames, errors, span, columns: int, period, bounds, resolved, place: Spiral | Circle) -> Intervals:
+def along_by_discs(frames, errors, span, columns: int, period, bounds, resolved, place: Spiral | RequiredCircle) -> Intervals:
     """All intervals of a number p within span = (low, high) in which all eigenvalues are in their place, per column.
 
     frames(column, p): `Frames` of these columns at these values, real or complex, of which the pivots are read. errors(column,
@@ -40,17 +40,17 @@ def _loops_of(frames, errors, span, columns, place):
     E, _ = errors(np.repeat(np.arange(columns), points.size), np.tile(points, columns))
     E = E.reshape(columns, points.size, *E.shape[1:])
     finite, loops = np.isfinite(E).all((-1, -2)), []
-    there = (finite[..., None, None] & (E + np.eye(E.shape[-1]) != 0)).any((0, 1))
-    for block in blocks_of(there):
-        own = block[:, None], block
-        if there[own].any():
-            loops.append(_Loops(frames, errors, np.flatnonzero(finite.any(-1)), E.shape[-1], block, place))
-            place.refuse(E[finite][:, *own])
+    nonzero = (finite[..., None, None] & (E + np.eye(E.shape[-1]) != 0)).any((0, 1))
+    for block in blocks_of(nonzero):
+        same_block = block[:, None], block
+        if nonzero[same_block].any():
+            loops.append(_LoopsInDiscs(frames, errors, np.flatnonzero(finite.any(-1)), E.shape[-1], block, place))
+            place.refuse(E[finite][:, *same_block])
     return loops, finite.any(-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Loops:
+class _LoopsInDiscs:
     """A diagonal block of the frames, which have so many states, of some columns; frames, errors: of all columns.
 
     A judge of `panels`; place: of the eigenvalues.
@@ -61,7 +61,7 @@ class _Loops:
     columns: np.ndarray
     states: int
     block: np.ndarray
-    place: Spiral | Circle
+    place: Spiral | RequiredCircle
 
     @property
     def order(self) -> int:
@@ -89,23 +89,23 @@ class _Loops:
         """`at` the middles of discs, and the frames on their rims, `(n, points, r, r)`, NaN if there may be a pole inside."""
         rim = middle[:, None] + radius[:, None] * RIM
         p, columns = np.concatenate([middle[:, None], rim], axis=1), self.columns[column][:, None]
-        inside, pivots = (self.frames(columns, each).pivots for each in (middle[:, None], rim))
+        inside, pivots = (self.frames(columns, at).pivots for at in (middle[:, None], rim))
         pivots = pivots.reshape(*rim.shape, -1)
         poles = pole_inside(pivots, level(inside[:, None])) & (pivots != pivots[:, :1]).any((1, 2))
         E, dE = self.at(np.repeat(column, p.shape[1]), p.ravel())  # all in one call, so that they have the same states
-        E, dE = (part.reshape(*p.shape, *part.shape[1:]) for part in (E, dE))
+        E, dE = (array.reshape(*p.shape, *array.shape[1:]) for array in (E, dE))
         return E[:, 0].real, dE[:, 0], np.where(poles[:, None, None, None], np.nan, E[:, 1:])
 
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels."""
         middle, half = (low + high) / 2, (high - low) / 2
         E, dE, rims = self.about(column, middle, 2 * half)
-        known = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
-        known &= np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2)) & np.isfinite(rims).all((-1, -2, -3))
+        inside_range = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
+        inside_range &= np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2)) & np.isfinite(rims).all((-1, -2, -3))
         label = np.full(column.size, OPEN)
-        some = np.flatnonzero(known)
-        if some.size:
-            label[some] = verdicts(E[some], dE[some], rims[some], self.place)
+        inside = np.flatnonzero(inside_range)
+        if inside.size:
+            label[inside] = verdicts(E[inside], dE[inside], rims[inside], self.place)
         return label
 
     def worst(self, column, p):

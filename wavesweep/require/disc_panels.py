@@ -66,21 +66,21 @@ def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accura
     loop, two arrays `(columns,)`. resolved(column, low, high): whether loops have no narrow features there. What is left are
     the ends, each in a gap as narrow as ends are exact, and panels in doubt.
     """
-    panels = [[(np.full(1, span[0]), np.full(1, GOOD if some else LOST))] for some in known]
-    for each in judges:
-        owner, low, label = _panels(each, span, [part[each.columns] for part in bounds], resolved, accuracy)
-        for at, column in enumerate(each.columns.tolist()):
-            own = owner == at
-            order = np.argsort(low[own])
-            panels[column].append((low[own][order], label[own][order]))
+    panels = [[(np.full(1, span[0]), np.full(1, GOOD if stable_column else LOST))] for stable_column in known]
+    for judge in judges:
+        owner, low, label = _panels(judge, span, [bound[judge.columns] for bound in bounds], resolved, accuracy)
+        for at, column in enumerate(judge.columns.tolist()):
+            of_column = owner == at
+            order = np.argsort(low[of_column])
+            panels[column].append((low[of_column][order], label[of_column][order]))
     rows = [
-        _intervals(column, *_merged(column, some, span, accuracy), judges, span, period[column], accuracy)
-        for column, some in enumerate(panels)
+        _intervals(column, *_merged(column, panels_of, span, accuracy), judges, span, period[column], accuracy)
+        for column, panels_of in enumerate(panels)
     ]
     names = ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")
-    parts = zip(*(row for some in rows for row in some), strict=True)
+    columns_of_rows = zip(*(row for column_rows in rows for row in column_rows), strict=True)
     kinds = (int, int, int, float, float, float, float, int, float)
-    return Intervals(**{name: np.array(part, kind) for name, part, kind in zip(names, parts, kinds, strict=True)})
+    return Intervals(**{name: np.array(column, kind) for name, column, kind in zip(names, columns_of_rows, kinds, strict=True)})
 
 
 def _panels(judge, span, bounds, resolved, accuracy):
@@ -91,36 +91,36 @@ def _panels(judge, span, bounds, resolved, accuracy):
     few = max(1, ENTRIES // (2 * RIM.size * judge.order**2))
     while column.size:
         at = np.flatnonzero(resolved(judge.columns[column], low, high))
-        label, parts = np.full(column.size, OPEN), [at[first : first + few] for first in range(0, at.size, few)]
-        for some in parts:
-            label[some] = judge.label(column[some], low[some], high[some], bounds)
+        label, batches = np.full(column.size, OPEN), [at[first : first + few] for first in range(0, at.size, few)]
+        for batch in batches:
+            label[batch] = judge.label(column[batch], low[batch], high[batch], bounds)
         narrow = accuracy.finest * (high - low) <= accuracy.of((low + high) / 2, width)
-        beside = accuracy.slow & (high - span[0] <= accuracy.begun[judge.columns[column]] * width)
-        narrow |= (high - span[0] <= accuracy.least * width) | (beside & (NARROW * (high - low) <= high - span[0]))
+        at_start = accuracy.slow & (high - span[0] <= accuracy.begun[judge.columns[column]] * width)
+        narrow |= (high - span[0] <= accuracy.least * width) | (at_start & (NARROW * (high - low) <= high - span[0]))
         open_ = np.bincount(column, minlength=count)
         tried += open_
         lost = ((open_ > many) | (tried > OFTEN * many))[column]
         label = np.where((label == OPEN) & ~narrow & lost, LOST, label)
         closed = (label != OPEN) | narrow
         done.append((column[closed], low[closed], label[closed]))
-        column, low, high = (part[~closed] for part in (column, low, high))
+        column, low, high = (array[~closed] for array in (column, low, high))
         middle = (low + high) / 2
         column, low, high = np.tile(column, 2), np.concatenate([low, middle]), np.concatenate([middle, high])
-    return [np.concatenate(parts) for parts in zip(*done, strict=True)]
+    return [np.concatenate(arrays) for arrays in zip(*done, strict=True)]
 
 
 def _merged(column, panels, span, accuracy):
     """Low ends and labels of runs of panels: of several partitions of the span, each as sorted low ends and labels."""
     edges = np.unique(np.concatenate([low for low, _ in panels]))
-    label = np.max([some[np.searchsorted(low, edges, side="right") - 1] for low, some in panels], axis=0)
+    label = np.max([panel[np.searchsorted(low, edges, side="right") - 1] for low, panel in panels], axis=0)
     edges, label = _runs(edges, label)
     size, within = np.diff(edges, append=span[1]), accuracy.of(edges, span[1] - span[0])
-    beside, sizes = np.concatenate([[LOST], label, [LOST]]), np.concatenate([[0], size, [0]])
-    slivers = (beside[:-2] == OPEN) & (beside[2:] == OPEN)
+    around, sizes = np.concatenate([[LOST], label, [LOST]]), np.concatenate([[0], size, [0]])
+    slivers = (around[:-2] == OPEN) & (around[2:] == OPEN)
     slivers &= (size <= within / 8) | (sizes[:-2] + size + sizes[2:] <= GAP * within)
     edges, label = _runs(edges, np.where(slivers, OPEN, label))  # in a gap a few panels may settle
-    beside = np.append(edges[1:], span[1]) - span[0] <= accuracy.slow * accuracy.begun[column] * (span[1] - span[0])
-    first = np.max(np.flatnonzero(beside & (label == OPEN)), initial=-1) + 1
+    around = np.append(edges[1:], span[1]) - span[0] <= accuracy.slow * accuracy.begun[column] * (span[1] - span[0])
+    first = np.max(np.flatnonzero(around & (label == OPEN)), initial=-1) + 1
     if (label[:first] < LOST).all():
         label[:first] = OPEN
     return _runs(edges, label)
@@ -135,31 +135,31 @@ def _runs(edges, label):
 def _intervals(column, edges, label, judges, span, period, accuracy):
     """Yield the rows of a column from its runs of panels, sorted; edges: their low ends."""
     width, runs = span[1] - span[0], list(zip(edges, [*edges[1:], span[1]], label, strict=True))
-    doubt, parts, gaps, begun = NONE, [], {}, False
-    for at, (low, high, what) in enumerate(runs):
+    doubt, intervals, gaps, begun = NONE, [], {}, False
+    for at, (low, high, verdict) in enumerate(runs):
         sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
-        if what == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
+        if verdict == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
             tight = high - low <= GAP * accuracy.of(high, width)
             if at == 0 and sides == [GOOD] and high - low <= accuracy.begun[column] * width:
-                own = [each for each in judges if column in each.columns]
+                judging = [judge for judge in judges if column in judge.columns]
                 looked_at = low + (high - low) * LOOKED_AT
-                begun = all((each.worst(column, looked_at)[1] <= OUTSIDE).all() for each in own)
+                begun = all((judge.worst(column, looked_at)[1] <= OUTSIDE).all() for judge in judging)
                 if begun:
                     continue
             doubt = max(doubt, NONE if tight else ROUNDING)
             gaps |= dict.fromkeys((low, high), (low, high))
-        elif what != BAD:
-            doubt = max(doubt, {GOOD: NONE, LOST: SEARCH}.get(what, CROWDED))
-            parts.append((span[0] if begun and not parts else low, high, what == GOOD))
-    count = index = sum(good for *_, good in parts)
-    for low, high, good in parts:
+        elif verdict != BAD:
+            doubt = max(doubt, {GOOD: NONE, LOST: SEARCH}.get(verdict, CROWDED))
+            intervals.append((span[0] if begun and not intervals else low, high, verdict == GOOD))
+    count = index = sum(good for *_, good in intervals)
+    for low, high, good in intervals:
         if not good:
             yield column, -1, count, low, high, np.nan, np.nan, doubt, 0.0
             continue
         ends, omegas, left = zip(*(_end(column, edge, gaps, judges, span, period) for edge in (low, high)), strict=True)
         yield column, count - index, count, *ends, *omegas, doubt, max(left)
         index -= 1
-    if not parts:
+    if not intervals:
         yield column, -1, 0, *4 * (np.nan,), doubt, 0.0
 
 
@@ -168,16 +168,16 @@ def _end(column, edge, gaps, judges, span, period):
     if edge not in gaps:  # where the span ends, or where nothing is known beyond
         return edge, np.nan, 0.0
     low, high = gaps[edge]
-    own = [each for each in judges if column in each.columns]
+    judging = [judge for judge in judges if column in judge.columns]
 
     def worst(p):
-        found = [each.worst(column, np.array([p])) for each in own]
-        return max(((delta[0], beyond[0]) for delta, beyond in found), key=lambda each: each[1])
+        worst_of = [judge.worst(column, np.array([p])) for judge in judging]
+        return max(((delta[0], beyond[0]) for delta, beyond in worst_of), key=lambda each: each[1])
 
-    (first, one), (last, other) = worst(low), worst(high)
-    p, (delta, left) = (low + high) / 2, (first, one) if one > other else (last, other)
-    if all(each.smooth for each in own) and one * other < 0:
-        p = (low * other - high * one) / (other - one)
+    (first, sign_low), (last, sign_high) = worst(low), worst(high)
+    p, (delta, left) = (low + high) / 2, (first, sign_low) if sign_low > sign_high else (last, sign_high)
+    if all(judge.smooth for judge in judging) and sign_low * sign_high < 0:
+        p = (low * sign_high - high * sign_low) / (sign_high - sign_low)
         delta, left = worst(p)
     for end, side in zip(span, (low, high), strict=True):
         if side == end:

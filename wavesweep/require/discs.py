@@ -70,7 +70,7 @@ class Spiral:
 
 
 @dataclass(frozen=True, slots=True)
-class Circle:
+class RequiredCircle:
     """The eigenvalues of a loop that conserves, if all are on the unit circle and no two are the same: nothing grows.
 
     Such a loop has with z also 1/conj(z) as an eigenvalue, except for 0 of held values. So one that is alone in its disc, and
@@ -83,10 +83,12 @@ class Circle:
     def refuse(self, E) -> None:
         """Raise UsageError for frames less identity, `(points, r, r)`, of a loop that does not conserve but for rounding."""
         for A in E + np.eye(E.shape[-1]):
-            found = np.poly(A)
-            found = np.trim_zeros(np.where(np.abs(found) > CONSERVING * np.abs(found).max(), found, 0.0), "b")
-            off = np.abs(found - np.sign(found[-1]) * found[::-1]).max()
-            if np.abs(A).max() < GROWN and off > CONSERVING * np.abs(found).max():
+            polynomial = np.poly(A)
+            polynomial = np.trim_zeros(
+                np.where(np.abs(polynomial) > CONSERVING * np.abs(polynomial).max(), polynomial, 0.0), "b"
+            )
+            off = np.abs(polynomial - np.sign(polynomial[-1]) * polynomial[::-1]).max()
+            if np.abs(A).max() < GROWN and off > CONSERVING * np.abs(polynomial).max():
                 raise UsageError(
                     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found "
                     "one that takes or gives energy; leave bounded out, and stable intervals are found"
@@ -118,15 +120,15 @@ class Circle:
 def verdicts(E, dE, rims, place):
     """The labels of panels; E, dE: in the middle, `(n, r, r)`; rims: the frames on circles of twice the size about them.
 
-    place: `Spiral` or `Circle`.
+    place: `Spiral` or `RequiredCircle`.
     """
     n = E.shape[-1]
     delta, V = _vectors(E, place.small)
     with np.errstate(all="ignore"):
-        W, own = inverse(V), np.abs(V)
-        wide, off = np.abs(W), np.abs(W @ V - np.eye(n)) + n * ROUNDING * (np.abs(W) @ own)
-        change = np.maximum(*(np.abs(W[:, None] @ (each - E[:, None]) @ V[:, None]).max(1) for each in (rims, rims.conj())))
-        defect = np.abs(W @ (E @ V - V * delta[:, None, :])) + wide @ (dE + n * ROUNDING * np.abs(E)) @ own
+        W, sizes = inverse(V), np.abs(V)
+        wide, off = np.abs(W), np.abs(W @ V - np.eye(n)) + n * ROUNDING * (np.abs(W) @ sizes)
+        change = np.maximum(*(np.abs(W[:, None] @ (rim - E[:, None]) @ V[:, None]).max(1) for rim in (rims, rims.conj())))
+        defect = np.abs(W @ (E @ V - V * delta[:, None, :])) + wide @ (dE + n * ROUNDING * np.abs(E)) @ sizes
         loss = off.sum(-1).max(-1)
         entries = (SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])) / (1 - loss)[:, None, None]
         label, finite = np.full(len(E), OPEN), np.isfinite(entries).all((-1, -2)) & (loss < FINE)
@@ -140,7 +142,7 @@ def _vectors(E, small):
     """
     from scipy.linalg import schur
 
-    delta, V = (part.astype(complex) for part in np.linalg.eig(E))
+    delta, V = (array.astype(complex) for array in np.linalg.eig(E))
     near = np.abs(1 + delta) <= small
     for at in np.flatnonzero(near.sum(-1) > 1):
         T, Q, count = schur(E[at] + np.eye(E.shape[-1]), output="complex", sort=lambda z: abs(z) <= small)
@@ -158,11 +160,13 @@ def _of_entries(delta, entries, place):
     """
     room, radius = place.room(delta), entries.sum(-1)
     large = (radius >= room)[:, None, :]
-    into, among = (np.where(some, entries, 0.0).sum(-1) for some in (large, ~large))
+    into, among = (np.where(large_or_not, entries, 0.0).sum(-1) for large_or_not in (large, ~large))
     ratio = np.where(large[:, 0], 0.0, np.where(room / 2 > among, into / (room / 2 - among), 1.0)).max(-1)
     units = np.where(large[:, 0], 1.0, np.clip(ratio, 1e-12, 1.0)[:, None])
-    one, other = (place.label(delta, each, room) for each in (radius, (entries * units[:, None, :]).sum(-1) / units))
-    return np.where(one == OPEN, other, one)
+    label_radius, label_weighted = (
+        place.label(delta, size, room) for size in (radius, (entries * units[:, None, :]).sum(-1) / units)
+    )
+    return np.where(label_radius == OPEN, label_weighted, label_radius)
 
 
 def _meeting(one, small, other, large):

@@ -73,38 +73,44 @@ def along_gain(
     number, p = np.repeat(np.arange(size), values.size), np.tile(values, size)
     port, _ = _port(loops, along, drift, route, number, p)
     if port.outputs > 1:
-        what = route[1].removeprefix(OUTPUT)
-        raise UsageError(f"sweep.require.gain.to: expected an output that comes to rest, found {what}, which drifts")
+        output = route[1].removeprefix(OUTPUT)
+        raise UsageError(f"sweep.require.gain.to: expected an output that comes to rest, found {output}, which drifts")
     ticks = port.kind.size
     on = wanted.measure == BASE_BAND and ticks > 1
     step = period / ticks if on else period
-    gain = (Sine if on else Gain)(
+    gain = (Sine if on else BoundedGain)(
         *(loops, along, route, wanted.at_most, drift, _needed(port.maps), ticks),
         *(np.arange(size), stable, _arc(wanted, ticks, step), False),
     )
-    E, G, O, T = (part for part, _ in gain.maps(number, p)[0])
+    E, G, O, T = (array for array, _ in gain.maps(number, p)[0])
     H, w = T - O @ solve(E, G), np.full((ticks, 1), ticks**-0.5)
     through = _t(w) @ H @ w
     signed = np.copysign(gain.level, through) * w
-    differs = [through - np.copysign(gain.level, through)] if on else [each @ w - signed for each in (H, _t(H))]
-    off = np.max([np.abs(each).max((-1, -2)) for each in differs], 0)
+    differs = [through - np.copysign(gain.level, through)] if on else [differs_of @ w - signed for differs_of in (H, _t(H))]
+    off = np.max([np.abs(difference).max((-1, -2)) for difference in differs], 0)
     at_rest = (off <= AT_REST * gain.level).reshape(size, -1).all(-1) & (gain.arc[:, 0] == 0)
     columns = [np.flatnonzero(at_rest == touching) for touching in (False, True)]
-    judges = [replace(gain, columns=some, at_rest=bool(at_rest[some[0]])) for some in columns if some.size]
+    judges = [
+        replace(gain, columns=some_columns, at_rest=bool(at_rest[some_columns[0]]))
+        for some_columns in columns
+        if some_columns.size
+    ]
     poles = np.linalg.eigvals(gain.maps(np.arange(size), np.full(size, span[0] + BESIDE * (span[1] - span[0])))[0][0][0])
     with np.errstate(divide="ignore"):
-        beside = BESIDE * np.minimum(1.0, SLOW / np.abs(poles).min(-1))
-    ends = Accuracy(EXACT, 64.0, EXACT, np.maximum(beside, EXACT), slow=True)
-    found = along_panels(judges, np.ones(size, bool), span, step, bounds, resolved, ends)
+        near = BESIDE * np.minimum(1.0, SLOW / np.abs(poles).min(-1))
+    ends = Accuracy(EXACT, 64.0, EXACT, np.maximum(near, EXACT), slow=True)
+    intervals = along_panels(judges, np.ones(size, bool), span, step, bounds, resolved, ends)
     return _attached(
-        replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega), stable, NEAR_ZERO * (span[1] - span[0])
+        replace(intervals, low_omega=-intervals.low_omega, high_omega=-intervals.high_omega),
+        stable,
+        NEAR_ZERO * (span[1] - span[0]),
     )
 
 
 def _needed(maps):
     """The states that the input reaches and the signal depends on."""
-    kept = np.flatnonzero(read(maps) & reached(maps))
-    return kept if kept.size else np.arange(1)
+    needed = np.flatnonzero(read(maps) & reached(maps))
+    return needed if needed.size else np.arange(1)
 
 
 def _arc(wanted, ticks, step):
@@ -114,10 +120,10 @@ def _arc(wanted, ticks, step):
     arc = 2 * np.pi * np.outer(step, wanted.band_hz)
     if (beyond := arc[:, 1] > np.pi * (1 + 1e-9)).any():
         of = "frames" if ticks > 1 and wanted.measure != BASE_BAND else "ticks"
-        more = f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)' if of == "frames" else ""
+        folding = f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)' if of == "frames" else ""
         raise UsageError(
             f"sweep.require.gain.band_hz: expected frequencies up to {0.5 / step[beyond].max():g} Hz, half the rate of the {of}"
-            f"{more}, found {wanted.band_hz[1]:g}"
+            f"{folding}, found {wanted.band_hz[1]:g}"
         )
     return np.minimum(arc, np.pi)
 
@@ -126,11 +132,11 @@ def _attached(found, stable, nothing):
     """Intervals whose ends that are as near to those of stability as ends are exact are these."""
     ends = {}
     for side in ("low", "high"):
-        own, other = getattr(found, side)[:, None], getattr(stable, side)
-        near = (np.abs(own - other) <= EXACT * (np.abs(other) + nothing)) & (found.column[:, None] == stable.column)
-        at, some = near.argmax(-1), near.any(-1)
+        end, stable_end = getattr(found, side)[:, None], getattr(stable, side)
+        near = (np.abs(end - stable_end) <= EXACT * (np.abs(stable_end) + nothing)) & (found.column[:, None] == stable.column)
+        at, is_near = near.argmax(-1), near.any(-1)
         for name in (side, f"{side}_omega"):
-            ends[name] = np.where(some, getattr(stable, name)[at], getattr(found, name))
+            ends[name] = np.where(is_near, getattr(stable, name)[at], getattr(found, name))
     return replace(found, **ends)
 
 
@@ -145,7 +151,7 @@ def _port(loops, along, drift, route, number, p):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gain:
+class BoundedGain:
     """The gain of loops between an input and a signal (route) along a number; level: which it has to stay below.
 
     A judge of `panels`, of these columns. kept: states that the input reaches and the signal depends on. inputs: of the
@@ -181,17 +187,18 @@ class Gain:
                 n, m = self.kept.size, self.inputs
                 shapes = ((1, n, n), (1, n, m), (1, m, n), (1, m, m))
                 return [(np.full(shape, np.nan),) * 2 for shape in shapes], np.zeros((1, 1))
-            halves = [self.maps(column[part], p[part]) for part in np.array_split(np.arange(p.size), 2)]
+            halves = [self.maps(column[half], p[half]) for half in np.array_split(np.arange(p.size), 2)]
             maps = [
-                tuple(map(np.concatenate, zip(*pair, strict=True))) for pair in zip(*(each for each, _ in halves), strict=True)
+                tuple(map(np.concatenate, zip(*pair, strict=True)))
+                for pair in zip(*(half_maps for half_maps, _ in halves), strict=True)
             ]
             return maps, np.zeros((p.size, 1))  # which may be poles
         return over_frame(port, self.kept, p.shape), pivots
 
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
-        own = self.stable.column == self.columns[column][:, None]
-        within = own & (self.stable.low < high[:, None]) & (self.stable.high > low[:, None])
+        own_rows = self.stable.column == self.columns[column][:, None]
+        within = own_rows & (self.stable.low < high[:, None]) & (self.stable.high > low[:, None])
         label, inside = np.full(column.size, BAD), within.any(-1)
         if inside.any():
             label[inside] = self._label(column[inside], low[inside], high[inside], bounds)
@@ -203,34 +210,34 @@ class Gain:
         middle, half = (low + high) / 2, (high - low) / 2
         p = middle[:, None] + 2 * half[:, None] * np.append(0.0, RIM)
         maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
-        known = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
-        return maps, p.shape, known & ~_poles(pivots.reshape(*p.shape, -1))
+        inside_range = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
+        return maps, p.shape, inside_range & ~_poles(pivots.reshape(*p.shape, -1))
 
     def _label(self, column, low, high, bounds):
-        maps, shape, known = self._about(column, low, high, bounds)
+        maps, shape, judged = self._about(column, low, high, bounds)
         form = self.form(shape[1], *maps)
-        both = [tuple(part.reshape(*shape, *part.shape[1:]) for part in pair) for pair in self.pencil(maps[0], *form)]
+        both = [tuple(array.reshape(*shape, *array.shape[1:]) for array in pair) for pair in self.pencil(maps[0], *form)]
         (K, dK), (L, dL) = both
         if self.at_rest:
-            known &= ~_poles(_determinants(maps[0][0].reshape(*shape, *maps[0][0].shape[1:]))[..., None])
-        known &= np.logical_and.reduce([np.isfinite(part).all((-1, -2, -3)) for part in (K, dK, L, dL)])
-        label, some = np.full(column.size, OPEN), np.flatnonzero(known)
-        if not some.size:
+            judged &= ~_poles(_determinants(maps[0][0].reshape(*shape, *maps[0][0].shape[1:]))[..., None])
+        judged &= np.logical_and.reduce([np.isfinite(array).all((-1, -2, -3)) for array in (K, dK, L, dL)])
+        label, open_columns = np.full(column.size, OPEN), np.flatnonzero(judged)
+        if not open_columns.size:
             return label
-        middles = K[some, 0].real, dK[some, 0], L[some, 0].real, dL[some, 0]
-        arc = self.arc[self.columns[column[some]]]
-        inside, d = clear(*middles, (K[some, 1:], L[some, 1:]), self.inputs, arc)
-        parts = [tuple(part.reshape(*shape, *part.shape[1:])[some] for part in pair) for pair in (maps[0], *form)]
+        middles = K[open_columns, 0].real, dK[open_columns, 0], L[open_columns, 0].real, dL[open_columns, 0]
+        arc = self.arc[self.columns[column[open_columns]]]
+        inside, d = clear(*middles, (K[open_columns, 1:], L[open_columns, 1:]), self.inputs, arc)
+        arrays = [tuple(array.reshape(*shape, *array.shape[1:])[open_columns] for array in pair) for pair in (maps[0], *form)]
         theta = _angles(d, arc)
-        value, size, v = _least([part[:, 0].real for part, _ in parts], theta)
+        value, size, v = _least([array[:, 0].real for array, _ in arrays], theta)
         good = inside & (value > POSITIVE * size).any(-1)
-        label[some[good]] = GOOD
+        label[open_columns[good]] = GOOD
         rest = np.flatnonzero(~good & (value.min(-1) < 0))
         if rest.size:
             at = value[rest].argmin(-1)
             with np.errstate(all="ignore"):
-                bad = _negative([tuple(part[rest] for part in pair) for pair in parts], theta[rest, at], v[rest, at])
-            label[some[rest[bad]]] = BAD
+                bad = _negative([tuple(array[rest] for array in pair) for pair in arrays], theta[rest, at], v[rest, at])
+            label[open_columns[rest[bad]]] = BAD
         return label
 
     def worst(self, column, p):
@@ -241,9 +248,9 @@ class Gain:
         arc = self.arc[np.full(p.size, column)]
         _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs, arc)
         theta = _angles(d, arc)
-        value, size, _ = _least([part for part, _ in (maps[0], *form)], theta)
+        value, size, _ = _least([array for array, _ in (maps[0], *form)], theta)
         most = (value / size).argmin(-1)[:, None]
-        value, size, theta = (np.take_along_axis(part, most, 1)[:, 0] for part in (value, size, theta))
+        value, size, theta = (np.take_along_axis(array, most, 1)[:, 0] for array in (value, size, theta))
         return on_circle(theta), -value / size
 
     def form(self, points, E, G, O, T):
@@ -277,42 +284,44 @@ class Gain:
     def pencil(self, E, G, P, S, R):
         """N - L and L, each with a bound on its error."""
         n, m = G[0].shape[-2:]
-        x, l, u, found = slice(n), slice(n, 2 * n), slice(2 * n, None), []
+        x, l, u, blocks = slice(n), slice(n, 2 * n), slice(2 * n, None), []
         for e, g, p, s, r in zip(E, G, P, S, R, strict=True):
             K, L = np.zeros((2, *g.shape[:-2], 2 * n + m, 2 * n + m), np.result_type(e, g, p, s, r))
             K[..., x, x], K[..., x, u] = e, g
             K[..., l, x], K[..., l, l], K[..., l, u] = p, _t(e), s
             K[..., u, x], K[..., u, l], K[..., u, u] = _t(s), _t(g), r
             L[..., l, l], L[..., u, l] = -_t(e), -_t(g)
-            found.append((K, L))
-        (K, L), errors = found
+            blocks.append((K, L))
+        (K, L), errors = blocks
         L[..., x, x], L[..., l, l] = np.eye(n), L[..., l, l] - np.eye(n)
         return (K, np.abs(errors[0])), (L, np.abs(errors[1]) + ROUNDING * np.abs(L))
 
 
-class Sine(Gain):
+class Sine(BoundedGain):
     """The same at the frequency of a sine itself, of frames of several ticks: see `sines`."""
 
     __slots__ = ()
 
     def _label(self, column, low, high, bounds):
-        maps, shape, known = self._about(column, low, high, bounds)
-        maps = [tuple(part.reshape(*shape, *part.shape[1:]) for part in pair) for pair in maps]
-        known &= np.logical_and.reduce([np.isfinite(part).all((1, 2, 3)) for pair in maps for part in pair])
+        maps, shape, judged = self._about(column, low, high, bounds)
+        maps = [tuple(array.reshape(*shape, *array.shape[1:]) for array in pair) for pair in maps]
+        judged &= np.logical_and.reduce([np.isfinite(array).all((1, 2, 3)) for pair in maps for array in pair])
         label = np.full(column.size, OPEN)
-        for at in np.flatnonzero(known):
-            label[at] = self._panel(column[at], [tuple(part[at] for part in pair) for pair in maps]).label()
+        for at in np.flatnonzero(judged):
+            label[at] = self._panel(column[at], [tuple(array[at] for array in pair) for pair in maps]).label()
         return label
 
     def _panel(self, column, maps):
         return Panel(maps, self.level, self.arc[self.columns[column]], self.at_rest)
 
     def worst(self, column, p):
-        """As that of `Gain`."""
-        own = np.searchsorted(self.columns, column)
-        maps, _ = self.maps(np.full(p.size, own), p)
-        found = [self._panel(own, [tuple(part[at : at + 1] for part in pair) for pair in maps]).worst() for at in range(p.size)]
-        return tuple(map(np.array, zip(*found, strict=True)))
+        """As that of `BoundedGain`."""
+        index = np.searchsorted(self.columns, column)
+        maps, _ = self.maps(np.full(p.size, index), p)
+        worst = [
+            self._panel(index, [tuple(array[at : at + 1] for array in pair) for pair in maps]).worst() for at in range(p.size)
+        ]
+        return tuple(map(np.array, zip(*worst, strict=True)))
 
 
 def _t(part):
@@ -328,7 +337,7 @@ def _scaled(factor, pair):
 
 
 def _transposed(pair):
-    return tuple(np.swapaxes(part, -1, -2) for part in pair)
+    return tuple(np.swapaxes(array, -1, -2) for array in pair)
 
 
 def _angles(d, arc):
@@ -336,10 +345,10 @@ def _angles(d, arc):
     between these."""
     off = off_circle(d)
     nearest = np.argsort(off, -1)[:, :ANGLES]
-    d, off = (np.take_along_axis(part, nearest, -1) for part in (d, off))
-    found = with_middles(np.clip(np.where(off <= NEAR, angles_of(d), np.nan), arc[:, :1], arc[:, 1:]))
-    found = np.where(np.isnan(found), arc[:, :1], np.clip(found, arc[:, :1], arc[:, 1:]))
-    return np.concatenate([found, arc[:, :1] + (arc[:, 1:] - arc[:, :1]) * START / np.pi], -1)
+    d, off = (np.take_along_axis(array, nearest, -1) for array in (d, off))
+    angles = with_middles(np.clip(np.where(off <= NEAR, angles_of(d), np.nan), arc[:, :1], arc[:, 1:]))
+    angles = np.where(np.isnan(angles), arc[:, :1], np.clip(angles, arc[:, :1], arc[:, 1:]))
+    return np.concatenate([angles, arc[:, :1] + (arc[:, 1:] - arc[:, :1]) * START / np.pi], -1)
 
 
 def _least(parts, theta):
@@ -347,15 +356,15 @@ def _least(parts, theta):
 
     parts: E, G, P, S, R of each, `(n, r, c)`.
     """
-    E, G, P, S, R = (part[:, None] for part in parts)
+    E, G, P, S, R = (array[:, None] for array in parts)
     with np.errstate(all="ignore"):
         x = solve(on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E, G + 0j * theta[..., None, None])
         back, St = _t(x).conj(), _t(S)
-        whole = back @ P @ x + back @ S + St @ x + R
+        hermitian = back @ P @ x + back @ S + St @ x + R
         size = np.abs(back) @ np.abs(P) @ np.abs(x) + np.abs(back) @ np.abs(S) + np.abs(St) @ np.abs(x) + np.abs(R)
-        known = np.isfinite(whole).all((-1, -2))
-        value, vectors = np.linalg.eigh(np.where(known[..., None, None], whole, 0.0))
-    return np.where(known, value[..., 0], 0.0), np.where(known, size.sum((-1, -2)), 1.0), vectors[..., 0]
+        finite = np.isfinite(hermitian).all((-1, -2))
+        value, vectors = np.linalg.eigh(np.where(finite[..., None, None], hermitian, 0.0))
+    return np.where(finite, value[..., 0], 0.0), np.where(finite, size.sum((-1, -2)), 1.0), vectors[..., 0]
 
 
 def _negative(parts, theta, v):
@@ -377,19 +386,19 @@ def _negative(parts, theta, v):
         back = inverse(B)
         return B, back, back[..., :n, n:], v * back[..., n:, n:]
 
-    (B, back, x, i), (other, _, y, k) = solved(w, v, l), solved(w.conj(), v.conj(), l.conj())
+    (B, back, x, i), (dual, _, y, k) = solved(w, v, l), solved(w.conj(), v.conj(), l.conj())
     value = (_t(y) @ (P @ x + S @ i) + _t(k) @ (_t(S) @ x + R @ i))[..., 0, 0]
     change = np.abs(value[:, 1:] - value[:, :1].real).max(-1)
     x, i, rough = x[:, 0], i[:, 0], 2 * (n + 4) * ROUNDING
-    sizes = [np.abs(part) for part in (x, i, back[:, 0], B[:, 0], v[:, 0])]
+    sizes = [np.abs(array) for array in (x, i, back[:, 0], B[:, 0], v[:, 0])]
     (ax, ai, far, aB, av), (P, S, R) = sizes, (P[:, 0], S[:, 0], R[:, 0])
-    dE, dG, dP, dS, dR = dE[:, 0], dG[:, 0], *(off[:, 0] + rough * np.abs(part) for off, part in ((dP, P), (dS, S), (dR, R)))
+    dE, dG, dP, dS, dR = dE[:, 0], dG[:, 0], *(off[:, 0] + rough * np.abs(array) for off, array in ((dP, P), (dS, S), (dR, R)))
     left = np.concatenate([dE @ ax + dG @ ai, 0 * ai[:, :1]], 1) + rough * aB @ far[..., n:]
     off = far @ left
     dx, di = off[:, :n], av * off[:, n:]
     error = _t(ax) @ dP @ ax + 2 * _t(ax) @ dS @ ai + _t(ai) @ dR @ ai
     error = error + 2 * (np.abs(_t(P @ x + S @ i)) @ dx + np.abs(_t(_t(S) @ x + R @ i)) @ di)
-    poles = _poles((_determinants(B) * _determinants(other))[..., None])
+    poles = _poles((_determinants(B) * _determinants(dual))[..., None])
     return ~poles & (value[:, 0].real + SAFE / 2 * change + error[:, 0, 0] < 0)
 
 

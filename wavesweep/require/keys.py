@@ -95,8 +95,8 @@ class Require(TableValue):
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        found = {name: value for name, value in asdict(self).items() if value}
-        return found | ({"gain": self.gain.written()} if self.gain else {})
+        table = {name: value for name, value in asdict(self).items() if value}
+        return table | ({"gain": self.gain.written()} if self.gain else {})
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
         """Raise UsageError, since more is required; see `TableValue`."""
@@ -118,8 +118,8 @@ def build(request: Request) -> Require | None:
     """Return the requirement and add its mistakes; None if nothing is required."""
     leaves, mistakes = request.belongs.below(PATH), request.mistakes
     if (table := leaves.get("")) is not None:
-        found = "an empty table" if table.value == {} else show(table.value)
-        return mistakes.refuse(table, PATH, f"a table with some of {', '.join(KEYS_BY_NAME)}", found, of_key=False)
+        problem = "an empty table" if table.value == {} else show(table.value)
+        return mistakes.refuse(table, PATH, f"a table with some of {', '.join(KEYS_BY_NAME)}", problem, of_key=False)
     if isinstance(getattr(leaves.get("gain"), "value", None), dict):  # as a call of the library gives it
         leaf = leaves.pop("gain")
         leaves |= {f"gain.{name}": Leaf(value, leaf.place) for name, value in leaf.value.items()}
@@ -130,27 +130,27 @@ def build(request: Request) -> Require | None:
     gain = {name.removeprefix("gain."): numbers.pop(name) for name in OF_GAIN if name in numbers}
     for name in NEEDED if band or leaves.keys() & {*OF_GAIN} else ():
         if name not in leaves:
-            some = band or next(leaf for other, leaf in leaves.items() if other in OF_GAIN)
-            mistakes.refuse(some, f"{PATH}.gain", f"all of {', '.join(NEEDED)}", f"none of {name}")
+            first_leaf = band or next(leaf for name_of_leaf, leaf in leaves.items() if name_of_leaf in OF_GAIN)
+            mistakes.refuse(first_leaf, f"{PATH}.gain", f"all of {', '.join(NEEDED)}", f"none of {name}")
     if band:
         gain["band_hz"] = ends = tuple(mistakes.check_list(HZ, band, HZ.path, "[lowest, highest frequency]", count=2))
         if len(ends) == 2 and None not in ends and ends[0] >= ends[1]:
             mistakes.refuse(band, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False)
     if request.drawing:
         hand = (request.drawing.hand or ())[:1]
-        for name, ports, others in (("gain.from", "inputs", hand), ("gain.to", "outputs", ("x", "f_m") if hand else ())):
+        for name, ports, columns_known in (("gain.from", "inputs", hand), ("gain.to", "outputs", ("x", "f_m") if hand else ())):
             path = f"{PATH}.{name}"
-            asked = [leaves[name].value] if path in request.belongs.keys else []
-            request.refuse_unknown_ends(path, [each for each in asked if each not in others], ports)
+            names = [leaves[name].value] if path in request.belongs.keys else []
+            request.refuse_unknown_ends(path, [name for name in names if name not in columns_known], ports)
     gain = None if {"from", "to", "at_most"} - gain.keys() else GainBound(gain.pop("from"), gain.pop("to"), **gain)
     return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:
     """Return the JSON Schema of the table."""
-    found = {name: shapes.value(key) for name, key in KEYS_BY_NAME.items()}
-    gain = {name.partition(".")[2]: found.pop(name) for name in OF_GAIN}
-    return shapes.table(found | {"gain": shapes.table(gain)})
+    shapes_of = {name: shapes.value(key) for name, key in KEYS_BY_NAME.items()}
+    gain = {name.partition(".")[2]: shapes_of.pop(name) for name in OF_GAIN}
+    return shapes.table(shapes_of | {"gain": shapes.table(gain)})
 
 
 TABLE = SpecTable(path=PATH, build=build, keys=KEYS, signals=(f"{PATH}.gain.to",), always=True, schema=schema)

@@ -25,10 +25,10 @@ def over_frame(port: Port, kept, batch) -> tuple[Pair, ...]:
 
 def _ticks(port, kept, batch):
     """E less identity, B, C and D of each kind of tick, of some states and the first output."""
-    found = []
-    for parts, sizes in zip(port.maps, port.sizes, strict=True):
-        pairs = ((x, ENTRIES * np.abs(size)) for x, size in zip(parts, sizes, strict=True))
+    ticks = []
+    for matrices, sizes in zip(port.maps, port.sizes, strict=True):
+        pairs = ((x, ENTRIES * np.abs(size)) for x, size in zip(matrices, sizes, strict=True))
         e, b, c, d = (tuple(np.broadcast_to(x, (*batch, *x.shape[-2:])) for x in pair) for pair in pairs)
         e, b, c = (tuple(x[:, kept[:, None], kept] for x in e), tuple(x[:, kept] for x in b), tuple(x[:, :, kept] for x in c))
-        found.append((e, b, c, d))
-    return found
+        ticks.append((e, b, c, d))
+    return ticks

@@ -31,13 +31,13 @@ def off_circle(d):
 def off_arc(d, arc):
     """Distance of 1 + d from what the map makes of an arc; d: `(n, any)`; arc: its ends (rad), `(n, 2)`."""
     low, high = np.clip(arc + WIDER * np.array([-1, 1]), 0, np.pi)[:, None, :].transpose(2, 0, 1)
-    found, circle = np.inf, off_circle(d)
+    distance, circle = np.inf, off_circle(d)
     for ends in ((low, high), (-high, -low)):
         z = np.exp(1j * np.array(ends))
         first, last = (z - TURN) / (1 - np.conj(TURN) * z) / ONE
         beyond = np.angle((1 + d) / first) % (2 * np.pi) > np.angle(last / first) % (2 * np.pi)
-        found = np.minimum(found, np.where(beyond, np.minimum(np.abs(1 + d - first), np.abs(1 + d - last)), circle))
-    return found
+        distance = np.minimum(distance, np.where(beyond, np.minimum(np.abs(1 + d - first), np.abs(1 + d - last)), circle))
+    return distance
 
 
 def angles_of(d):
@@ -59,16 +59,16 @@ def clear(K, dK, L, dL, rims, inputs, arc):
 
     def parts(K, L, sizes=False):
         """P and Q of `P - d Q`, or their sizes."""
-        rate, back, one = RATE, -np.conj(TURN), 1 - np.conj(TURN)
+        rate, back, unit = RATE, -np.conj(TURN), 1 - np.conj(TURN)
         if sizes:
-            rate, back, one = abs(rate), abs(back), abs(one)
-        return np.where(last, K, rate * K), states * (one * L + back * K)
+            rate, back, unit = abs(rate), abs(back), abs(unit)
+        return np.where(last, K, rate * K), states * (unit * L + back * K)
 
     (P, Q), rounding = parts(K, L), N * ROUNDING  # of complex products of three, one after the other
     sizes = parts(dK + rounding * np.abs(K), dL + rounding * np.abs(L), sizes=True)
     with np.errstate(all="ignore"):
         from_u = inverse(P[:, n:, n:])
-        S, T = (part[:, :n, :n] - P[:, :n, n:] @ from_u @ part[:, n:, :n] for part in (P, Q))
+        S, T = (pencil[:, :n, :n] - P[:, :n, n:] @ from_u @ pencil[:, n:, :n] for pencil in (P, Q))
         S = inverse(T) @ S
         fine = np.isfinite(S).all((-1, -2))
         S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
@@ -77,13 +77,15 @@ def clear(K, dK, L, dL, rims, inputs, arc):
         U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
         V = np.concatenate([np.concatenate([V, 0 * _t(U)], -1), np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)], -2)
         W = inverse(np.where(last, P, Q @ V))
-        moved = [part - whole[:, None] for part, whole in zip(rims, (K, L), strict=True)]
-        moved = [np.concatenate(some, 1) for some in zip(parts(*moved), parts(*(part.conj() for part in moved)), strict=True)]
+        moved = [rim - middle_matrix[:, None] for rim, middle_matrix in zip(rims, (K, L), strict=True)]
+        moved = [
+            np.concatenate(pair, 1) for pair in zip(parts(*moved), parts(*(matrix.conj() for matrix in moved)), strict=True)
+        ]
         d = np.concatenate([delta, np.zeros((len(delta), inputs))], -1)
         off = W @ P @ V - W @ Q @ V * d[:, None, :] - np.eye(N) * last, W @ Q @ V - np.eye(N) * states
         F, loss = (
-            SAFE / 2 * np.abs(_between(W, part, V, inputs)).max(1) + np.abs(each) + np.abs(W) @ size @ np.abs(V)
-            for part, each, size in zip(moved, off, sizes, strict=True)
+            SAFE / 2 * np.abs(_between(W, change, V, inputs)).max(1) + np.abs(rounding) + np.abs(W) @ size @ np.abs(V)
+            for change, rounding, size in zip(moved, off, sizes, strict=True)
         )
         room = np.where(last, 1.0, off_arc(d, arc))
         size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
@@ -98,21 +100,21 @@ def clear(K, dK, L, dL, rims, inputs, arc):
 def _between(W, parts, V, inputs):
     """`W part V` of parts `(n, points, r, r)`, of whose three rows of blocks most numbers change few rows or columns."""
     N = V.shape[-1]
-    n, found = (N - inputs) // 2, 0.0
+    n, total = (N - inputs) // 2, 0.0
     for block in (slice(n), slice(n, 2 * n), slice(2 * n, N)):
-        there = np.any(parts[..., block, :] != 0, (0, 1))
-        rows, columns = np.arange(N)[block][there.any(1)], np.flatnonzero(there.any(0))
-        some = W[:, None][..., rows], parts[..., rows[:, None], columns], V[:, None, columns]
-        left, part, right = map(np.ascontiguousarray, some)
-        found = found + (left @ (part @ right) if rows.size <= columns.size else (left @ part) @ right)
-    return found
+        nonzero = np.any(parts[..., block, :] != 0, (0, 1))
+        rows, columns = np.arange(N)[block][nonzero.any(1)], np.flatnonzero(nonzero.any(0))
+        factors = W[:, None][..., rows], parts[..., rows[:, None], columns], V[:, None, columns]
+        left, middle, right = map(np.ascontiguousarray, factors)
+        total = total + (left @ (middle @ right) if rows.size <= columns.size else (left @ middle) @ right)
+    return total
 
 
 def _vectors(S):
     """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may have too few, a Schur basis."""
     from scipy.linalg import schur
 
-    delta, V = (part.astype(complex) for part in np.linalg.eig(S))
+    delta, V = (array.astype(complex) for array in np.linalg.eig(S))
     for middle in (-TURN, -1 / np.conj(TURN)):
         place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
         near = np.abs(delta - place) <= SMALL

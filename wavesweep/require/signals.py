@@ -30,7 +30,7 @@ def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[s
     BLOCK.PORT, or a name in [signals]; of a loop with a hand x, and f_m against it; of a controller's loop COLUMNS too.
     Errors: UsageError for other names.
     """
-    inputs = {name: each for name, each, _ in drawing.inputs} | {name: name for name in (drawing.hand or ())[:1]}
+    inputs = {name: wired for name, wired, _ in drawing.inputs} | {name: name for name in (drawing.hand or ())[:1]}
     outputs = {name: terms for name, terms, _ in drawing.outputs} | dict(drawing.named)
     made = {f"{block.name}.{port}" for block in drawing.blocks for port in block.ports[1]}
     outputs |= {**dict(drawing.wires), **{name: ((name, ONE),) for name in made}}
@@ -38,19 +38,19 @@ def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[s
     if drawing.hand:
         columns = {name: terms for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True) if terms is not None}
         if not drawing.numbers:  # the loop of a controller
-            first = {name: next((each for each in some if each in outputs), None) for name, some in COLUMNS.items()}
-            columns |= {name: outputs[each] for name, each in first.items() if each}
+            first = {name: next((output for output in names if output in outputs), None) for name, names in COLUMNS.items()}
+            columns |= {name: outputs[output] for name, output in first.items() if output}
     outputs = {**columns, **outputs}
-    for key, name, known, what in (("from", source, inputs, "an input"), ("to", signal, outputs, "an output")):
-        if name not in known:
-            named = [each for each in known if "." not in each] if key == "to" else known
-            more = " or a signal BLOCK.PORT" if key == "to" else ""
-            hint = nearest(name, known)
+    for key, name, ports, port in (("from", source, inputs, "an input"), ("to", signal, outputs, "an output")):
+        if name not in ports:
+            named = [port for port in ports if "." not in port] if key == "to" else ports
+            further = " or a signal BLOCK.PORT" if key == "to" else ""
+            hint = nearest(name, ports)
             hint = f"; did you mean {hint}?" if hint else ""
             raise UsageError(
-                f"sweep.require.gain.{key}: expected {what} of the loop ({', '.join(named)}){more}, found {show(name)}{hint}"
+                f"sweep.require.gain.{key}: expected {port} of the loop ({', '.join(named)}){further}, found {show(name)}{hint}"
             )
     drawing = replace(
-        drawing, outputs=(*(each for each in drawing.outputs if each[0] != signal), (signal, outputs[signal], ""))
+        drawing, outputs=(*(port for port in drawing.outputs if port[0] != signal), (signal, outputs[signal], ""))
     )
     return drawing, (inputs[source], OUTPUT + signal)

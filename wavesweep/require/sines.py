@@ -46,13 +46,13 @@ class Panel:
         from scipy.linalg import schur
 
         (E, *_), (G, *_), (O, *_), (T, *_) = maps
-        self.middle = [(part[0], size[0]) for part, size in maps]
+        self.middle = [(array[0], size[0]) for array, size in maps]
         self.level, self.arc, self.at_rest, self.ticks = level, arc, at_rest, T.shape[-1]
-        upper, basis = zip(*(schur(each, output="complex") for each in E), strict=True)
+        upper, basis = zip(*(schur(matrix, output="complex") for matrix in E), strict=True)
         self.upper, basis = np.array(upper), np.array(basis)
         self.G, self.O = np.swapaxes(basis, -1, -2).conj() @ G, np.swapaxes(O @ basis, -1, -2)
         self.late = np.arange(1 - self.ticks, self.ticks)
-        self.T = np.stack([np.trace(T, offset=-each, axis1=-2, axis2=-1) for each in self.late], -1)
+        self.T = np.stack([np.trace(T, offset=-lag, axis1=-2, axis2=-1) for lag in self.late], -1)
         with np.errstate(divide="ignore"):
             self.poles = np.log1p(np.diagonal(self.upper[0]))
         self.slow = min(1.0, np.abs(self.poles).min()) / self.ticks
@@ -72,27 +72,29 @@ class Panel:
     def both(self, theta, points):
         """level^2 - h h, over the double zero, and Q Q, at angles, `(points, n)`."""
         with np.errstate(all="ignore"):
-            (h, Q), (back, other) = self._sided(theta, points), self._sided(-theta, points)
+            (h, Q), (back, Q_back) = self._sided(theta, points), self._sided(-theta, points)
             f = self.level**2 - h * back
-            return (f / (4 * np.sin(theta / 2) ** 2) if self.at_rest else f), Q * other
+            return (f / (4 * np.sin(theta / 2) ** 2) if self.at_rest else f), Q * Q_back
 
     def error(self, theta):
         """A bound on the error of level^2 - h h in the middle at angles, over the double zero, `(n,)`."""
         (E, dE), (G, dG), (O, dO), (T, dT) = self.middle
-        M, found, sizes = self.ticks, 0.0, []
+        M, total, sizes = self.ticks, 0.0, []
         rough = 2 * (E.shape[-1] + M + 4) * ROUNDING
-        dE, dG, dO, dT = (off + rough * np.abs(part) for part, off in ((E, dE), (G, dG), (O, dO), (T, dT)))
-        for own in (theta, -theta):
-            z, w = np.exp(1j * own[:, None] * np.arange(M)), np.expm1(1j * M * own)
+        dE, dG, dO, dT = (off + rough * np.abs(matrix) for matrix, off in ((E, dE), (G, dG), (O, dO), (T, dT)))
+        for angle in (theta, -theta):
+            z, w = np.exp(1j * angle[:, None] * np.arange(M)), np.expm1(1j * M * angle)
             A = w[:, None, None] * np.eye(E.shape[-1]) - E
             x, y = solve(A, (z @ G.T)[..., None])[..., 0], solve(np.swapaxes(A, -1, -2), ((1 / z) @ O)[..., None])[..., 0]
-            (ax, ay), (az, ab) = (np.abs(each) for each in (x, y)), (np.abs(z), np.abs(1 / z))
+            (ax, ay), (az, ab) = (np.abs(array) for array in (x, y)), (np.abs(z), np.abs(1 / z))
             off = (ay * (ax @ dE.T + rough * np.abs(w)[:, None] * ax + az @ dG.T)).sum(-1)
             off = off + (ax * (ab @ dO)).sum(-1) + (ab * (az @ dT.T)).sum(-1)
             sizes.append((np.abs((1 / z * (x @ O.T + z @ T.T)).sum(-1)), 2 * off))
-        (one, d_one), (other, d_other) = sizes
-        found = (one * d_other + other * d_one + d_one * d_other) / M**2 + rough * (self.level**2 + one * other / M**2)
-        return found / np.abs(4 * np.sin(theta / 2) ** 2) if self.at_rest else found
+        (size, d_one), (size_back, d_other) = sizes
+        total = (size * d_other + size_back * d_one + d_one * d_other) / M**2 + rough * (
+            self.level**2 + size * size_back / M**2
+        )
+        return total / np.abs(4 * np.sin(theta / 2) ** 2) if self.at_rest else total
 
     def at(self, theta, points):
         """F over Q Q in the middle, at angles, `(points, n)`, and a bound on its error in the middle, `(n,)`.
@@ -101,13 +103,13 @@ class Panel:
         """
         zero = (theta == 0) & self.at_rest
         f, Q = self.both(np.where(zero, self.slow, theta), points)
-        found, error = f * Q / Q[:1].real, self.error(np.where(zero, self.slow, theta))
+        value, error = f * Q / Q[:1].real, self.error(np.where(zero, self.slow, theta))
         if zero.any():
             rim = self.slow / 4 * AROUND
-            (f, Q), (_, own) = self.both(rim, points), self.both(np.zeros(1), 1)
-            found[:, zero] = ((f * Q).mean(-1) / own[0, 0].real)[:, None]
-            error[zero] = (self.error(rim) * np.abs(Q[0] / own[0, 0])).max()
-        return found, error
+            (f, Q), (_, Q_zero) = self.both(rim, points), self.both(np.zeros(1), 1)
+            value[:, zero] = ((f * Q).mean(-1) / Q_zero[0, 0].real)[:, None]
+            error[zero] = (self.error(rim) * np.abs(Q[0] / Q_zero[0, 0])).max()
+        return value, error
 
     def lowest(self):
         """An angle at which the form is about least."""
@@ -124,21 +126,21 @@ class Panel:
         at = at[np.argsort(value[at])[:LOWEST]]
         best, below, above = theta[at], theta[np.maximum(at - 1, 0)], theta[np.minimum(at + 1, theta.size - 1)]
         for _ in range(TURNS):
-            some = below[:, None] + (above - below)[:, None] * np.linspace(0, 1, NARROWER)
-            value = self.both(some.ravel(), 1)[0][0].real.reshape(some.shape)
+            points = below[:, None] + (above - below)[:, None] * np.linspace(0, 1, NARROWER)
+            value = self.both(points.ravel(), 1)[0][0].real.reshape(points.shape)
             lowest = np.where(np.isfinite(value), value, np.inf).argmin(-1)
-            each = np.arange(at.size)
-            best = some[each, lowest]
-            below, above = some[each, np.maximum(lowest - 1, 0)], some[each, np.minimum(lowest + 1, NARROWER - 1)]
+            row = np.arange(at.size)
+            best = points[row, lowest]
+            below, above = points[row, np.maximum(lowest - 1, 0)], points[row, np.minimum(lowest + 1, NARROWER - 1)]
         best = np.append(best, 0.0) if self.at_rest else best
         value, _ = self.at(best, 1)
         return best[np.argmin(np.where(np.isfinite(value[0]), value[0].real, np.inf))]
 
     def label(self):
         """GOOD, BAD or OPEN, for all numbers of the panel."""
-        found = self._decided(np.array([self.lowest()]))
-        if found is not None:
-            return found
+        decided = self._decided(np.array([self.lowest()]))
+        if decided is not None:
+            return decided
         low, high = self.arc
         count = int(np.ceil((high - low) * self.ticks / (2 * WIDE)))
         edges = np.linspace(low, high, count + 1)
@@ -147,8 +149,8 @@ class Panel:
             tried += low.size
             zero = (low == 0) & self.at_rest
             theta, half = np.where(zero, 0.0, (low + high) / 2), np.where(zero, high, (high - low) / 2)
-            if tried > MANY or (found := self._decided(theta)) is not None:
-                return OPEN if tried > MANY else found
+            if tried > MANY or (decided := self._decided(theta)) is not None:
+                return OPEN if tried > MANY else decided
             few = max(1, AT_ONCE // (POINTS * len(self.upper) * self.upper.shape[-1]))
             proved = np.concatenate(
                 [self._proved(theta[at : at + few], half[at : at + few]) for at in range(0, theta.size, few)]
@@ -181,8 +183,8 @@ class Panel:
     def _clear(self, theta, half):
         """Whether no eigenvalue of a frame is on the circles about arcs, or within, for any number of the disc."""
         Q = self.both(theta, None)[1]
-        own = np.diagonal(self.upper, axis1=-2, axis2=-1)[..., None]
-        off = np.min([np.abs(np.expm1(side * 1j * self.ticks * theta) - own).min((0, 1)) for side in (-1, 1)], 0)
+        diagonal = np.diagonal(self.upper, axis1=-2, axis2=-1)[..., None]
+        off = np.min([np.abs(np.expm1(side * 1j * self.ticks * theta) - diagonal).min((0, 1)) for side in (-1, 1)], 0)
         return (SAFE * np.abs(Q / Q[:1] - 1).max(0) < 1) & (SAFE * np.expm1(2 * self.ticks * half) < off)
 
     def worst(self):
