@@ -12,7 +12,7 @@ from support.drawn import random_network, random_tables
 
 import wavesweep
 from wavesweep.prove.ball_crossings import count_outside, crossings
-from wavesweep.prove.ball_polynomials import Budget, Family, Part, bernstein, chebyshev
+from wavesweep.prove.ball_polynomials import BallFamily, Budget, FamilyPart, bernstein, chebyshev
 from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 
@@ -36,7 +36,7 @@ def test_polynomials_on_a_part_enclose_those_of_each_value(number):
     spec, budget = wavesweep.compile(random_tables(9)).spec, Budget(1e9)
     span = (0.5, 0.6)
     with ctx.workprec(192):
-        family = Family(BallLoop(spec.drawing, spec.values, number), span, budget)
+        family = BallFamily(BallLoop(spec.drawing, spec.values, number), span, budget)
         family.find_ones()
         for part in family.over_range():
             share = arb(3) / 8
@@ -88,7 +88,7 @@ def test_crossings_of_a_pair_and_of_real_roots(degree):
         padded = np.vstack([rows, [[0.0, 0.0]]])
         rows = np.vstack([[[0.0, 0.0]], rows]) - padded / 2
     with ctx.workprec(128):
-        part = Part(arb(0), arb(3), (arb_mat([[arb(float(x)) for x in row] for row in rows]),))
+        part = FamilyPart(arb(0), arb(3), (arb_mat([[arb(float(x)) for x in row] for row in rows]),))
         found = sorted(crossings(part, Budget(1e8)), key=lambda each: each.value.mid())
     assert [float(each.value.mid()) for each in found] == pytest.approx([2 * c - 1, 1.0])
     assert [float(each.theta.cos().mid()) for each in found] == pytest.approx([1.0, c])

@@ -72,8 +72,8 @@ class BoxMargin:
 def refused(spec: Spec) -> str:
     """Why there are no margins for all of the spec's [for_all], empty if there are. Errors: UsageError for too many numbers."""
     varying = boxes.varying(spec)
-    which = "messages may be late or lost" if varying == ["messages"] else f"{', '.join(varying)} of [for_all] may vary"
-    return f"margins need constant numbers, and {which}: these are of the spec's own numbers" if varying else ""
+    refusal = "messages may be late or lost" if varying == ["messages"] else f"{', '.join(varying)} of [for_all] may vary"
+    return f"margins need constant numbers, and {refusal}: these are of the spec's own numbers" if varying else ""
 
 
 def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
@@ -82,15 +82,19 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     axes = spec.for_all.unknown
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]
-    each = product(*map(boxes.values_of_range, listed))
-    fixed = (dict(zip((axis.path for axis in listed), values, strict=True)) for values in each)
-    cases = [case for some in fixed for case in _cases(spec.with_values(some) if some else spec, cut, ranges, some)]
+    combination = product(*map(boxes.values_of_range, listed))
+    fixed = (dict(zip((axis.path for axis in listed), values, strict=True)) for values in combination)
+    cases = [
+        case
+        for fixed_values in fixed
+        for case in _cases(spec.with_values(fixed_values) if fixed_values else spec, cut, ranges, fixed_values)
+    ]
     unstable = next((point for case in cases for point in case.unstable()), None)
     if unstable is not None:
         text = boxes.numbers_in_words(unstable)
         return [BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True) for name in cases[0].names]
-    found = [_for_all_cases([(case, *case.margin(name)) for case in cases], name) for name in cases[0].names]
-    return [row for margin in found for row in (_with_gain_and_phase(margin) if margin.name == "disk" else [margin])]
+    margins = [_for_all_cases([(case, *case.margin(name)) for case in cases], name) for name in cases[0].names]
+    return [row for margin in margins for row in (_with_gain_and_phase(margin) if margin.name == "disk" else [margin])]
 
 
 def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
@@ -98,9 +102,9 @@ def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
     drawing = with_gain(spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges)), cut)
     timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
     pieces = pieces_of(drawing, spec.values, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
-    for (low, high), whole in pieces:
-        some = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges if axis.path in drawing.reads]
-        yield _Case(spec, cut, Loops(drawing, {**spec.values, path_of(GAIN): 1.0, **whole}), some, fixed)
+    for (low, high), whole_ticks in pieces:
+        axes = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges if axis.path in drawing.reads]
+        yield _Case(spec, cut, Loops(drawing, {**spec.values, path_of(GAIN): 1.0, **whole_ticks}), axes, fixed)
 
 
 def _for_all_cases(found, name) -> BoxMargin:
@@ -108,11 +112,13 @@ def _for_all_cases(found, name) -> BoxMargin:
     proved = min(size for _, size, _, _ in found)
     case, _, point, worst = min(found, key=lambda each: size_of(each[-1], each[0].period))
     least, doubt = size_of(worst, case.period), max(margin.doubt for *_, margin in found)
-    known = np.isfinite(least) and least < ENDS[name]
+    within_range = np.isfinite(least) and least < ENDS[name]
     settled = proved >= (1 - SETTLED) * min(least, ENDS[name])
-    at = (worst.value, worst.omega, boxes.numbers_in_words(case.named(point))) if known else (np.nan, np.nan, "")
+    at = (worst.value, worst.omega, boxes.numbers_in_words(case.named(point))) if within_range else (np.nan, np.nan, "")
     value = _value(name, proved, case.period) if proved > 0 else np.nan
-    return BoxMargin(name, value, *at, bool(settled), bool(known or not settled), doubt or (NONE if proved > 0 else SEARCH))
+    return BoxMargin(
+        name, value, *at, bool(settled), bool(within_range or not settled), doubt or (NONE if proved > 0 else SEARCH)
+    )
 
 
 def size_of(margin: Margin, period: float) -> float:
@@ -156,9 +162,9 @@ class _Case:
         self.ranged, self.known = [axis.path for axis in ranges], {}
         self.box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
         self.loop = loop.read
-        own = broken_at(self.spec, cut)
-        self.period = own.period
-        self.names = [name for name in ENDS if name != "delay" or isinstance(own, BrokenLoop)]
+        broken = broken_at(self.spec, cut)
+        self.period = broken.period
+        self.names = [name for name in ENDS if name != "delay" or isinstance(broken, BrokenLoop)]
         self.rated = any(name_of(path) in loop.drawing.rating for path in self.ranged)
         if not ranges:
             return
@@ -175,9 +181,9 @@ class _Case:
     def _at(self, point) -> dict[str, Margin] | None:
         """The margins of a loop of the box; None if it is not stable."""
         if point not in self.known:
-            found, doubt = margins_of(broken_at(self.spec.with_values(self.named(point)), self.cut))
-            known = {margin.name: margin for margin in found}
-            self.known[point] = known if found or doubt else None
+            margins, doubt = margins_of(broken_at(self.spec.with_values(self.named(point)), self.cut))
+            by_name = {margin.name: margin for margin in margins}
+            self.known[point] = by_name if margins or doubt else None
         return self.known[point]
 
     @cached_property
@@ -230,19 +236,19 @@ class _Case:
         """The size of a margin, up to this one, that is proved, and points next to which it may be smaller."""
         proved = 0.0
         if name == "delay":
-            found = self._delay(size)
+            covered = self._delay(size)
         elif name == "disk":
-            found = self._disk(size)
+            covered = self._disk(size)
         else:
             turn = {"gain_up": 1.0, "gain_down": -1.0, "phase": 1j}[name]
             for end in sorted({size, *np.log(SPANS)}) if turn.real else [size]:
-                found = self._along(turn, proved, min(end, size))
-                proved = min([end, size, *found.open[:, 0, 0]])
-                if len(found.open) or proved == size:
+                covered = self._along(turn, proved, min(end, size))
+                proved = min([end, size, *covered.open[:, 0, 0]])
+                if len(covered.open) or proved == size:
                     break
-        own = -len(self.ranged)
-        met = np.concatenate([found.unstable[:, own:], found.open[-1:, :, own:].mean(1)])
-        return (proved if len(found.open) else size), [tuple(each) for each in met.tolist()]
+        own_axes = -len(self.ranged)
+        met = np.concatenate([covered.unstable[:, own_axes:], covered.open[-1:, :, own_axes:].mean(1)])
+        return (proved if len(covered.open) else size), [tuple(pair) for pair in met.tolist()]
 
     def _along(self, turn, low, high) -> Cover:
         """The proof of a part of the path `k = exp(turn p)`."""
@@ -261,21 +267,23 @@ class _Case:
     def _delay(self, frames) -> Cover:
         """The proof that so many frames of delay, and fewer, leave the loop stable."""
         half, edge = (min(turn / frames, np.pi) for turn in (np.pi, 2 * np.pi))
-        parts = [(edge, np.pi, Arc.WAYS[:1])]
-        parts += [(half, edge, (*Arc.WAYS[:2], "beyond"))] if half < edge else []
-        parts += [(0.0, half, (*Arc.WAYS[:2], "past", "before"))] if half > 0 else []
-        for low, high, ways in parts:
-            found = any_positive([Arc(self.closed, frames, way) for way in ways], *self._beside([[low, high]], FRAMES_OF_DELAY))
-            if len(found.open):
+        stretches = [(edge, np.pi, Arc.WAYS[:1])]
+        stretches += [(half, edge, (*Arc.WAYS[:2], "beyond"))] if half < edge else []
+        stretches += [(0.0, half, (*Arc.WAYS[:2], "past", "before"))] if half > 0 else []
+        for low, high, ways in stretches:
+            covered = any_positive(
+                [Arc(self.closed, frames, arc_way) for arc_way in ways], *self._beside([[low, high]], FRAMES_OF_DELAY)
+            )
+            if len(covered.open):
                 break
-        return found
+        return covered
 
     def _beside(self, sides, most):
         """The box with further sides before its own, the limits of all, so many frames at most, and the numbers' resolution."""
         sides = np.array(sides, float).T
-        free, own = np.full(sides.shape, np.inf) * [[-1.0], [1.0]], [*[Side()] * sides.shape[1], *map(Side, self.ranged)]
+        free, own_sides = np.full(sides.shape, np.inf) * [[-1.0], [1.0]], [*[Side()] * sides.shape[1], *map(Side, self.ranged)]
         limits = np.column_stack([free, self.limits])
-        return np.column_stack([sides, self.box]), limits, most, Resolution(*self.loop, own)
+        return np.column_stack([sides, self.box]), limits, most, Resolution(*self.loop, own_sides)
 
     def closed(self, k, x) -> Frames:
         """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal, `(n,)`."""
@@ -303,10 +311,10 @@ class Turned:
     def values(self, x, units):
         """Phase, logarithm, error and pivots at points `(n, sides + numbers)`."""
         turns = (self.path(*x[:, : self.sides].T, sign) for sign in (1, -1))
-        k, pole = (np.concatenate(part) for part in zip(*turns, strict=True))
-        found = self.closed(k, np.concatenate([x[:, self.sides :]] * 2))
-        pivots = np.multiply(*np.split(found.pivots * pole[:, None], 2))
-        return *boxes.of_complex_frames(*np.split(found.E, 2), units), pivots
+        k, pole = (np.concatenate(column) for column in zip(*turns, strict=True))
+        closed = self.closed(k, np.concatenate([x[:, self.sides :]] * 2))
+        pivots = np.multiply(*np.split(closed.pivots * pole[:, None], 2))
+        return *boxes.of_complex_frames(*np.split(closed.E, 2), units), pivots
 
 
 def _units(frames):
@@ -336,16 +344,16 @@ class Arc:
 
     def values(self, x, units):
         """Phase, logarithm, error and pivots at points `(n, 1 + numbers)`."""
-        found = self.closed(np.repeat([0.0, 1.0], len(x)), np.concatenate([x[:, 1:]] * 2))
-        E = (found.E * (units / units[:, None])).reshape(2, 1, len(x), units.size, units.size)
+        closed = self.closed(np.repeat([0.0, 1.0], len(x)), np.concatenate([x[:, 1:]] * 2))
+        E = (closed.E * (units / units[:, None])).reshape(2, 1, len(x), units.size, units.size)
         w = on_circle(np.stack([x[:, 0], -x[:, 0]]))[..., None, None] * np.eye(units.size)
         phase, log = np.linalg.slogdet(w - E)
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
         off = (np.abs(np.swapaxes(inverse(w - E), -1, -2)) * TERMS * (np.abs(E) + np.abs(w))).sum((-1, -2))
-        pivots, scale = found.pivots.reshape(2, len(x), -1), log.max((0, 1))
+        pivots, scale = closed.pivots.reshape(2, len(x), -1), log.max((0, 1))
         value = phase * pivots[:, None, :, 0] * np.exp(log - scale)
-        (D, N), (dD, dN) = ((part[0], part[1] + sign * part[0]) for part, sign in ((value, -1), (np.abs(value) * off, 1)))
-        of_D, of_N = ((part[0] * part[1], (error * np.abs(part[::-1])).sum(0)) for part, error in ((D, dD), (N, dN)))
+        (D, N), (dD, dN) = ((pair[0], pair[1] + sign * pair[0]) for pair, sign in ((value, -1), (np.abs(value) * off, 1)))
+        of_D, of_N = ((pair[0] * pair[1], (error * np.abs(pair[::-1])).sum(0)) for pair, error in ((D, dD), (N, dN)))
         if self.way in self.WAYS:
             value, error = (of_D[0] - of_N[0]) * (1 if self.way == "below" else -1), of_D[1] + of_N[1]
         else:

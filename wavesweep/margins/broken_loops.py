@@ -48,16 +48,16 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
         )
     loop = _with_gain(loop, signal)
     with np.errstate(all="ignore"):
-        whole = loop.drawn()
-        ticks = OpenTicks.of(loop.drawn(GAIN), whole, PRODUCT, FACTOR)
+        drawn = loop.drawn()
+        ticks = OpenTicks.of(loop.drawn(GAIN), drawn, PRODUCT, FACTOR)
     drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
-    own = next(each for each in whole.placed if each.block.name == BLOCK)
-    places = np.flatnonzero(own.runs(whole.ticks)) / whole.ticks
-    lifted = LiftedLoop(ticks, drift, float(whole.period) * whole.ticks, places)
+    break_block = next(placed_block for placed_block in drawn.placed if placed_block.block.name == BLOCK)
+    places = np.flatnonzero(break_block.runs(drawn.ticks)) / drawn.ticks
+    lifted = LiftedLoop(ticks, drift, float(drawn.period) * drawn.ticks, places)
     if not lifted.returns:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
-    found = open_loops(loop, GAIN) if times[signal] == 1 else None
-    return lifted if found is None or found.cut is None else BrokenLoop(found.cut, lifted)
+    opened = open_loops(loop, GAIN) if times[signal] == 1 else None
+    return lifted if opened is None or opened.cut is None else BrokenLoop(opened.cut, lifted)
 
 
 def _with_gain(loop: Loops, signal: str) -> Loops:
@@ -72,7 +72,7 @@ def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: 
     (sensitivity) or |L/(1 + L)|. No factor does so for an L of 0, as a lifted one has whose samples are not all read; if there
     is no other, it is the frequency itself.
     """
-    found, at, factors = np.array([each.omega for each in margins]) / (2 * np.pi), [], []
+    lines, at, factors = np.array([margin.omega for margin in margins]) / (2 * np.pi), [], []
     for i, margin in enumerate(margins):
         if not np.isfinite(margin.omega):
             continue
@@ -93,12 +93,12 @@ def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: 
         at.append(i)
         factors.append(factor)
     if not at:
-        return found
+        return lines
     spec, signal = with_block(spec, signal)
     loop = _with_gain(own_loop(spec), signal)
     omega = np.array([margins[i].omega for i in at])
-    found[at] = lines_in_loops(loop.changed({path_of(GAIN): np.array(factors)}), 1j * omega[:, None] * broken.period)[:, 0]
-    return found
+    lines[at] = lines_in_loops(loop.changed({path_of(GAIN): np.array(factors)}), 1j * omega[:, None] * broken.period)[:, 0]
+    return lines
 
 
 def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
@@ -114,8 +114,8 @@ def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
     named[signal], tables["block"][block] = f"{block}.y", {"type": "gain"}
     wires = load(tables).drawing.wires
     readers = {port.rpartition(".")[0] for port, terms in wires if f"{block}.y" in dict(terms)}
-    own = tables["block"].get(readers.pop(), {}) if len(readers) == 1 else {}
-    tables["block"][block] |= {key: own[key] for key in ("every", "phase") if key in own}
+    block_keys = tables["block"].get(readers.pop(), {}) if len(readers) == 1 else {}
+    tables["block"][block] |= {key: block_keys[key] for key in ("every", "phase") if key in block_keys}
     return load(tables), f"{block}.y"
 
 
@@ -130,9 +130,9 @@ def cuts_of(spec: Spec) -> list[str]:
         pairs |= {(reader, source) for reader, a in pairs if a == through for b, source in pairs if b == through}
     late = {name for plant in loop.drawing.plants for _, name in plant.arriving}
     acting = {name for reader, name in wires if reader in plants | late}
-    found = {name: times for name, times in _times_per_frame(loop).items() if times <= MOST_TIMES}
-    found = {name: times for name, times in found.items() if (name.rpartition(".")[0],) * 2 in pairs}
-    return sorted(found, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, found[name]))
+    times_of = {name: times for name, times in _times_per_frame(loop).items() if times <= MOST_TIMES}
+    times_of = {name: times for name, times in times_of.items() if (name.rpartition(".")[0],) * 2 in pairs}
+    return sorted(times_of, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, times_of[name]))
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:
@@ -143,10 +143,10 @@ def _times_per_frame(loop: Loops) -> dict[str, int]:
     drawn, plants, read = loop.drawn(), loop.drawing.plants, {name for _, terms in loop.drawing.wires for name, _ in terms}
     read -= {name for plant in plants for name, _ in plant.sensed}
     read -= {f"{name}.y" for plant in plants for _, name in plant.arriving}
-    runs = [(each.block, int(each.runs(drawn.ticks).sum())) for each in drawn.placed]
-    found = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
+    runs = [(placed_block.block, int(placed_block.runs(drawn.ticks).sum())) for placed_block in drawn.placed]
+    times_of = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
     of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read]
-    return found | dict.fromkeys(of_plants, drawn.ticks)
+    return times_of | dict.fromkeys(of_plants, drawn.ticks)
 
 
 def with_gain(drawing: Drawing, signal: str) -> Drawing:

@@ -101,10 +101,10 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         tables[word] = {name: tuple(sizes) for name, *sizes in rows}
     loop, proved = open_loop(spec, cut, tables["spec"]), () if family else tables["for_all"].get("disk_gain", ())
     family = family or ends_of_ranges(spec)
-    others = [
-        (open_loop(one, cut, {}), look, name) for (name, one), look in zip(family, family_looks(len(family)), strict=True)
+    other_loops = [
+        (open_loop(member, cut, {}), look, name) for (name, member), look in zip(family, family_looks(len(family)), strict=True)
     ]
-    steps = [_closed_step(each, cut) for each in (spec, *(one for _, one in family))]
+    steps = [_closed_step(member, cut) for member in (spec, *(member for _, member in family))]
     left, right = ["nyquist"] + ["step"] * bool(steps[0]), ["gain", "phase"]
     if is_narrow():
         mosaic, ratios, height = [[name] for name in (*left[:1], *right, *left[1:])], [2, 1, 1, *[1] * (len(left) - 1)], 6.0
@@ -112,17 +112,19 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         mosaic, ratios, height = [["nyquist", "gain"], [left[-1], "phase"]], [1, 1], 3.6
     with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
         panels = canvas.subplot_mosaic(mosaic, height_ratios=ratios)
-        cut_off = draw_nyquist(panels["nyquist"], loop, cut, others)
+        cut_off = draw_nyquist(panels["nyquist"], loop, cut, other_loops)
         if proved and proved[0] < np.inf:
             rim = disk_of(proved[0])
             said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
             panels["nyquist"].plot(rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said)
-        draw_bode(panels["gain"], panels["phase"], loop, others)
+        draw_bode(panels["gain"], panels["phase"], loop, other_loops)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
         if steps[0]:
             marks = draw_step(panels["step"], steps[0], "step response of T")
             handles, labels = [*handles, *(handle for handle, _ in marks)], [*labels, *(words for _, words in marks)]
-            draw_others(panels["step"], [(step, look) for step, (_, look, _) in zip(steps[1:], others, strict=True) if step])
+            draw_others(
+                panels["step"], [(step, look) for step, (_, look, _) in zip(steps[1:], other_loops, strict=True) if step]
+            )
         across = fitting(labels, wide(TWO_COLUMNS), 7)
         canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
         canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
@@ -248,8 +250,8 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
         label=f"{'eigenvalues of ' * loop.several}L at {cut}{', nominal' * bool(others)}",
         **loop.style,
     )
-    for each, look, name in others:
-        axes.plot(each.L.real, each.L.imag, label=name, **each.drawn(look, each.several))
+    for member, look, name in others:
+        axes.plot(member.L.real, member.L.imag, label=name, **member.drawn(look, member.several))
     axes.plot(L.real, -L.imag, color=_CURVE, **(loop.style if loop.several else {"linewidth": 0.6, "linestyle": ":"}))
     axes.plot([-1], [0], "+", color=MARK, markersize=8)
     if disk is not None:
@@ -258,22 +260,22 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
     for name, at in loop.marks.items():
         said = in_words(name, *loop.table[name])
         axes.plot([at.real], [at.imag], _MARKS[name], color=MARK, markersize=4, markerfacecolor=_face(name), label=said)
-    parts = {
-        "L": np.concatenate([L, *(each.L for each, *_ in others)]),
+    point_sets = {
+        "L": np.concatenate([L, *(member.L for member, *_ in others)]),
         "the disk": disk if disk is not None else _TURN,
         **{f"the mark of {name.replace('_', ' ')}": np.array([at]) for name, at in loop.marks.items()},
     }
     marks = np.array([-1, *(at for at in loop.marks.values() if abs(at) <= FARTHEST)])
-    whole = np.concatenate([_TURN, marks, parts["the disk"][np.abs(parts["the disk"]) <= FARTHEST]])
-    near = parts["L"][np.abs(parts["L"]) <= 1.15 * np.abs(whole).max()]
-    reach = np.concatenate([whole, near])
-    for part, limit in ((reach.real, axes.set_xlim), (np.append(reach.imag, -reach.imag), axes.set_ylim)):
-        room = ROOM * np.ptp(part)
-        limit(part.min() - room, part.max() + room)
+    all_points = np.concatenate([_TURN, marks, point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST]])
+    near = point_sets["L"][np.abs(point_sets["L"]) <= 1.15 * np.abs(all_points).max()]
+    reach = np.concatenate([all_points, near])
+    for coordinates, limit in ((reach.real, axes.set_xlim), (np.append(reach.imag, -reach.imag), axes.set_ylim)):
+        room = ROOM * np.ptp(coordinates)
+        limit(coordinates.min() - room, coordinates.max() + room)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     far = [
         name
-        for name, z in parts.items()
+        for name, z in point_sets.items()
         if ((z.real < left) | (z.real > right) | (np.abs(z.imag) > max(high, -low)))[np.isfinite(z)].any()
     ]
     axes.set_aspect("equal")
@@ -314,13 +316,17 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
     both, top = decibels_and_degrees(L, False), loop.rate / 2
     lowest, family_seen = LEAST * top, ([], [])
     shown = (hertz >= lowest) & (hertz <= ALMOST * top) & np.isfinite(both[0])
-    for each, look, _ in others:
-        values_of = decibels_and_degrees(each.bode[1], False)
-        inside = (each.bode[0] >= LEAST * each.rate / 2) & (each.bode[0] <= ALMOST * each.rate / 2) & np.isfinite(values_of[0])
-        for axes, values, seen in zip((gain, phase), values_of, family_seen, strict=True):
-            axes.plot(each.bode[0], values, **each.drawn(look, points=False))
-            seen.append(values[inside])
-    for part, axes, values, limit in ((0, gain, both[0], 0.0), (1, phase, both[1], -180.0)):
+    for member, look, _ in others:
+        values_of = decibels_and_degrees(member.bode[1], False)
+        inside = (
+            (member.bode[0] >= LEAST * member.rate / 2)
+            & (member.bode[0] <= ALMOST * member.rate / 2)
+            & np.isfinite(values_of[0])
+        )
+        for axes, values, seen_values in zip((gain, phase), values_of, family_seen, strict=True):
+            axes.plot(member.bode[0], values, **member.drawn(look, points=False))
+            seen_values.append(values[inside])
+    for row, axes, values, limit in ((0, gain, both[0], 0.0), (1, phase, both[1], -180.0)):
         axes.plot(hertz, values, color=_CURVE, linewidth=1.2)
         axes.axhline(limit, color="0.6", linewidth=0.8, linestyle="--")
         marked = []
@@ -338,8 +344,8 @@ def draw_bode(gain: Any, phase: Any, loop: OpenLoop, others: Others = ()) -> Non
             marked.append(level)
         axes.set_xscale("log")
         axes.set_xlim(lowest, top)
-        seen = [values[shown], *family_seen[part], np.array(marked)]
-        low, high = min(limit, *np.concatenate(seen)), max(limit, *np.concatenate(seen))
+        seen_values = [values[shown], *family_seen[row], np.array(marked)]
+        low, high = min(limit, *np.concatenate(seen_values)), max(limit, *np.concatenate(seen_values))
         axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
         axes.grid(**GRID)
     gain.set_ylabel("gain of L (dB)")

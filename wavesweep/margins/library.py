@@ -70,7 +70,7 @@ class LoopMargins(api.Loop):
         """
         from wavesweep.margins.figure import margins, named_specs
 
-        asked, found = axes_asked(self.spec, axes), table.margins(self.spec, cut)
-        places = [dict(zip(axes, each, strict=True)) for each in product(*(axis.values for axis in asked)) if each]
+        axes_given, margins_table = axes_asked(self.spec, axes), table.margins(self.spec, cut)
+        places = [dict(zip(axes, values, strict=True)) for values in product(*(axis.values for axis in axes_given)) if values]
         family = named_specs(self.spec, places)
-        return drawn_into(ax, lambda: margins(found.columns, found.facts, family))
+        return drawn_into(ax, lambda: margins(margins_table.columns, margins_table.facts, family))

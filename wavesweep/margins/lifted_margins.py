@@ -58,9 +58,9 @@ class LiftedLoop:
     def returned(self) -> LiftedMap:
         """H, from the samples of a frame back to themselves."""
         maps = self.ticks.ticks.maps
-        return TickMaps.of([(each.E, each.B, each.C, each.D) for each in maps], self.ticks.ticks.kind, ()).lifted(
-            measured=False
-        )
+        return TickMaps.of(
+            [(tick_map.E, tick_map.B, tick_map.C, tick_map.D) for tick_map in maps], self.ticks.ticks.kind, ()
+        ).lifted(measured=False)
 
     @property
     def times(self) -> int:
@@ -70,7 +70,7 @@ class LiftedLoop:
     @property
     def returns(self) -> bool:
         """Whether the signal comes back to itself."""
-        maps = [(each.E, each.B, each.C, each.D) for each in self.ticks.ticks.maps]
+        maps = [(tick_map.E, tick_map.B, tick_map.C, tick_map.D) for tick_map in self.ticks.ticks.maps]
         return bool((read(maps) & reached(maps)).any() or self.returned.T.any())
 
     def response(self, theta) -> np.ndarray:
@@ -80,8 +80,8 @@ class LiftedLoop:
         rounding would leave nothing of the small ones.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = 1 / np.linalg.eigvals(self._sensitivity_at(theta)) - 1
-        return found if self.times > 1 else found[..., 0]
+            returns = 1 / np.linalg.eigvals(self._sensitivity_at(theta)) - 1
+        return returns if self.times > 1 else returns[..., 0]
 
     def at_line(self, theta) -> np.ndarray:
         """Return what comes back of a sine at the signal, of its own frequency, with its sign changed: L of the signal's rate.
@@ -90,14 +90,14 @@ class LiftedLoop:
         these are off the diagonal of the harmonic transfer matrix, which has the eigenvalues of L (N. Wereley, thesis, MIT
         1991); without anything slower than the signal there are none, and L is that of a loop of one rate.
         """
-        E, T, O, G = (part[0] for part in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
+        E, T, O, G = (array[0] for array in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
         angles = np.asarray(theta, float)[..., None, None]
         sine = np.exp(1j * angles * self.places[:, None])
         A = on_circle(angles) * np.eye(len(E)) - E
         return -(sine.conj() * (O @ solve(A, G @ sine) + T @ sine)).mean((-2, -1))
 
     def _sensitivity_at(self, theta):
-        E, B, C, D = (part[0] for part in self.sensitivity.maps[0])
+        E, B, C, D = (array[0] for array in self.sensitivity.maps[0])
         A = on_circle(np.asarray(theta, float))[..., None, None] * np.eye(len(E)) - E
         return D + C @ solve(A, B + 0 * A[..., :1])
 
@@ -108,22 +108,22 @@ class LiftedLoop:
         The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v w`, if S does not have it:
         `C v w B` is 0. Otherwise S has no bound at 0 rad/s. A drift by constant factors has `C v = 0`, and any w will do.
         """
-        E, T, O, G = (part[0] for part in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
+        E, T, O, G = (array[0] for array in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
         left = np.linalg.inv(np.eye(len(T)) - T)
         E, B, C = E + G @ left @ O, G @ left, left @ O
-        for lead, others in [*self.drift.moved, *((state, ()) for state in self.drift.unread)]:
+        for lead, trailing in [*self.drift.moved, *((state, ()) for state in self.drift.unread)]:
             E[:, lead] -= np.eye(len(E))[lead]
-            for state, factor in others:
+            for state, factor in trailing:
                 E[state, lead] -= factor
-        parts = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units().maps[0]
+        matrices = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units().maps[0]
         if count := len(self.drift.folded):
-            E, B, C, _ = (part[0] for part in parts)
+            E, B, C, _ = (matrix[0] for matrix in matrices)
             U, _, V = np.linalg.svd(E)
             v, w = V[-count:].T, U[:, -count:].T
             v = v @ np.linalg.inv(w @ v)
             if (np.abs(C @ v @ w @ B) <= STILL * (np.abs(C) @ np.abs(v) @ np.abs(w) @ np.abs(B))).all():
-                parts = ((E - v @ w)[None], *parts[1:])
-        return TickMaps((parts,), np.zeros(1, int))
+                matrices = ((E - v @ w)[None], *matrices[1:])
+        return TickMaps((matrices,), np.zeros(1, int))
 
     def radius(self, theta) -> np.ndarray:
         """Return the spectral radius of `S - 1/2` at the angles theta.
@@ -132,10 +132,10 @@ class LiftedLoop:
         the factor that the largest one gives.
         """
         theta = np.asarray(theta, float)
-        found = np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5
-        size = np.abs(found).max(-1)
+        peaks = np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5
+        size = np.abs(peaks).max(-1)
         if self.drift.folded:
-            largest = np.take_along_axis(found, np.abs(found).argmax(-1)[..., None], -1)[..., 0].ravel()
+            largest = np.take_along_axis(peaks, np.abs(peaks).argmax(-1)[..., None], -1)[..., 0].ravel()
             with np.errstate(all="ignore"):
                 modes = np.linalg.eigvals(np.nan_to_num(self.frames((2 * largest + 1) / (2 * largest - 1)).E))
             size = np.where(np.abs(modes - on_circle(theta).reshape(-1, 1)).min(-1).reshape(theta.shape) <= MET, size, 0.0)
@@ -144,7 +144,7 @@ class LiftedLoop:
     def frames(self, k) -> Frames:
         """Return the frames of the loop with the number k, `(n,)`, real or complex."""
         E, pivot, condition = self.ticks.frames(np.zeros(k.size, int), k)
-        pivot, condition = (np.broadcast_to(part, k.shape) for part in (pivot, condition))
+        pivot, condition = (np.broadcast_to(array, k.shape) for array in (pivot, condition))
         return Frames(filled(without_drift(E, self.drift)), pivot[:, None], condition)
 
     def errors(self, k) -> tuple[np.ndarray, np.ndarray]:
@@ -166,14 +166,14 @@ class LiftedLoop:
 
         def frames(_, p):
             p = p.ravel()
-            up, down = (self.frames(factor(each) + 0j) for each in (p, -p))
+            up, down = (self.frames(factor(parameter) + 0j) for parameter in (p, -p))
             E, pivots = _real_form(up.E, down.E), up.pivots * down.pivots
             E, pivots = (E, pivots) if np.iscomplexobj(p) else (E.real, pivots.real)
             return Frames(E, pivots, up.condition + down.condition)
 
         def errors(_, p):
             p = p.ravel()
-            (up, of_up), (down, of_down) = (self.errors(factor(each) + 0j) for each in (p, -p))
+            (up, of_up), (down, of_down) = (self.errors(factor(parameter) + 0j) for parameter in (p, -p))
             error = np.maximum(of_up.real, of_down.real)
             return _real_form(up, down).real, np.concatenate([np.concatenate([error] * 2, -1)] * 2, -2)
 
@@ -190,12 +190,12 @@ def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
     """Return the margins of a broken loop, empty if it is not stable, and why its stability is in doubt, a code."""
     if isinstance(loop, LiftedLoop):
         return lifted_margins(loop)
-    found, doubt = scalar_margins(loop)
-    if not (doubt or any(each.doubt not in (NONE, FAST) for each in found)):
-        return found, doubt
-    others, of_others = lifted_margins(loop.lifted)
-    known = {each.name: each for each in others if not each.doubt}
-    return ([known.get(each.name, each) if each.doubt else each for each in found] or others), of_others
+    margins, doubt = scalar_margins(loop)
+    if not (doubt or any(margin.doubt not in (NONE, FAST) for margin in margins)):
+        return margins, doubt
+    lifted_ones, of_others = lifted_margins(loop.lifted)
+    certain = {margin.name: margin for margin in lifted_ones if not margin.doubt}
+    return ([certain.get(margin.name, margin) if margin.doubt else margin for margin in margins] or lifted_ones), of_others
 
 
 def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
@@ -207,27 +207,33 @@ def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
     rim the frame is stable, and so it is within, since the spectral radius of a frame that is analytic in k has no peak there.
     """
     for most in SPANS:
-        found = loop.along_gain((1 / most, most))
-        own = found.take((found.index >= 0) & (found.low < 1) & (found.high > 1))
-        if not own.low.size or (own.high[0] < most and own.low[0] > 1 / most):
+        intervals = loop.along_gain((1 / most, most))
+        own_interval = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
+        if not own_interval.low.size or (own_interval.high[0] < most and own_interval.low[0] > 1 / most):
             break
-    doubt = int(found.doubt[0])
-    if not own.low.size:
+    doubt = int(intervals.doubt[0])
+    if not own_interval.low.size:
         return [], doubt
     gains = [
         limited_or_not(name, float(value[0]), float(omega[0]), EXACT, doubt)
-        for name, value, omega in (("gain_up", own.high, own.high_omega), ("gain_down", own.low, own.low_omega))
+        for name, value, omega in (
+            ("gain_up", own_interval.high, own_interval.high_omega),
+            ("gain_down", own_interval.low, own_interval.low_omega),
+        )
     ]
     return [*gains, _phase(loop), *_peaks(loop)], doubt
 
 
 def _phase(loop):
-    found = loop.along_turn(lambda angle: np.exp(1j * angle))
-    doubt, known = int(found.doubt[0]), found.take(found.index >= 0)  # not the places where nothing is known
-    if not known.low.size or known.low[0] != 0 or np.isnan(known.high_omega[0]):
+    intervals = loop.along_turn(lambda angle: np.exp(1j * angle))
+    doubt, known_intervals = (
+        int(intervals.doubt[0]),
+        intervals.take(intervals.index >= 0),
+    )  # not the places where nothing is known
+    if not known_intervals.low.size or known_intervals.low[0] != 0 or np.isnan(known_intervals.high_omega[0]):
         return Margin.unlimited("phase", 180.0, doubt)
-    high = float(known.high[0])
-    return Margin("phase", float(np.degrees(high)), float(known.high_omega[0]), EXACT * (1 + 1e-3 / high), doubt)
+    high = float(known_intervals.high[0])
+    return Margin("phase", float(np.degrees(high)), float(known_intervals.high_omega[0]), EXACT * (1 + 1e-3 / high), doubt)
 
 
 def _peaks(loop) -> Iterator[Margin]:
@@ -257,11 +263,13 @@ def _disk(loop):
                 best, at = (float(value), float(place)) if value > best else (best, at)
         disk = min(1 / best, 2.0)
         reach = disk / 2 * (1 - GAP)
-        found = loop.along_turn(lambda angle, reach=reach: (1 + reach * np.exp(1j * angle)) / (1 - reach * np.exp(1j * angle)))
+        intervals = loop.along_turn(
+            lambda angle, reach=reach: (1 + reach * np.exp(1j * angle)) / (1 - reach * np.exp(1j * angle))
+        )
         direct = np.diagonal(loop.returned.T[0])
-        doubt = int(found.doubt[0]) or (SEARCH if (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any() else NONE)
-        if doubt or (found.low[0] == 0 and found.high[0] == np.pi):
+        doubt = int(intervals.doubt[0]) or (SEARCH if (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any() else NONE)
+        if doubt or (intervals.low[0] == 0 and intervals.high[0] == np.pi):
             return disk, at, doubt
-        angles = np.concatenate([found.low_omega, found.high_omega]) * loop.period
+        angles = np.concatenate([intervals.low_omega, intervals.high_omega]) * loop.period
         points = np.unique(np.concatenate([points, angles[np.isfinite(angles)]]))
     return disk, at, SEARCH

@@ -66,7 +66,7 @@ class BrokenLoop:
     @cached_property
     def errors(self) -> tuple[np.ndarray, ...]:
         """Bounds on the errors of their entries."""
-        errors = {part: getattr(self.cut, error) for part, error in zip(PARTS, ERRORS, strict=True)}
+        errors = {name: getattr(self.cut, error) for name, error in zip(PARTS, ERRORS, strict=True)}
         dE, dB, dC, dD = open_in(replace(self.cut, **errors), K_VE, np.zeros(()))
         if self.cut.integrates:  # which is read with a factor of exactly 1
             dC[..., -1] = 0.0
@@ -86,10 +86,10 @@ class BrokenLoop:
     def slope_and_error(self, theta: float) -> tuple[complex, float]:
         """Return the derivative of L by the angle, and a bound on its error: of the frame's entries, and of rounding."""
         (E, B, C, D), (dE, dB, dC, dD) = self.parts, self.errors
-        w, one = complex(on_circle(theta)), np.eye(len(E))
-        A = w * one - E
+        w, identity = complex(on_circle(theta)), np.eye(len(E))
+        A = w * identity - E
         state, read = solve(A, B + 0j), solve(A.T, C.T + 0j).T
-        rounded = len(E) * np.finfo(float).eps * (abs(w) * one + np.abs(E))
+        rounded = len(E) * np.finfo(float).eps * (abs(w) * identity + np.abs(E))
         error = np.abs(read) @ ((dE + rounded) @ np.abs(state) + dB) + dC @ np.abs(state) + dD
         error = error + len(E) * np.finfo(float).eps * (np.abs(C) @ np.abs(state) + np.abs(D))
         return complex((read @ state)[0, 0]) * 1j * (1 + w), float(error[0, 0])
@@ -98,8 +98,8 @@ class BrokenLoop:
         """Return the map S = 1/(1 + L), less a number."""
         E, B, C, D = self.parts
         left = 1 - D
-        whole = [(E + B / left @ C, B / left, C / left, 1 / left - less)]
-        return TickMaps.of(whole, np.zeros(1, int), ()).in_even_units()
+        matrices = [(E + B / left @ C, B / left, C / left, 1 / left - less)]
+        return TickMaps.of(matrices, np.zeros(1, int), ()).in_even_units()
 
     def unit_gains(self) -> tuple[np.ndarray, bool]:
         """Return all angles in (0, pi) at which |L| crosses 1, and whether it is known that there are no others.
@@ -120,15 +120,15 @@ class BrokenLoop:
             above = sizes > 0
             change = np.flatnonzero(above[:-1] != above[1:])
             rtol = 4 * np.finfo(float).eps
-            found = np.array([brentq(size, *points[at : at + 2], xtol=1e-300, rtol=rtol) for at in change])
+            unit_angles = np.array([brentq(size, *points[at : at + 2], xtol=1e-300, rtol=rtol) for at in change])
         inside = (points > 0) & (points < np.pi)  # at the ends a rotation by 180 degrees is meant, which no other one exceeds
-        near = np.flatnonzero((np.abs(sizes) <= TOUCHES) & (inside | (found.size == 0)))
-        beside = np.zeros(near.size, bool)
-        for root in found:
+        near = np.flatnonzero((np.abs(sizes) <= TOUCHES) & (inside | (unit_angles.size == 0)))
+        is_beside = np.zeros(near.size, bool)
+        for root in unit_angles:
             slope = abs((self.slope_and_error(root)[0] * self.response(root).conj()).real)
-            beside |= slope * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
+            is_beside |= slope * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
         direct = abs(float(self.parts[3][0, 0]))
-        return found, bool(beside.all()) and abs(direct - 1) > DIRECT
+        return unit_angles, bool(is_beside.all()) and abs(direct - 1) > DIRECT
 
 
 def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
@@ -151,14 +151,17 @@ def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
 def _gains(loop):
     """The gain margins, none if the loop is not known to be stable, and the doubt about its interval."""
     for most in SPANS:
-        found = stable_intervals(with_batch(loop.cut, 1), K_VE, (0.0, most), np.zeros((1, 1)))
-        own = found.take((found.index >= 0) & (found.low < 1) & (found.high > 1))
-        if not own.low.size or own.high[0] < most:
+        intervals = stable_intervals(with_batch(loop.cut, 1), K_VE, (0.0, most), np.zeros((1, 1)))
+        own_interval = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
+        if not own_interval.low.size or own_interval.high[0] < most:
             break
-    doubt, margins = int(found.doubt[0]), []
-    if not own.low.size:
+    doubt, margins = int(intervals.doubt[0]), []
+    if not own_interval.low.size:
         return [], doubt
-    for name, (gain,), (omega,) in (("gain_up", own.high, own.high_omega), ("gain_down", own.low, own.low_omega)):
+    for name, (gain,), (omega,) in (
+        ("gain_up", own_interval.high, own_interval.high_omega),
+        ("gain_down", own_interval.low, own_interval.low_omega),
+    ):
         if not 1 / MOST < gain < MOST:
             margins.append(Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt))
             continue
@@ -188,8 +191,8 @@ def _margin(name, value, omega, bound, doubt=NONE):
 
 
 def _phases(loop) -> Iterator[Margin]:
-    theta, known = loop.unit_gains()
-    doubt = NONE if known else CROWDED
+    theta, certain = loop.unit_gains()
+    doubt = NONE if certain else CROWDED
     slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
     names = "phase", "delay"
     if not theta.size:
@@ -213,9 +216,9 @@ def _peaks(loop) -> Iterator[Margin]:
     for name, less in (("disk", 0.5), ("sensitivity", 0.0), ("complementary", 1.0)):
         peak = squared_norm(loop.sensitivity(less))
         theta, size = float(peak.theta[0]), float(np.sqrt(peak.value[0]))
-        beside = max(theta, BESIDE)  # an integrator has no response at 0
-        S = 1 / (1 + complex(loop.response(beside)))
-        bound = TOLERANCE + (abs(S) ** 2 * loop.slope_and_error(beside)[1] + abs(abs(S - less) - size)) / size
+        angle = max(theta, BESIDE)  # an integrator has no response at 0
+        S = 1 / (1 + complex(loop.response(angle)))
+        bound = TOLERANCE + (abs(S) ** 2 * loop.slope_and_error(angle)[1] + abs(abs(S - less) - size)) / size
         if name == "disk":
             yield from disk_margins(1 / size, theta / loop.period, bound, NONE if peak.certified[0] else SEARCH)
         else:

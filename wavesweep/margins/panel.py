@@ -63,8 +63,8 @@ def quick(spec: Spec, question: Mapping[str, Any], shown: Shown, stable: bool) -
     loop = broken_at(spec, cut)
     hertz, L = response_of(loop, COARSE, FIRST, FIRST)
     decibels, degrees = decibels_and_degrees(L, loop.times > 1)
-    found = {"hertz": hertz, "re": L.real, "im": L.imag, "decibels": decibels, "degrees": degrees}
-    curve = {name: each.tolist() for name, each in found.items()} | {"several": loop.times > 1, "cut": cut}
+    curves = {"hertz": hertz, "re": L.real, "im": L.imag, "decibels": decibels, "degrees": degrees}
+    curve = {name: values.tolist() for name, values in curves.items()} | {"several": loop.times > 1, "cut": cut}
     if not stable:
         return {"open": curve, "step": {"error": "the loop is unstable, and nothing comes to rest"}}
     try:
@@ -97,20 +97,22 @@ def _margins(spec: Spec, question: Mapping[str, Any], shown: Shown) -> dict:
     """The margins of the loop that is broken at a signal, as the table has them, with L where each is set."""
     cut, _ = _chosen(question, shown)
     loop = broken_at(spec, cut)
-    found, doubt = margins_of(loop)
-    marks = marks_of(loop, {each.name: (each.value, each.omega) for each in found})
+    margins, doubt = margins_of(loop)
+    marks = marks_of(loop, {margin.name: (margin.value, margin.omega) for margin in margins})
     rows = [
         {
-            "name": each.name,
-            "value": each.value,
-            "unit": UNITS.get(each.name, RATIO),
-            "hz": each.omega / (2 * np.pi),
+            "name": margin.name,
+            "value": margin.value,
+            "unit": UNITS.get(margin.name, RATIO),
+            "hz": margin.omega / (2 * np.pi),
             "line_hz": line,
             "doubt": word,
-            "limited": each.limited,
-            "at": [marks[each.name].real, marks[each.name].imag] if each.name in marks else None,
+            "limited": margin.limited,
+            "at": [marks[margin.name].real, marks[margin.name].imag] if margin.name in marks else None,
         }
-        for each, word, line in zip(found, words([each.doubt for each in found]), lines_at(spec, cut, loop, found), strict=True)
+        for margin, word, line in zip(
+            margins, words([margin.doubt for margin in margins]), lines_at(spec, cut, loop, margins), strict=True
+        )
     ]
     return {"margins": rows, "cut": cut, "doubt": str(words([doubt])[0])}
 

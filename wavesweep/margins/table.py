@@ -47,11 +47,13 @@ def margins(spec: Spec, cut: str = "") -> Table:
 
     started, cut = time.perf_counter(), cut or next(iter(cuts_of(spec)), "")
     loop = broken_at(spec, cut)
-    found, doubt = margins_of(loop)
-    if not found:
+    margins_found, doubt = margins_of(loop)
+    if not margins_found:
         reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
         raise UsageError(f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it")
-    columns = _columns(cut, found, np.array([each.bound for each in found]), lines_at(spec, cut, loop, found))
+    columns = _columns(
+        cut, margins_found, np.array([margin.bound for margin in margins_found]), lines_at(spec, cut, loop, margins_found)
+    )
     methods, notices = {"margins": METHOD}, [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
     if spec.for_all:
         from wavesweep.margins.box_margins import METHOD_FOR_ALL, margins_for_all, refused
@@ -68,17 +70,17 @@ def margins(spec: Spec, cut: str = "") -> Table:
 
 
 def _columns(cut: str, found: Sequence[Any], bound: np.ndarray, hz: np.ndarray) -> Columns:
-    doubts = words([each.doubt for each in found])
+    doubts = words([margin.doubt for margin in found])
     return {
         "cut": np.full(len(found), cut, object),
-        "margin": np.array([each.name for each in found], object),
-        "value": np.array([each.value for each in found]),
-        "unit": np.array([UNITS.get(each.name, RATIO) for each in found], object),
-        "omega": np.array([each.omega for each in found]),
+        "margin": np.array([margin.name for margin in found], object),
+        "value": np.array([margin.value for margin in found]),
+        "unit": np.array([UNITS.get(margin.name, RATIO) for margin in found], object),
+        "omega": np.array([margin.omega for margin in found]),
         "bound": bound,
         "certified": doubts == "",
         "doubt": doubts,
-        "limited": np.array([each.limited for each in found]),
+        "limited": np.array([margin.limited for margin in found]),
         "hz": hz,
     }
 
@@ -87,15 +89,15 @@ def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns
     """The rows of the spec's own numbers and, behind them, those of [for_all], with the columns of these."""
     both = joined([own, _columns(cut, found, np.zeros(len(found)), np.full(len(found), np.nan))])
     rows = len(own["cut"])
-    none, refuted = np.full(rows, np.nan), np.array([each.refuted for each in found])
-    down = np.array([each.name == "gain_down" for each in found])
+    none, refuted = np.full(rows, np.nan), np.array([margin.refuted for margin in found])
+    down = np.array([margin.name == "gain_down" for margin in found])
     return {
         **both,
         "guarantee": np.array(["spec"] * rows + ["for_all"] * len(found), object),
         "fails_below": np.concatenate([none, np.where(down, refuted, np.nan)]),
         "fails_from": np.concatenate([none, np.where(down, np.nan, refuted)]),
-        "settled": np.concatenate([own["certified"], [each.settled for each in found]]),
-        "counterexample": np.array([""] * rows + [each.counterexample for each in found], object),
+        "settled": np.concatenate([own["certified"], [margin.settled for margin in found]]),
+        "counterexample": np.array([""] * rows + [margin.counterexample for margin in found], object),
     }
 
 
@@ -104,12 +106,12 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
     def rows(of: str, *more: str) -> Numbers:
         names = ("value", "unit", "omega", "doubt", "limited", "hz", *more)
-        some = {name: columns[name][whose == of].tolist() for name in ("margin", *names)}
-        return {margin: {name: plain(some[name][at]) for name in names} for at, margin in enumerate(some["margin"])}
+        rows_of = {name: columns[name][whose == of].tolist() for name in ("margin", *names)}
+        return {margin: {name: plain(rows_of[name][at]) for name in names} for at, margin in enumerate(rows_of["margin"])}
 
-    found = {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1), "margins": rows("spec")}
+    tally = {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1), "margins": rows("spec")}
     of_all = rows("for_all", "fails_below", "fails_from", "settled", "counterexample") if "guarantee" in columns else {}
-    return found | ({"for_all": of_all} if of_all else {})
+    return tally | ({"for_all": of_all} if of_all else {})
 
 
 def _lines(found: Numbers) -> Iterator[Line]:

@@ -50,11 +50,11 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
         proof = prove_column(*loop, search.along, part, len(drift.states) - len(drift.kept), operations=most)
         return None if proof is None else _first_difference(list(_clipped(claims, part)), proof.intervals, part, least)
 
-    whole = difference(span, operations)
-    if whole is not None:
-        return ProvedAgain("refuted", whole) if whole else ProvedAgain("whole")
-    parts = _pieces(claims, span, least)
-    of_parts = [difference(part, operations / len(parts)) for part in parts]
+    problem = difference(span, operations)
+    if problem is not None:
+        return ProvedAgain("refuted", problem) if problem else ProvedAgain("whole")
+    pieces = _pieces(claims, span, least)
+    of_parts = [difference(piece, operations / len(pieces)) for piece in pieces]
     if refuted := next(filter(None, of_parts), ""):
         return ProvedAgain("refuted", refuted)
     return ProvedAgain("unsettled", f"more than {operations:g} operations") if None in of_parts else ProvedAgain("ends")
@@ -67,7 +67,7 @@ def _pieces(claims, span, least):
     places = sorted([*ends, *middles])
     pieces = []
     for place in places:
-        apart = min(abs(other - place) for other in places if other != place) / 2
+        apart = min(abs(another - place) for another in places if another != place) / 2
         radius = min(NEAR * max(abs(place), least), apart)
         pieces.append((max(place - radius, span[0]), min(place + radius, span[1])))
     return pieces
@@ -85,11 +85,11 @@ def _first_difference(claims, proved, part, least):
     """The first difference of intervals that a row claims from those that are proved, in words; empty if there is none."""
     if len(claims) != len(proved):
         return f"{len(proved)} stable intervals and not {len(claims)} from {part[0]!r} to {part[1]!r}"
-    for one, other in zip(claims, proved, strict=True):
-        for name, a, b in zip(("low", "high"), one, other, strict=False):
+    for claim, row in zip(claims, proved, strict=True):
+        for name, a, b in zip(("low", "high"), claim, row, strict=False):
             if abs(a - b) > CLOSE * max(abs(a), abs(b), least):
                 return f"{name} is {b!r} and not {a!r}"
-        for name, a, b in zip(("low_omega", "high_omega"), one[2:], other[2:], strict=True):
+        for name, a, b in zip(("low_omega", "high_omega"), claim[2:], row[2:], strict=True):
             if (isnan(a), a > 0) != (isnan(b), b > 0):
                 return f"{name} is {b!r} and not {a!r}"
     return ""

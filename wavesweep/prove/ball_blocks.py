@@ -36,7 +36,7 @@ def continuous(kind: str, keys: dict[str, Any]) -> Matrices:
 
 
 def _in_z(E):
-    return [[each + int(i == j) for j, each in enumerate(row)] for i, row in enumerate(E)]
+    return [[entry + int(i == j) for j, entry in enumerate(row)] for i, row in enumerate(E)]
 
 
 def _root(value):
@@ -48,23 +48,23 @@ def held(A, B, T):
     n, m = len(A), len(B[0])
     rows = [[type(T)(entry) * T for entry in (*a, *b)] for a, b in zip(A, B, strict=True)]
     kind = arb_mat if isinstance(T, arb) else acb_mat
-    whole = kind(rows + [[0] * (n + m) for _ in range(m)]).exp().tolist()[:n]
-    return [row[:n] for row in whole], [row[n:] for row in whole]
+    exponential = kind(rows + [[0] * (n + m) for _ in range(m)]).exp().tolist()[:n]
+    return [row[:n] for row in exponential], [row[n:] for row in exponential]
 
 
 def _butterworth(order, cutoff_hz, high, T):
     """Sections `(b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)` in series, from the bilinear transform."""
-    found = [], [], [[]], [[1]]
+    series = [], [], [[]], [[1]]
     w, far = (type(T).pi() * cutoff_hz * T).tan() if order else T, -1 if high else 1
     for k in range(order // 2):
         sine = (arb.pi() * (2 * k + 1) / (2 * order)).sin()
         bottom = 1 + 2 * sine * w + w * w
         b0, a1, a2 = (1 if high else w * w) / bottom, 2 * (w * w - 1) / bottom, (1 - 2 * sine * w + w * w) / bottom
-        found = _in_series(found, ([[-a1, 1], [-a2, 0]], [[2 * far * b0 - a1 * b0], [b0 - a2 * b0]], [[1, 0]], [[b0]]))
+        series = _in_series(series, ([[-a1, 1], [-a2, 0]], [[2 * far * b0 - a1 * b0], [b0 - a2 * b0]], [[1, 0]], [[b0]]))
     if order % 2:
         b0, a1 = (1 if high else w) / (1 + w), (w - 1) / (1 + w)
-        found = _in_series(found, ([[-a1]], [[far * b0 - a1 * b0]], [[1]], [[b0]]))
-    return found
+        series = _in_series(series, ([[-a1]], [[far * b0 - a1 * b0]], [[1]], [[b0]]))
+    return series
 
 
 def _in_series(first, second):
@@ -73,7 +73,7 @@ def _in_series(first, second):
     below = [[b[i][0] * entry for entry in C[0]] + a[i] for i in range(len(a))]
     return (
         [row + [0] * len(a) for row in A] + below,
-        B + [[each[0] * D[0][0]] for each in b],
+        B + [[row[0] * D[0][0]] for row in b],
         [[d[0][0] * entry for entry in C[0]] + c[0]],
         [[d[0][0] * D[0][0]]],
     )

@@ -16,7 +16,7 @@ from math import comb
 import numpy as np
 from flint import arb, arb_mat, arb_poly, ctx
 
-from wavesweep.prove.ball_polynomials import Budget, Part, bernstein, chebyshev
+from wavesweep.prove.ball_polynomials import Budget, FamilyPart, bernstein, chebyshev
 from wavesweep.prove.ticks import UndecidedError
 
 NARROW = 0.45  # share of the bits: a box this narrow encloses a crossing well enough
@@ -38,7 +38,7 @@ class Crossing:
     theta: arb
 
 
-def crossings(part: Part, budget: Budget) -> Iterator[Crossing]:
+def crossings(part: FamilyPart, budget: Budget) -> Iterator[Crossing]:
     """Yield enclosures of all values in a part at which a root is on the circle. Errors: UndecidedError."""
     width = part.high - part.low
     for table in part.polynomials:
@@ -58,7 +58,7 @@ def crossings(part: Part, budget: Budget) -> Iterator[Crossing]:
             yield Crossing(part.low + width * low.union(high), angle)
 
 
-def is_unstable(part: Part) -> bool:
+def is_unstable(part: FamilyPart) -> bool:
     """Whether some root is outside the circle for every value in a part, since a coefficient is too large.
 
     Coefficients of a frame that grows by many powers of ten say so long before the small roots are known.
@@ -100,13 +100,13 @@ def _on_circle(n, bits):
     """The matrices from the coefficients of a polynomial to the Bernstein coefficients of U and V on (-1, 1)."""
     del bits
     h, odd = divmod(n, 2)
-    found = []
+    tensors = []
     for sign, slope, constant in ((1, 2, -1), (-1, 2, 1)) if odd else ((1, 1, 0), (-1, 2, 0)):
         lower = not odd and sign < 0  # sin(k theta)/sin(theta) is of degree k - 1
-        own = [[0]] * lower + chebyshev(h + 1 - lower, slope, constant)
-        columns = [[sign * c for c in p] for p in reversed(own)] + own[1 - odd :]
-        found.append(bernstein(columns, h).transpose())
-    return found
+        coefficients = [[0]] * lower + chebyshev(h + 1 - lower, slope, constant)
+        columns = [[sign * c for c in p] for p in reversed(coefficients)] + coefficients[1 - odd :]
+        tensors.append(bernstein(columns, h).transpose())
+    return tensors
 
 
 def _boxes(U, V, budget):
@@ -154,17 +154,19 @@ class _Box:
 
     def cut(self, ranges, polished=0):
         """The part of the box in these shares of its ranges."""
-        U, V = (_cut(part, ranges) for part in (self.U, self.V))
+        U, V = (_cut(polynomial, ranges) for polynomial in (self.U, self.V))
         return _Box(U, V, _inside(self.x, ranges[0]), _inside(self.k, ranges[1]), self.depth + 1, polished)
 
 
 def _bends_along_number(box):
     """Whether the functions vary more with the number than with x, relative to their size."""
     total = np.zeros(2)
-    for part in (box.U, box.V):
-        largest = max(abs(c).mid() for c in part.entries())
+    for polynomial in (box.U, box.V):
+        largest = max(abs(c).mid() for c in polynomial.entries())
         if largest > 0:
-            size = np.array([float((c / largest).mid()) for c in part.entries()]).reshape(part.nrows(), part.ncols())
+            size = np.array([float((c / largest).mid()) for c in polynomial.entries()]).reshape(
+                polynomial.nrows(), polynomial.ncols()
+            )
             total += [np.abs(np.diff(size, axis=axis)).sum(axis).max(initial=0.0) for axis in (0, 1)]
     return total[1] > total[0]
 
@@ -180,26 +182,26 @@ def _contracted(U, V):
     less a remainder, whose range the Bernstein coefficients bound.
     """
     n, m = U.nrows() - 1, U.ncols() - 1
-    whole = [(arb(0), arb(1)), (arb(0), arb(1))]
-    (ux, uk), (vx, vk) = (_slopes(each, n, m) for each in (U, V))
+    box_range = [(arb(0), arb(1)), (arb(0), arb(1))]
+    (ux, uk), (vx, vk) = (_slopes(polynomial, n, m) for polynomial in (U, V))
     if n == 0:
         pairs = [(1, [(1 / uk, U)])] if uk != 0 else []
     else:
         det = (ux * vk - uk * vx).mid()
         if det == 0 or not det.is_finite():
-            return whole
+            return box_range
         pairs = [(0, [(vk / det, U), (-uk / det, V)]), (1, [(-vx / det, U), (ux / det, V)])]
-    for which, terms in pairs:
-        G = sum((part * factor.mid() for factor, part in terms[1:]), terms[0][1] * terms[0][0].mid())
-        rest = [G[i, j] - (arb(i) / n if which == 0 else arb(j) / m) for i in range(n + 1) for j in range(m + 1)]
+    for row, terms in pairs:
+        G = sum((polynomial * factor.mid() for factor, polynomial in terms[1:]), terms[0][1] * terms[0][0].mid())
+        rest = [G[i, j] - (arb(i) / n if row == 0 else arb(j) / m) for i in range(n + 1) for j in range(m + 1)]
         low, high = -max(c.upper() for c in rest), -min(c.lower() for c in rest)
         if not (low.is_finite() and high.is_finite()):
             continue
         low, high = max(low, arb(0)), min(high, arb(1))
         if low > high:
             return None
-        whole[which] = low, high
-    return whole
+        box_range[row] = low, high
+    return box_range
 
 
 def _slopes(U, n, m):
@@ -230,11 +232,11 @@ def _half(n, first, bits):
 
 def _of_restriction(n, a, b):
     """Row i has the coefficients of `(1-a + a s)^(n-i) (1-b + b s)^i`, the blossom at a and b."""
-    one, other = arb_poly([1 - a, a]), arb_poly([1 - b, b])
+    first, second = arb_poly([1 - a, a]), arb_poly([1 - b, b])
     firsts, seconds = [arb_poly([1])], [arb_poly([1])]
     for _ in range(n):
-        firsts.append(firsts[-1] * one)
-        seconds.append(seconds[-1] * other)
+        firsts.append(firsts[-1] * first)
+        seconds.append(seconds[-1] * second)
     rows = [(firsts[n - i] * seconds[i]).coeffs() for i in range(n + 1)]
     return arb_mat([row + [arb(0)] * (n + 1 - len(row)) for row in rows])
 

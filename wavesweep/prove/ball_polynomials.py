@@ -31,7 +31,7 @@ STRUCTURE = 0.5  # share of the bits that have to vanish of a factor z - 1
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class FamilyPart:
     """A part of the range, from its low to its high end, with a polynomial per component.
 
     Row j of a matrix has the Bernstein coefficients of that of z^j on the part. A polynomial of degree 0 stands for the
@@ -43,7 +43,7 @@ class Part:
     polynomials: tuple[arb_mat, ...]
 
 
-class Family:
+class BallFamily:
     """The characteristic polynomials of a loop on a range of the number.
 
     loop: along its number. span: (low, high). budget: a counter of operations, see `Budget`.
@@ -53,7 +53,7 @@ class Family:
         self.loop, self.span, self.budget = loop, span, budget
         low, high = map(arb, span)
         places = loop.pattern(low.union(high))
-        self.parts = [part.tolist() for part in blocks_of(places) if places[np.ix_(part, part)].any()]
+        self.parts = [indices.tolist() for indices in blocks_of(places) if places[np.ix_(indices, indices)].any()]
         self.size = len(places)
         self.degree = _degree(loop)
         self.bent = any(_branches(tree, loop.number) for _, tree in loop.drawing.trees())
@@ -68,18 +68,18 @@ class Family:
         """The coefficients of each component's polynomial at a value; times: multiplied by the determinants of the loops."""
         self.budget.use(self.loop.ticks.bit_length() * self.size**3 + 500 * self.size)
         frame, pivot = self.loop.frame(number)
-        rows, found = frame.tolist(), []
-        for part in self.parts:
-            own = type(frame)([[rows[i][j] for j in part] for i in part]).charpoly()
-            found.append([own[j] * pivot if times else own[j] for j in range(len(part) + 1)])
-        return [*found, [pivot]] if self.exact else found
+        rows, polynomials = frame.tolist(), []
+        for indices in self.parts:
+            polynomial = type(frame)([[rows[i][j] for j in indices] for i in indices]).charpoly()
+            polynomials.append([polynomial[j] * pivot if times else polynomial[j] for j in range(len(indices) + 1)])
+        return [*polynomials, [pivot]] if self.exact else polynomials
 
     def find_ones(self) -> int:
         """Count the eigenvalues that are 1 for every value of the number, by digits that vanish at two precisions."""
         low, high = map(arb, self.span)
         bits, counts = ctx.prec, []
-        for share, more in ((0.381966, 1), (0.618034, 2)):
-            ctx.prec = more * bits
+        for share, times in ((0.381966, 1), (0.618034, 2)):
+            ctx.prec = times * bits
             try:
                 counts.append([_ones(p) for p in self.at((low + (high - low) * share).mid())])
             finally:
@@ -93,7 +93,7 @@ class Family:
         """The coefficients at a value, without the eigenvalues that are always 1."""
         return [_without_ones(p, times) for p, times in zip(self.at(number), self.ones, strict=True)]
 
-    def over_range(self) -> Iterator[Part]:
+    def over_range(self) -> Iterator[FamilyPart]:
         """Yield the parts of the range in order."""
         open_, count = [tuple(map(arb, self.span))], 0
         while open_:
@@ -106,7 +106,7 @@ class Family:
                 middle = ((low + high) / 2).mid()
                 open_ += [(middle, high), (low, middle)]
                 continue
-            yield Part(low, high, tuple(self._interpolated(low, high, errors)))
+            yield FamilyPart(low, high, tuple(self._interpolated(low, high, errors)))
 
     def _errors(self, low, high):
         """Bounds on errors of each component's coefficients, and the nodes; None if the part is too long for few of them."""
@@ -118,8 +118,8 @@ class Family:
             return None
         most = 0.0
         for bound, size in zip(bounds, sizes, strict=True):
-            whole = max(abs(c).upper() for c in size)
-            ratio = max((abs(c).upper() / whole).upper() for c in bound)
+            largest = max(abs(c).upper() for c in size)
+            ratio = max((abs(c).upper() / largest).upper() for c in bound)
             if not ratio < arb(2) ** (ctx.prec // 2):
                 return None
             most = max(most, log2(float(ratio)) if ratio > 1 else 0.0)
@@ -161,17 +161,17 @@ def _degree(loop: BallLoop) -> float:
     wires = {port: max((degree(gain, number) for _, gain in terms), default=0) for port, terms in loop.wires.items()}
     for block in loop.blocks:
         kind, keys = ("", {}) if isinstance(block, Plant) else (block.type, dict(block.keys))
-        own = sum(wires.get(f"{block.name}.{port}", 0) for port in block.ports[0])
+        read_gain = sum(wires.get(f"{block.name}.{port}", 0) for port in block.ports[0])
         if kind == "gain":
-            own += degree(keys["k"], number)
+            read_gain += degree(keys["k"], number)
         elif kind == "ss" and keys["discrete"]:
             rows = (row for name in "ABCD" for row in keys[name])  # rows side by side have the larger degree of both
-            own += sum(max((degree(tree, number) for tree in row), default=0) for row in rows)
+            read_gain += sum(max((degree(tree, number) for tree in row), default=0) for row in rows)
         elif kind == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
-            own += max(degree(tree, number) for tree in keys["num"])
+            read_gain += max(degree(tree, number) for tree in keys["num"])
         elif any(reads(tree, number) for _, tree in block.trees()):
-            own = inf
-        of_blocks.append(own)
+            read_gain = inf
+        of_blocks.append(read_gain)
     for kind in loop.kinds:
         total += sum(of_blocks[at] for at in kind)
     return inf if reads(loop.drawing.tick_hz, number) or total == inf else int(total)
@@ -181,7 +181,7 @@ def _branches(tree: Tree, number: str) -> bool:
     """Whether a tree that reads a number has a power with another than a whole exponent, which is not analytic everywhere."""
     if tree[0] == "**" and reads(tree, number) and not (is_constant(tree[2]) and evaluate(tree[2], {}).is_integer()):
         return True
-    return any(_branches(part, number) for part in tree[1:-1] if isinstance(part, tuple))
+    return any(_branches(branch, number) for branch in tree[1:-1] if isinstance(branch, tuple))
 
 
 def _ones(p):
@@ -216,12 +216,12 @@ def _without_ones_rows(rows, times):
 def _trimmed(rows, errors):
     """Rows of Chebyshev coefficients, of which the last ones that are nothing beside the largest are taken for errors."""
     least = arb(2) ** (-ctx.prec * KEPT) * max(abs(c).mid() for row in rows for c in row)
-    kept = max([1, *(1 + i for row in rows for i, c in enumerate(row) if not abs(c).upper() <= least)])
-    found = []
+    kept_count = max([1, *(1 + i for row in rows for i, c in enumerate(row) if not abs(c).upper() <= least)])
+    trimmed = []
     for j, row in enumerate(rows):
-        error = sum((abs(c).upper() for c in row[kept:]), errors[j] if errors else arb(0))
-        found.append([row[0] + arb(0, error.upper()), *row[1:kept]])
-    return found
+        error = sum((abs(c).upper() for c in row[kept_count:]), errors[j] if errors else arb(0))
+        trimmed.append([row[0] + arb(0, error.upper()), *row[1:kept_count]])
+    return trimmed
 
 
 @lru_cache(maxsize=64)
@@ -242,11 +242,11 @@ def _to_bernstein(count, bits):
 
 def chebyshev(count: int, slope: int, constant: int = 0) -> list[list[int]]:
     """Coefficients in t of polynomials p_k(2t - 1): p_0 = 1, p_1 = slope x + constant, p_k = 2x p_(k-1) - p_(k-2)."""
-    found = [[1], [constant - slope, 2 * slope]]
-    while len(found) < count:
-        one, other = found[-1], found[-2]
-        found.append([4 * a - 2 * b - c for a, b, c in zip([0, *one], [*one, 0], [*other, 0, 0], strict=True)])
-    return found[:count]
+    basis = [[1], [constant - slope, 2 * slope]]
+    while len(basis) < count:
+        last, before_last = basis[-1], basis[-2]
+        basis.append([4 * a - 2 * b - c for a, b, c in zip([0, *last], [*last, 0], [*before_last, 0, 0], strict=True)])
+    return basis[:count]
 
 
 def bernstein(polynomials: list[list[int]], n: int) -> arb_mat:

@@ -12,7 +12,7 @@ from flint import arb, ctx
 
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.prove.ball_crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
-from wavesweep.prove.ball_polynomials import Budget, Family
+from wavesweep.prove.ball_polynomials import BallFamily, Budget
 from wavesweep.prove.ticks import BallLoop, UndecidedError
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
@@ -71,34 +71,34 @@ def prove_column(
 
 
 def _proof(loop, span, integrators, budget):
-    family = Family(loop, span, budget)
-    way = POLYNOMIAL if family.exact else PARTS
+    family = BallFamily(loop, span, budget)
+    proof_way = POLYNOMIAL if family.exact else PARTS
     try:
         ones = family.find_ones()
     except UndecidedError:
         if not all(map(is_unstable, family.over_range())):
             raise
-        return Proof((), ctx.prec, way)
+        return Proof((), ctx.prec, proof_way)
     if ones > integrators:
-        return Proof((), ctx.prec, way)
-    found = [each for part in family.over_range() for each in crossings(part, budget)]
-    ends = _merged([Crossing(end, arb("nan")) for end in map(arb, span)] + found)
+        return Proof((), ctx.prec, proof_way)
+    crossings_found = [crossing for family_part in family.over_range() for crossing in crossings(family_part, budget)]
+    ends = _merged([Crossing(end, arb("nan")) for end in map(arb, span)] + crossings_found)
     stable = [_is_stable(family, a.value.upper(), b.value.lower()) for a, b in pairwise(ends)]
-    if any(one and other for one, other in pairwise(stable)):
+    if any(before and after for before, after in pairwise(stable)):
         raise UndecidedError  # a root that may only touch the circle
     intervals = [_rounded(loop, a, b, span) for (a, b), inside in zip(pairwise(ends), stable, strict=True) if inside]
-    return Proof(tuple(each for each in intervals if each[0] < each[1]), ctx.prec, way)
+    return Proof(tuple(row for row in intervals if row[0] < row[1]), ctx.prec, proof_way)
 
 
 def _merged(found):
     """Crossings in order, those that may be at the same value as one; of a value at an end of the range, the angle is kept."""
     ends = []
-    for each in sorted(found, key=lambda each: (each.value.lower(), each.value.upper())):
-        if ends and not ends[-1].value < each.value:
-            theta = each.theta if ends[-1].theta.is_nan() else ends[-1].theta
-            ends[-1] = Crossing(ends[-1].value.union(each.value), theta)
+    for crossing in sorted(found, key=lambda each: (each.value.lower(), each.value.upper())):
+        if ends and not ends[-1].value < crossing.value:
+            theta = crossing.theta if ends[-1].theta.is_nan() else ends[-1].theta
+            ends[-1] = Crossing(ends[-1].value.union(crossing.value), theta)
         else:
-            ends.append(each)
+            ends.append(crossing)
     return ends
 
 
@@ -128,9 +128,9 @@ def _rounded(loop, low, high, span):
 
 def _double(value, span):
     """The double next to a ball; 0 and the ends of the range are met exactly if they are in it."""
-    for known in (*span, 0.0):
-        if value.contains(known):
-            return known
+    for end in (*span, 0.0):
+        if value.contains(end):
+            return end
     return _sure(value)
 
 

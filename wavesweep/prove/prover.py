@@ -41,8 +41,8 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float 
             drift = drift_of(loop.changed({along: np.array(span)}))
             proof = prove_column(*loop, along, span, len(drift.states) - len(drift.kept), operations=budget)
             if proof:
-                known = dict(zip(span, (low, high), strict=True))
-                rows = [(known.get(row[0], row[0]), known.get(row[1], row[1]), *row[2:]) for row in proof.intervals]
+                exact_ends = dict(zip(span, (low, high), strict=True))
+                rows = [(exact_ends.get(row[0], row[0]), exact_ends.get(row[1], row[1]), *row[2:]) for row in proof.intervals]
                 return [(*row[:2], *(angle(column, loop, *end) for end in zip(row[2:], row[:2], strict=True))) for row in rows]
         return None
 

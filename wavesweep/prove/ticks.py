@@ -114,8 +114,8 @@ class BallLoop:
         outputs, after = (C + D * inputs).tolist(), (matrix(B) * inputs).tolist() if B else []
         rows = []
         for k, i in enumerate(owners):
-            own = [a + b for a, b in zip(form(A[k]), after[k], strict=True)]
-            rows.append(own if i in running else form((), k))
+            row_k = [a + b for a, b in zip(form(A[k]), after[k], strict=True)]
+            rows.append(row_k if i in running else form((), k))
         return matrix(rows + [outputs[j] if runs[j] else form((), at) for j, at in places.items()]), pivot
 
     def _block(self, i: int, block: DrawnBlock | Plant, number: Any) -> Any:
@@ -129,10 +129,10 @@ class BallLoop:
 
     def _plant(self, plant, T, number):
         """A plant of several blocks: `x' = A x + B u`, `y = C x + D u`, `u = K y + e` with e held over the period."""
-        parts = [continuous(block.type, self._keys(block, number)) for block in plant.members]
-        orders, ports = [len(A) for A, *_ in parts], [len(block.ports[0]) for block in plant.members]
-        A, B, C, D = (_diagonal([part[k] for part in parts], (orders, ports)[k % 2]) for k in range(4))
-        rates, shown = ([[*x, *u] for x, u in zip(*each, strict=True)] for each in ((A, B), (C, D)))
+        models = [continuous(block.type, self._keys(block, number)) for block in plant.members]
+        orders, ports = [len(A) for A, *_ in models], [len(block.ports[0]) for block in plant.members]
+        A, B, C, D = (_diagonal([model[k] for model in models], (orders, ports)[k % 2]) for k in range(4))
+        rates, shown = ([[*x, *u] for x, u in zip(*pair, strict=True)] for pair in ((A, B), (C, D)))
         (inputs, outputs), n, m = plant.drawn_ports, sum(orders), sum(ports)
         K = [[0] * len(outputs) for _ in inputs]
         for port, terms in plant.couplings:
@@ -144,7 +144,7 @@ class BallLoop:
         right = of([[*row[:n], *unit[n + i][n:]] for i, row in enumerate(back)])
         inside, _ = _closed(of([row[n:] for row in back]), right)
         rows = (of(rates + shown) * of(unit[:n] + inside.tolist())).tolist()
-        A, B, C, D = ([row[part] for row in some] for some in (rows[:n], rows[n:]) for part in (slice(n), slice(n, None)))
+        A, B, C, D = ([row[half] for row in row_set] for row_set in (rows[:n], rows[n:]) for half in (slice(n), slice(n, None)))
         return *(held(A, B, T) if n else (A, B)), C, D
 
     def _keys(self, block, number):
@@ -162,11 +162,13 @@ class BallLoop:
 
     def _value(self, tree: Tree, number: Any) -> Any:
         ball = type(number)
-        known = {constant: constant for constant in constants_of(tree)}
-        known |= {name: self.values[name] for name, _ in names_in(tree) if name != self.number}
+        constants = {constant: constant for constant in constants_of(tree)}
+        constants |= {name: self.values[name] for name, _ in names_in(tree) if name != self.number}
         try:
             return ball(
-                evaluate(named(tree), {name: ball(v) for name, v in known.items()} | {self.number: number}, _LIBRARIES[ball])
+                evaluate(
+                    named(tree), {name: ball(v) for name, v in constants.items()} | {self.number: number}, _LIBRARIES[ball]
+                )
             )
         except ZeroDivisionError:
             return ball("nan")
@@ -200,7 +202,7 @@ def _places(matrix):
 
 def _diagonal(parts, widths):
     """Rows of blocks in a diagonal."""
-    return [[*[0] * sum(widths[:i]), *row, *[0] * sum(widths[i + 1 :])] for i, part in enumerate(parts) for row in part]
+    return [[*[0] * sum(widths[:i]), *row, *[0] * sum(widths[i + 1 :])] for i, matrix in enumerate(parts) for row in matrix]
 
 
 def product(kinds: tuple, maps: Mapping) -> Any:
@@ -209,10 +211,10 @@ def product(kinds: tuple, maps: Mapping) -> Any:
 
 
 def _multiplied(plan, maps):
-    kind, times, *parts = plan
+    kind, times, *factors = plan
     if times:
-        return _multiplied(parts[0], maps) ** times
-    return _multiplied(parts[1], maps) * _multiplied(parts[0], maps) if parts else maps[kind]
+        return _multiplied(factors[0], maps) ** times
+    return _multiplied(factors[1], maps) * _multiplied(factors[0], maps) if factors else maps[kind]
 
 
 @lru_cache(maxsize=256)
