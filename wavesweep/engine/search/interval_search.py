@@ -59,7 +59,7 @@ class Search:
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
-        parts, opened_groups = [], self._opened_groups()
+        parts, opened_groups = [], self.opened_groups()
         for members, loops, opened in opened_groups:
             found = self._in_pieces(loops, members.size) if self.in_pieces else self.between_breaks(loops, members.size, opened)
             parts.append(replace(found, column=members[found.column]))
@@ -72,7 +72,7 @@ class Search:
             fill_in_lines(self, records, members, loops, opened)
         return records
 
-    def _opened_groups(self) -> list[tuple[np.ndarray, Loops, Opened | None]]:
+    def opened_groups(self) -> list[tuple[np.ndarray, Loops, Opened | None]]:
         """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
         for _, loops in () if self.checked else self.groups:
             refuse_unsuitable(*loops)

@@ -1,6 +1,7 @@
 """The job of stable intervals along an axis."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache, partial
@@ -9,13 +10,13 @@ import numpy as np
 
 from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.drawing import name_of, path_of
-from wavesweep.engine.errors import UsageError
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loops.batch import Loops, items_of
 from wavesweep.engine.loops.dead_time import breaks, timing
 from wavesweep.engine.loops.domain import domain, unsuitable
-from wavesweep.engine.search.interval_records import RECORD, ends_of, loop_by_loop
+from wavesweep.engine.search.interval_records import FAILURES, RECORD, ends_of, loop_by_loop
 from wavesweep.engine.search.interval_search import Search, Searches
-from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.engine.search.open_loops import FEW, exact_cut
 from wavesweep.engine.stability.certificate import words
 from wavesweep.engine.stability.radii import drift_of, frames, frames_of
 from wavesweep.program.analyses.spec_loops import refuse_singular
@@ -211,7 +212,10 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
         domain(*loops, axis.path, asked.span)
-    orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
+    orders = _orders_of_few(spec, asked, changes, index.size, resolved) if index.size <= FEW else []
+    ways = [Way.CUT] * len(orders)
+    if not orders:
+        orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
     way = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
     most = MOST_SLOW if way is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
@@ -221,6 +225,16 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:
     """The job of the intervals that are guaranteed for hands or numbers."""
     return interval_job(job.grid, job.chunks, job.resolved, replace(job.asked, guarantee=guarantee))
+
+
+def _orders_of_few(spec, asked, changes, size, resolved):
+    """States of loops that are all cut at the number, as their search cuts them, which remembers them; otherwise nothing."""
+    with suppress(IllPosedLoopError, *FAILURES):
+        searches = _searches(spec, asked, changes, size, resolved, checked=True).searches
+        opened = [loops for search in searches for *_, loops in search.opened_groups()]
+        if all(loops and loops.loops.cut for loops in opened):
+            return [loops.loops.cut.order for loops in opened]
+    return []
 
 
 @lru_cache(maxsize=64)
