@@ -26,7 +26,7 @@ SECTIONS = {
     "Concepts": "concepts controllers",
     "Guides": "questions check sweeps gains identify measured for-all frames margins poles drawn-loops axes design export "
     "results clusters",
-    "Reference": "commands keys blocks tables other-programs json library",
+    "Reference": "commands keys blocks tables other-programs json library engine",
     "Background": "proof accuracy safety speed",
 }
 SEE = re.compile(r"See \[.*\]\((\.\./wavesweep/\w+\.md)\)\.\n")  # a page that stands beside the code

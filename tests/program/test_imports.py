@@ -29,6 +29,8 @@ ENGINE = (
     "response",
     "energy",
     "search",
+    "closed_loop",
+    "loop_sources",
 )
 PROGRAM = (
     "bundled",

@@ -1,13 +1,14 @@
 """Arguments of library calls: numbers and switches."""
 
 from numbers import Real
+from typing import Any
 
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
 
 
-def real_numbers(values) -> np.ndarray | None:
+def real_numbers(values: Any) -> np.ndarray | None:
     """Return a number, or nested lists or an array of numbers, as an array; None if an item is not a real number.
 
     Texts, booleans and masked numbers are refused, since their meaning is uncertain. Numbers without an array type, such as
@@ -24,7 +25,7 @@ def real_numbers(values) -> np.ndarray | None:
     return found if found.dtype.kind in "iuf" and not unsure else None
 
 
-def boolean(name: str, value) -> bool:
+def boolean(name: str, value: object) -> bool:
     """Return a switch of a call; UsageError for anything but True and False: the text "no" would be true."""
     if not isinstance(value, (bool, np.bool_)):
         raise UsageError(f"{name}: expected True or False, found {value!r:.60}")

@@ -12,7 +12,7 @@ MOST_LINES = 50  # of the mistakes of a spec, or the differences of results
 def shortened(text: str) -> str:
     """The text with the middle of each word and line left out that is too long to be read."""
     for pattern, most in ((r"\S", LONGEST_WORD), (".", LONGEST_LINE)):
-        text = re.sub(f"{pattern}{{{most},}}", lambda long, part=most // 4: f"{long[0][:part]}...{long[0][-part:]}", text)
+        text = re.sub(f"({pattern}{{{most // 4}}}){pattern}{{{most // 2},}}({pattern}{{{most // 4}}})", r"\1...\2", text)
     return text
 
 

@@ -43,7 +43,7 @@ class Mistakes(list[Mistake]):
 
     def check_list(
         self, key: Key, leaf: Leaf, path: str, expected: str = "a list of numbers", count: int | None = None
-    ) -> list:
+    ) -> list[Any]:
         """Return the values of a list that is not empty, each as the key's own type, and add mistakes. count: of the values."""
         if not isinstance(leaf.value, list) or not leaf.value or count not in (None, len(leaf.value)):
             self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
@@ -76,6 +76,25 @@ class Mistakes(list[Mistake]):
                 values[name] = value
         return values
 
+    def in_order(self) -> list[Mistake]:
+        """Return the mistakes by line and column; those without a place keep their order, at the end.
+
+        Of a value that should be a table, the keys below it are not reported as missing too.
+        """
+        no_tables = tuple(mistake.key for mistake in self if mistake.expected == "a table")
+        below = tuple(f"{key}." for key in no_tables)
+        causes = [
+            mistake
+            for mistake in self
+            if mistake.expected == "a table" or not (mistake.key in no_tables or mistake.key.startswith(below))
+        ]
+
+        def position(mistake: Mistake) -> tuple[int, ...]:
+            numbers = mistake.location.rsplit(":", 2)[1:]
+            return tuple(map(int, numbers)) if len(numbers) == 2 and all(map(str.isdecimal, numbers)) else (10**9,)
+
+        return sorted(dict.fromkeys(causes), key=position)
+
 
 def check(key: Key, value: object) -> float | int | str | bool:
     """Return `value` as the key's own type, or raise `Rejected`.
@@ -88,7 +107,7 @@ def check(key: Key, value: object) -> float | int | str | bool:
         raise Rejected(expectation(key), show(value), nearest(value, key.choices) if isinstance(value, str) else "")
     if key.type == "boolean" and isinstance(value, bool):
         return value
-    number = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+    number: Any = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
     try:
         finite = number is not None and math.isfinite(number)
     except OverflowError:  # a whole number beyond the largest double
@@ -106,7 +125,7 @@ def check(key: Key, value: object) -> float | int | str | bool:
     return int(number) if key.type == "integer" else float(number) + 0.0
 
 
-def computable(number):
+def computable(number: Any) -> Any:
     """Return whether a number, or each of an array, is 0 or of a size from which nothing underflows or overflows."""
     return (number == 0) | ((abs(number) >= SMALLEST) & (abs(number) <= LARGEST))
 
@@ -161,8 +180,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if len(name) > LONGEST_COMPARED:
         return ""
     last = _last(name)
-    for same in (lambda one: _last(one) == last, lambda one: _last(one).lower() == last.lower()):
-        matches = [one for one in known if same(one)]
+    for folded in (str, str.lower):  # as it stands, then in any case
+        matches = [candidate for candidate in known if folded(_last(candidate)) == folded(last)]
         if len(matches) == 1:
             return matches[0]
     import difflib

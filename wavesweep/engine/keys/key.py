@@ -47,9 +47,9 @@ class Key:
     low: float | None = None
     high: float | None = None
     above_low: bool = False
-    choices: tuple = ()
+    choices: tuple[Any, ...] = ()
     required: bool = False
-    meanings: Mapping = field(default_factory=dict, repr=False)
+    meanings: Mapping[str, str] = field(default_factory=dict, repr=False)
     instead: str = ""  # what is meant by a fraction that the key does not take, or, in quotes, by another word
     shaping: bool = False  # whether the structure of the loop depends on it although it is a number
 

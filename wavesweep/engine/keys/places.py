@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from wavesweep.engine.errors import Mistake
 
@@ -51,7 +52,7 @@ class Leaf:
     place: Place
 
 
-def leaves_of(tables: Mapping, place: Place, prefix: Path = ()) -> Iterator[tuple[Path, Leaf]]:
+def leaves_of(tables: Mapping[str, Any], place: Place, prefix: Path = ()) -> Iterator[tuple[Path, Leaf]]:
     """Yield path and leaf of every value that is not a table with something in it."""
     for name, value in tables.items():
         path = (*prefix, name)
@@ -59,6 +60,27 @@ def leaves_of(tables: Mapping, place: Place, prefix: Path = ()) -> Iterator[tupl
             yield from leaves_of(value, place, path)
         else:
             yield path, Leaf(value, place.under(path))
+
+
+LONGEST_RANGE = 2_000_000  # numbers; a longer range is no list of a spec
+
+
+def read_dict(tables: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return nested tables as plain dicts, lists and Python numbers."""
+    return {str(key): plain(value) for key, value in tables.items()}
+
+
+def plain(value: object) -> object:
+    """Return one value, or a table of them, as plain Python types, without tuples, ranges, numpy types and other mappings."""
+    if isinstance(value, Mapping):
+        return read_dict(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, range) and len(value[: LONGEST_RANGE + 1]) <= LONGEST_RANGE:
+        return list(value)
+    return value
 
 
 def split_names(path: Path, depth: int) -> Path:

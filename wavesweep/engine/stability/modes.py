@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.stability.spectrum import states_of_blocks
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.stability.spectrum import NEIGHBOURHOOD, states_of_blocks
 
 
 class Modes(NamedTuple):
@@ -37,3 +39,15 @@ def modes_of(E) -> Modes:
         first += at.size
     order = np.lexsort((-delta.imag, -np.round(np.abs(1 + delta), 12)))
     return Modes(delta[order], shares[order])
+
+
+def named_modes(E, drawn: MultirateLoop, drift: TickDrift) -> tuple[list[str], Modes]:
+    """Return the names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
+    labels, kept = drawn.labels(), len(drift.kept)
+    return [labels[drift.states[index]] for index in drift.kept], modes_of(E[:kept, :kept])
+
+
+def certain_modes(delta, *, clear: bool) -> np.ndarray:
+    """Return whether rounding cannot take each mode across the unit circle; clear: it can take none of them."""
+    near = np.abs(np.abs(1 + delta) - 1) <= NEIGHBOURHOOD
+    return np.full(delta.shape, clear) | ~(near | ~near.any())

@@ -248,7 +248,7 @@ def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
     return radius_of(close(cut, K_VE, B_VE))
 
 
-def count_outside(E, dE=None):
+def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether no error of E can change it.
 
     E, dE: `(matrices, n, n)`, matrices less identity and bounds on the errors of their entries, by default of a rounding each.

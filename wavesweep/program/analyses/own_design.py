@@ -7,11 +7,12 @@ import numpy as np
 
 from wavesweep.engine.keys.key import LARGEST
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
+from wavesweep.engine.stability.modes import named_modes
 from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
 from wavesweep.engine.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of
 from wavesweep.program.analyses.assumptions import FAVOURABLE, assumes
 from wavesweep.program.analyses.feel import felt_at_rest
-from wavesweep.program.analyses.poles import ON_CIRCLE, leading, named_modes
+from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
 from wavesweep.program.spec import Spec

@@ -5,12 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import TickDrift
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
-from wavesweep.engine.stability.modes import Modes, modes_of
+from wavesweep.engine.stability.modes import certain_modes, named_modes
 from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
-from wavesweep.engine.stability.spectrum import NEIGHBOURHOOD, count_outside, damping_ratio
+from wavesweep.engine.stability.spectrum import count_outside, damping_ratio
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec
@@ -52,8 +50,7 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     all_delta = np.stack([each.delta if each.delta.size else np.full(kept, -0.5 + 0j) for _, each in named])
     lines = [lines_in_loops(loops, np.log1p(all_delta[:, [k]])) for k in range(kept)]
     for at, (names, (delta, shares)) in enumerate(named):
-        near = np.abs(np.abs(1 + delta) - 1) <= NEIGHBOURHOOD
-        doubted = np.full(delta.shape, not clear[at]) & (near | ~near.any())
+        doubted = ~certain_modes(delta, clear=bool(clear[at]))
         s, (hz, second) = np.log1p(delta) / period[at], np.array([each[at] for each in lines]).reshape(-1, 2).T[:, : delta.size]
         numbers = {
             "z_re": 1 + delta.real,
@@ -77,12 +74,6 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
         yield {
             name: np.where(np.isfinite(each), each, np.nan) if each.dtype == float else each for name, each in numbers.items()
         }
-
-
-def named_modes(E, drawn: MultirateLoop, drift: TickDrift) -> tuple[list[str], Modes]:
-    """The names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
-    labels, kept = drawn.labels(), len(drift.kept)
-    return [labels[drift.states[index]] for index in drift.kept], modes_of(E[:kept, :kept])
 
 
 def leading(names: list[str], shares: np.ndarray) -> list[str]:

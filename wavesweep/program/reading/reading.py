@@ -120,24 +120,6 @@ def _passed(number: int, most: int) -> bytes:
         return stream.read(most + 1)
 
 
-def read_dict(tables: Mapping) -> dict:
-    """Return nested tables as plain dicts, lists and Python numbers."""
-    return {str(key): plain(value) for key, value in tables.items()}
-
-
-def plain(value: object) -> object:
-    """Return one value, or a table of them, as plain Python types, without tuples, ranges, numpy types and other mappings."""
-    if isinstance(value, Mapping):
-        return read_dict(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, range) and len(value[: MOST_BYTES + 1]) <= MOST_BYTES:  # a longer one is no list of a spec
-        return list(value)
-    return value
-
-
 def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tuple[str, ...], object, Place]:
     """Return path, value and place of `controller.b=40`, `b=40` or `sweep.b=[20, 40]`.
 

@@ -8,11 +8,11 @@ from itertools import islice
 
 from wavesweep.engine.drawing.block_classes import expanded, numbers_of_blocks
 from wavesweep.engine.drawing.drawing import MARKS, RATE, path_of
-from wavesweep.engine.errors import Mistake, SpecError, UsageError
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.keys.checking import Mistakes
-from wavesweep.engine.keys.places import Leaf, Path, Place, leaves_of
+from wavesweep.engine.keys.places import Leaf, Path, Place, leaves_of, read_dict
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
-from wavesweep.program.reading.reading import file_stem, read_dict, read_file, read_override
+from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import normal_path, sort_leaves
 from wavesweep.program.reading.tables import missing
 from wavesweep.program.spec.resolving import TWINS, Given, resolve
@@ -162,7 +162,7 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     facts = {"names": names, "drawing": drawing, "hz": hz, "values": None if wrong else values}
     studies = build_studies(Request(belongs=belongs, given=given, mistakes=mistakes, **facts))
     if mistakes:
-        raise SpecError(_in_order(mistakes))
+        raise SpecError(mistakes.in_order())
     request_values = {table_field.name: getattr(studies, table_field.name) for table_field in fields(Studies)}
     return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **request_values)
 
@@ -176,23 +176,3 @@ def _installed(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]
             mistakes.refuse(leaves[inside[0]].place.under(path), f"[{table}]", "only tables of what is installed", reason)
             leaves = {path_below: leaf for path_below, leaf in leaves.items() if path_below not in inside}
     return leaves
-
-
-def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
-    """Sort by line and column; mistakes without a place keep their order, at the end.
-
-    Of a value that should be a table, the keys below it are not reported as missing too.
-    """
-    none = tuple(mistake.key for mistake in mistakes if mistake.expected == "a table")
-    below = tuple(f"{key}." for key in none)
-    relevant = [
-        mistake
-        for mistake in mistakes
-        if mistake.expected == "a table" or not (mistake.key in none or mistake.key.startswith(below))
-    ]
-
-    def position(mistake: Mistake) -> tuple[int, ...]:
-        numbers = mistake.location.rsplit(":", 2)[1:]
-        return tuple(map(int, numbers)) if len(numbers) == 2 and all(map(str.isdecimal, numbers)) else (10**9,)
-
-    return sorted(dict.fromkeys(relevant), key=position)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.batch import Loops, distinct, selected
+from wavesweep.engine.loops.batch import Loops, distinct
 from wavesweep.engine.loops.common_tick import with_common_tick
 from wavesweep.engine.loops.controller_drawings import keys_of_page, loop_drawing
-from wavesweep.engine.loops.dead_time import structure
+from wavesweep.engine.loops.dead_time import batches_built_alike
 from wavesweep.program.spec import Axis, Spec
 
 FAST = "rates.fast_hz"
@@ -144,16 +144,6 @@ def groups(
             yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
 
 
-def _by_dead_times(drawing, members, values):
-    """Yield the members and values of loops that are built alike, with the whole numbers of ticks of their dead times."""
-    if not drawing.dead_times:
-        yield members, values
-        return
-    ticks = {path: np.broadcast_to(column, members.shape).astype(int) for path, column in structure(drawing, values).items()}
-    for alike in distinct(list(ticks.values()), members.size):
-        yield members[alike], selected(values, alike) | {path: int(column[alike[0]]) for path, column in ticks.items()}
-
-
 def drawn_groups(
     spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None, *, rates: bool = False, along: str = ""
 ) -> Iterator[tuple[np.ndarray, Loops]]:
@@ -163,8 +153,7 @@ def drawn_groups(
     """
     for members, values in groups(spec, changes, size, resolved, rates=rates):
         drawing = loops_of(spec, values, along).drawing
-        for alike, settled in _by_dead_times(drawing, members, values):
-            yield alike, Loops(drawing, settled)
+        yield from batches_built_alike(drawing, members, values)
 
 
 def own_loop(spec: Spec, along: str = "") -> Loops:

@@ -1,0 +1,548 @@
+"""A closed loop of several rates and what it answers: stable intervals, poles, responses, gains, the lifted state space."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.energy.lifted_map import TickMaps, damping_peak, squared_norm
+from wavesweep.engine.errors import UsageError
+from wavesweep.engine.keys.checking import Rejected, check, computable, nearest
+from wavesweep.engine.keys.key import Key, Names
+from wavesweep.engine.loops.batch import Loops, distinct
+from wavesweep.engine.loops.common_tick import with_common_tick
+from wavesweep.engine.loops.dead_time import batches_built_alike
+from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.loops.from_drawing import OUTPUT
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.response.at_hand import ports_of_batch
+from wavesweep.engine.response.lifted import Lifted
+from wavesweep.engine.response.port import Port
+from wavesweep.engine.response.steady import transfer
+from wavesweep.engine.search.interval_search import Prover, Search, Searches
+from wavesweep.engine.stability.certificate import words
+from wavesweep.engine.stability.modes import certain_modes, named_modes
+from wavesweep.engine.stability.radii import drift_of, frames_with_reliability, named_loops, radii_of
+from wavesweep.engine.stability.spectrum import count_outside, damping_ratio, is_stable
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from numpy.typing import ArrayLike, NDArray
+
+    Floats = NDArray[np.float64]
+    Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StableIntervals:
+    """Stable intervals along a number, one row each; a loop that is stable nowhere has one row without ends.
+
+    All fields are arrays `(rows,)`, sorted by loop, then by value.
+
+    loop: index of the loop among those asked for, flat. low, high: ends, in the unit of the number, NaN without an interval.
+    low_omega, high_omega: angular frequency (rad/s) of the oscillation that starts at the end, as it is seen once a frame; NaN
+    where the range ends the interval. low_hz, high_hz: the strongest line (Hz) of that oscillation between the ticks.
+    certified: whether all intervals of the loop are proved, and that there are no others. doubt: why not, a word of
+    `wavesweep.engine.doubts`; empty if certified. residual: of the characteristic equation at the ends, relative. open_low,
+    open_high: from where to where the number lies at which nothing is known; NaN if everything is.
+    """
+
+    loop: NDArray[np.int32]
+    low: Floats
+    high: Floats
+    low_omega: Floats
+    high_omega: Floats
+    low_hz: Floats
+    high_hz: Floats
+    certified: Bools
+    doubt: NDArray[np.object_]
+    residual: Floats
+    open_low: Floats
+    open_high: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosedLoopPoles:
+    """The poles of one loop per frame, the slowest first, without those that drift; arrays `(poles,)`.
+
+    z: eigenvalues of the frame. s: `log(z)/frame_s` (1/s); -inf for a pole at 0. damping_ratio: -Re s/|s|; NaN for poles at 0
+    and 1. certain: whether rounding cannot take the pole across the unit circle. shares: participation of each state in each
+    pole, `(poles, states)`, from 0 to 1. states: a name for each.
+    """
+
+    z: NDArray[np.complex128]
+    s: NDArray[np.complex128]
+    damping_ratio: Floats
+    certain: Bools
+    shares: Floats
+    states: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InputResponse:
+    """The response of an output to an input at some frequencies.
+
+    frequency_hz: `(points,)`. value: complex, `(..., points)`, in the output's unit per the input's; NaN if it is not known.
+    error: bound on its relative error, likewise. stable: whether the loop is stable, `(...)`; the response of one that is not
+    is that of its equations, and no experiment shows it.
+    """
+
+    frequency_hz: Floats
+    value: NDArray[np.complex128]
+    error: Floats
+    stable: Bools
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExtremeGain:
+    """The extreme of a gain over all frequencies, `(...)`: its value, where it is taken (Hz), and whether that is proved.
+
+    Not certified and finite: the largest or smallest of the values that were looked at.
+    """
+
+    value: Floats
+    frequency_hz: Floats
+    certified: Bools
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiftedStateSpace:
+    """One loop from frame to frame: `x[k+1] = A x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`.
+
+    u and y have the inputs and outputs of all ticks of a frame one after the other, `r[0], r[1], ...`. frame_s: period of the
+    frame (s). states: a name for each.
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    frame_s: float
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+
+    def to_control(self) -> StateSpace:
+        """The same as a system of python-control, with dt of the frame (s)."""
+        import control
+
+        names = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.ss(self.A, self.B, self.C, self.D, self.frame_s, **names)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClosedLoop:
+    """A closed loop of blocks that run at several rates, made by `loop_from_blocks` or `loop_from_drawing`.
+
+    Methods take other values of its numbers by name, each a number or an array; arrays broadcast together, and what is returned
+    has their shape. `loop.spectral_radius(kp=[1.0, 2.0], tau=0.01)` is two loops. A number that is not named keeps the value
+    that it was made with. The rate of the tick has the name `rates.tick_hz`.
+
+    drawing: the structure. values: path -> value of each number.
+    """
+
+    drawing: Drawing
+    values: Mapping[str, float]
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The numbers by name, with the values that they have unless a call gives others."""
+        return {name: self.values[path] for name, path in self._names.symbols.items()}
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs from outside."""
+        return tuple(name for name, *_ in self.drawing.inputs)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(name for name, *_ in self.drawing.outputs)
+
+    @property
+    def frame_s(self) -> float:
+        """Period (s) after which all blocks are in step again."""
+        drawn = self._single({}).drawn()
+        return float(np.asarray(drawn.period)) * drawn.ticks
+
+    def stable_intervals(
+        self, along: str, span: tuple[float, float], *, prover: Prover | None = None, **numbers: ArrayLike
+    ) -> StableIntervals:
+        """All stable intervals along one of the numbers, with a certificate.
+
+        A number that multiplies one signal is cut out of the frame: `det(z - F(p)) = 0` is one real polynomial in the cosine of
+        the angle, whose roots are all crossings of the unit circle. Along any other number the eigenvalues are followed as
+        polynomials on panels, and a dominant diagonal proves that none is missed. See docs/proof.md.
+
+        Parameters
+        ----------
+        along : str
+            Name of the number; not one that decides how the loop is built, such as a number of ticks.
+        span : tuple of float
+            (low, high) of the range that is searched, in the unit of the number.
+        prover : callable, optional
+            Is asked about stretches that doubles leave in doubt: `wavesweep.prove.prover.ball_prover`.
+        **numbers : float or array
+            Other values of the other numbers.
+
+        Returns
+        -------
+        StableIntervals
+            For each loop.
+
+        Raises
+        ------
+        UsageError
+            For a name or a value that the loop does not have, or a range in which there is a value without a loop.
+        IllPosedLoopError
+            If a loop of direct terms has no solution.
+
+        Notes
+        -----
+        Accuracy: ends usually to 1e-12 relative along a number that multiplies one signal, 1e-9 along others. If `certified` is
+        false, `doubt` says why, and what is between `open_low` and `open_high` may be stable or not.
+        """
+        key, ends = self._key(along), real_numbers(span)
+        if key.structural:
+            expected = "a number that does not decide how the loop is built"
+            raise UsageError(f"along {along}: expected {expected}; ask for the spectral radius at its values")
+        if ends is None or ends.shape != (2,) or not ends[0] < ends[1] or not computable(ends).all():
+            raise UsageError(f"span: expected (low, high), low < high, found {span!r:.60}")
+        if key.path in map(self._path, numbers):
+            raise UsageError(f"{along}: expected other numbers than the one that the intervals are along")
+        low, high = map(float, ends)
+        parts: dict[Drawing, list[tuple[NDArray[np.intp], Loops]]] = {}
+        for members, loops in self._batches(self._arrays(numbers)[1], along=True):
+            parts.setdefault(loops.drawing, []).append((members, loops.read))
+        found = (Search(key.path, (low, high), tuple(groups), prover=prover) for groups in parts.values())
+        records = Searches(tuple(found)).records()
+        names = ("low", "high", "low_omega", "high_omega", "low_hz", "high_hz")
+        columns = {name: np.ascontiguousarray(records[name]) for name in (*names, "certified", "residual")}
+        open_ends = {name: np.ascontiguousarray(records[name]) for name in ("open_low", "open_high")}
+        return StableIntervals(loop=records["slice"].copy(), doubt=words(records["doubt"]), **columns, **open_ends)
+
+    def spectral_radius(self, **numbers: ArrayLike) -> Floats:
+        """The largest modulus of the eigenvalues of a frame, without what nothing opposes (drift): below 1, it is stable.
+
+        Parameters
+        ----------
+        **numbers : float or array
+            Other values of numbers.
+
+        Returns
+        -------
+        ndarray
+            In the shape of the arrays; infinite after overflow, NaN if rounding could move it by a thousandth of itself or
+            of 1.
+
+        Raises
+        ------
+        UsageError, IllPosedLoopError
+            As for `stable_intervals`.
+        """
+
+        def of_batch(loops: Loops, size: int) -> tuple[Floats]:
+            return (radii_of(loops.read, size),)
+
+        radii: Floats = self._of_batches(numbers, of_batch, 1)[0]
+        return radii
+
+    def poles(self, **numbers: float) -> ClosedLoopPoles:
+        """The closed-loop poles of one loop, per frame.
+
+        Parameters
+        ----------
+        **numbers : float
+            Other values of numbers.
+
+        Returns
+        -------
+        ClosedLoopPoles
+
+        Raises
+        ------
+        UsageError
+            As for `stable_intervals`, and for an array, or a loop whose frame overflows.
+        IllPosedLoopError
+            As for `stable_intervals`.
+
+        Notes
+        -----
+        Accuracy: that of eigenvalues in double precision, computed as z - 1, so that slow poles keep all digits of their
+        distance from 1.
+        """
+        loops = self._single(numbers).read
+        drawn, drift = loops.drawn(), drift_of(loops)
+        E, hidden = frames_with_reliability(loops)
+        if not np.isfinite(E).all():
+            raise UsageError("poles: expected a loop whose frame stays within doubles, found one that overflows")
+        names, (delta, shares) = named_modes(E, drawn, drift)
+        clear = bool(count_outside(E[None])[1].all() and not np.any(hidden))
+        period = float(np.asarray(drawn.period)) * drawn.ticks
+        with np.errstate(divide="ignore"):  # of a pole at 0
+            logarithm = np.log1p(delta)
+        s = logarithm.real / period + 1j * (logarithm.imag / period)
+        certain = certain_modes(delta, clear=clear)
+        return ClosedLoopPoles(1 + delta, s, damping_ratio(delta), certain, shares, tuple(names))
+
+    def response(self, frequency_hz: ArrayLike, source: str, output: str, **numbers: ArrayLike) -> InputResponse:
+        """The steady response of an output to a sinusoidal input that is held over each tick.
+
+        The component at the frequency of the input itself: a loop of several rates answers with images of it too.
+
+        Parameters
+        ----------
+        frequency_hz : float or array of shape (points,)
+            From 0 (the static limit) up to half the rate of the tick, Hz.
+        source, output : str
+            Names of an input and of an output.
+        **numbers : float or array
+            Other values of numbers.
+
+        Returns
+        -------
+        InputResponse
+
+        Raises
+        ------
+        UsageError
+            As for `stable_intervals`, and for other frequencies.
+        IllPosedLoopError
+            As for `stable_intervals`.
+
+        Notes
+        -----
+        Accuracy: every value has a bound on its relative error, which counts the rounding of the loop's entries.
+        """
+        self._refuse_ends(source, output)
+        given = real_numbers(frequency_hz)
+        frequency = np.array([np.nan]) if given is None else given.astype(float).ravel()
+        half = self._rate / 2
+        if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
+            found = f"{frequency_hz!r:.60}"
+            raise UsageError(f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the rate of the tick, found {found}")
+
+        def of_batch(loops: Loops, size: int) -> tuple[Any, Any, Bools]:
+            value, error = np.empty((size, frequency.size), complex), np.empty((size, frequency.size))
+            for members, port in ports_of_batch(loops.read, size, (source, output)):
+                value[members], error[members] = transfer(Lifted.of(port), frequency)
+            return value, error, radii_of(loops.read, size) < 1
+
+        return InputResponse(frequency, *self._of_batches(numbers, of_batch, 3))
+
+    def hinf_norm(self, source: str, output: str, **numbers: ArrayLike) -> ExtremeGain:
+        """The largest gain from an input to an output: the H-infinity norm of the loop lifted over a frame.
+
+        `sum |y[k]|^2 <= value^2 sum |u[k]|^2` over all ticks k, for every input that is held over the ticks, from rest. It is
+        the largest singular value of the lifted loop over all frequencies, found by level sets (S. Boyd, V. Balakrishnan; N.
+        Bruinsma, M. Steinbuch, 1990), and counts the images that `response` leaves out.
+
+        Parameters
+        ----------
+        source, output : str
+            Names of an input and of an output.
+        **numbers : float or array
+            Other values of numbers.
+
+        Returns
+        -------
+        ExtremeGain
+            In the output's unit per the input's; infinite for a loop that is not stable, or whose output drifts.
+
+        Raises
+        ------
+        UsageError, IllPosedLoopError
+            As for `stable_intervals`.
+
+        Notes
+        -----
+        Accuracy: 1e-10 relative if certified.
+        """
+
+        def largest(ticks: TickMaps) -> tuple[Floats, Floats, Bools]:
+            peak = squared_norm(ticks)
+            return np.sqrt(peak.value), peak.theta, peak.certified
+
+        return self._extreme(source, output, numbers, largest, np.inf)
+
+    def passivity_index(self, source: str, output: str, **numbers: ArrayLike) -> ExtremeGain:
+        """How passive the loop is between an input and an output: the least energy that it takes up per energy of the input.
+
+        `sum u[k] y[k] >= value sum u[k]^2` over all ticks k, from rest: the loop is passive if the index is at least 0. It is
+        the smallest eigenvalue of the Hermitian part of the lifted loop over all frequencies (input feedforward passivity).
+
+        Parameters
+        ----------
+        source, output, **numbers
+            As for `hinf_norm`.
+
+        Returns
+        -------
+        ExtremeGain
+            In the output's unit per the input's; -inf for a loop that is not stable, or whose output drifts.
+
+        Raises
+        ------
+        UsageError, IllPosedLoopError
+            As for `stable_intervals`.
+
+        Notes
+        -----
+        Accuracy: 1e-10 of the index and of 1 if certified.
+        """
+
+        def smallest(ticks: TickMaps) -> tuple[Floats, Floats, Bools]:
+            peak = damping_peak(ticks, ticks.lifted(measured=False), np.ones(ticks.loops), np.zeros(ticks.loops))
+            return -peak.value, peak.theta, peak.certified
+
+        return self._extreme(source, output, numbers, smallest, -np.inf)
+
+    def lifted(self, **numbers: float) -> LiftedStateSpace:
+        """One loop from frame to frame, from all inputs to all outputs, one of each for every tick.
+
+        Parameters
+        ----------
+        **numbers : float
+            Other values of numbers.
+
+        Returns
+        -------
+        LiftedStateSpace
+            What drifts is among its states.
+
+        Raises
+        ------
+        UsageError, IllPosedLoopError
+            As for `poles`.
+        """
+        drawn = self._single(numbers).drawn()
+        with named_loops(drawn):
+            ticks = ticks_of(drawn, tuple(OUTPUT + name for name in self.outputs))
+        columns = [ticks.maps[0].inputs.index(signal) for _, signal, _ in self.drawing.inputs]
+        maps = [(each.E, each.B[..., columns], each.C, each.D[..., columns]) for each in ticks.maps]
+        lifted = TickMaps.of(maps, ticks.kind, ()).lifted(measured=False)
+        E, B, C, D = (matrix[0] for matrix in (lifted.E, lifted.G, lifted.O, lifted.T))
+        inputs, outputs = (
+            tuple(f"{name}[{tick}]" for tick in range(drawn.ticks) for name in names) for names in (self.inputs, self.outputs)
+        )
+        labels, period = drawn.labels(), float(np.asarray(drawn.period)) * drawn.ticks
+        states = tuple(labels.get(state, state) for state in ticks.states)
+        return LiftedStateSpace(np.eye(len(E)) + E, B, C, D, period, inputs, outputs, states)
+
+    @property
+    def _names(self) -> Names:
+        names: Names = self.drawing.names
+        return names
+
+    @property
+    def _rate(self) -> float:
+        """Rate of the tick with the loop's own numbers (Hz)."""
+        return float(self.drawing.rate(self.values))
+
+    def _key(self, name: str) -> Key:
+        key = self._names.find(name)
+        if key is None:
+            near = nearest(name, [*self._names.symbols, *self._names.keys])
+            hint = f"; did you mean {near}?" if near else ""
+            raise UsageError(f"{name}: expected one of the numbers {', '.join(self._names.symbols) or '(none)'}{hint}")
+        return key
+
+    def _path(self, name: str) -> str:
+        return self._key(name).path
+
+    def _refuse_ends(self, source: str, output: str) -> None:
+        """Raise UsageError for names that are no input and no output."""
+        for side, name, known in (("input", source, self.inputs), ("output", output, self.outputs)):
+            if name not in known:
+                raise UsageError(f"expected an {side} of the loop, one of {', '.join(known) or '(none)'}, found {name!r:.60}")
+
+    def _arrays(self, numbers: Mapping[str, ArrayLike]) -> tuple[tuple[int, ...], dict[str, Floats]]:
+        """The shape that the values given have together, and path -> values, flat. Errors: UsageError."""
+        arrays: dict[str, Floats] = {}
+        for name, given in numbers.items():
+            key, values = self._key(name), real_numbers(given)
+            if values is None or not computable(values).all() or key.path in arrays:
+                raise UsageError(f"{name}: expected a finite number, or an array of them, once, found {given!r:.60}")
+            for value in np.unique(values).tolist() if key.structural else ():
+                try:
+                    check(key, value)
+                except Rejected as error:
+                    raise UsageError(f"{name}: {error}") from None
+            arrays[key.path] = values.astype(float)
+        try:
+            shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
+        except ValueError:
+            shapes = ", ".join(f"{name} {np.shape(values)}" for name, values in numbers.items())
+            raise UsageError(f"expected arrays of numbers that broadcast together, found {shapes}") from None
+        return shape, {path: np.broadcast_to(values, shape).ravel() for path, values in arrays.items()}
+
+    def _batches(self, arrays: Mapping[str, Floats], *, along: bool = False) -> Iterator[tuple[NDArray[np.intp], Loops]]:
+        """Yield indices and loops of one structure; of these a number that is zero in one is zero in all.
+
+        along: for intervals along a number, which take the longest tick that the loops have in common.
+        """
+        size = next((values.size for values in arrays.values()), 1)
+        shaping = {path for path in arrays if self._names.keys[path].structural}
+        alike = [values if path in shaping else values == 0 for path, values in arrays.items()]
+        for members in distinct(alike, size):
+            values: dict[str, Any] = {**self.values}
+            for path, array in arrays.items():
+                values[path] = check(self._names.keys[path], array[members[0]].item()) if path in shaping else array[members]
+                if array.size == 1 and path not in shaping:
+                    values[path] = array.item()
+            drawing = with_common_tick(self.drawing, values) if along else self.drawing
+            for some, loops in batches_built_alike(drawing, members, values):
+                refuse_unsuitable(*loops)
+                yield some, loops
+
+    def _single(self, numbers: Mapping[str, ArrayLike]) -> Loops:
+        """The one loop of these numbers."""
+        shape, arrays = self._arrays(numbers)
+        if shape:
+            raise UsageError(f"expected numbers for a single loop, found arrays of the shape {shape}")
+        return next(loops for _, loops in self._batches(arrays))
+
+    def _of_batches(
+        self, numbers: Mapping[str, ArrayLike], of_batch: Callable[[Loops, int], tuple[Any, ...]], count: int
+    ) -> list[Any]:
+        """What a function returns of batches of loops, `count` arrays `(loops, ...)`, in the shape of the numbers."""
+        shape, arrays = self._arrays(numbers)
+        parts = [(members, of_batch(loops, members.size)) for members, loops in self._batches(arrays)]
+        order = np.argsort(np.concatenate([members for members, _ in parts]))
+        joined = [np.concatenate([found[number] for _, found in parts])[order] for number in range(count)]
+        return [array.reshape((*shape, *array.shape[1:])) for array in joined]
+
+    def _extreme(
+        self,
+        source: str,
+        output: str,
+        numbers: Mapping[str, ArrayLike],
+        extreme: Callable[[TickMaps], tuple[Floats, Floats, Bools]],
+        unbounded: float,
+    ) -> ExtremeGain:
+        """The extreme of stable loops between an input and an output, and `unbounded` of others."""
+        self._refuse_ends(source, output)
+
+        def of_port(port: Port) -> tuple[Floats, Floats, Bools]:
+            ticks = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, port.batch)
+            frame = ticks.frame()
+            stable, lost = is_stable(frame) & (port.outputs == 1), ~np.isfinite(frame).all((-1, -2))
+            value = np.where(lost, np.nan, unbounded)
+            theta, certified = np.full(ticks.loops, np.nan), ~stable & ~lost
+            some = np.flatnonzero(stable)
+            if some.size:
+                value[some], theta[some], certified[some] = extreme(ticks.at(some).in_even_units())
+            return value, theta * port.rate / (2 * np.pi * port.kind.size), certified
+
+        def of_batch(loops: Loops, size: int) -> tuple[Floats, Floats, Bools]:
+            value, frequency, certified = np.empty(size), np.empty(size), np.empty(size, bool)
+            for members, port in ports_of_batch(loops.read, size, (source, output)):
+                value[members], frequency[members], certified[members] = of_port(port.seen())
+            return value, frequency, certified
+
+        return ExtremeGain(*self._of_batches(numbers, of_batch, 3))

@@ -1,0 +1,206 @@
+"""Closed loops from what describes them: a drawing as nested tables, or matrices and systems of python-control with rates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.engine.closed_loop import ClosedLoop
+from wavesweep.engine.drawing.block_classes import expanded
+from wavesweep.engine.drawing.drawing_keys import is_name
+from wavesweep.engine.drawing.drawing_tables import TABLES, read_drawing
+from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.keys.checking import Mistakes
+from wavesweep.engine.keys.places import Place, leaves_of, read_dict, split_names
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+SAME_RATE = 1e-9  # relative difference from a whole number of ticks up to which a sample time is meant to be one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateSpaceBlock:
+    """A linear block: `x' = A x + B u`, `y = C x + D u`, or `x[k+1] = A x[k] + B u[k]` at every so many ticks.
+
+    A `(n, n)`, B `(n, m)`, C `(p, n)`, D `(p, m)`; D may be 0. Entries are numbers, or texts that are expressions in the
+    numbers of the loop, such as "-k/m". every: None for a continuous block, whose inputs are held over each tick, and which is
+    exact there; else it runs at the ticks phase, phase + every, and so on, and its outputs hold in between. inputs, outputs:
+    names of its ports.
+    """
+
+    A: ArrayLike
+    B: ArrayLike
+    C: ArrayLike
+    D: ArrayLike = 0
+    every: int | None = None
+    phase: int = 0
+    inputs: tuple[str, ...] = ("u",)
+    outputs: tuple[str, ...] = ("y",)
+
+    def table(self) -> dict[str, Any]:
+        """The block in the language of drawings."""
+        matrices = {name: _rows(getattr(self, name)) for name in "ABC"}
+        direct = {} if np.ndim(self.D) == 0 and self.D == 0 else {"D": _rows(self.D)}
+        ports = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return {"type": "ss", **matrices, **direct, **ports, **_timing(self.every, self.phase)}
+
+
+def loop_from_drawing(tables: Mapping[str, Any]) -> ClosedLoop:
+    """A closed loop from the tables of a drawing.
+
+    Parameters
+    ----------
+    tables : dict
+        `rates`, `numbers`, `block`, `signals`, `wire`, `ports` and `type`, as a spec has them, with the same keys and
+        expressions: docs/drawn-loops.md describes them, docs/blocks.md lists the blocks.
+
+    Returns
+    -------
+    ClosedLoop
+
+    Raises
+    ------
+    SpecError
+        With all mistakes at once, `.mistakes` one by one.
+
+    Examples
+    --------
+    >>> from wavesweep.engine import loop_from_drawing
+    >>> loop = loop_from_drawing({
+    ...     "rates": {"tick_hz": 1000},
+    ...     "numbers": {"kp": 100.0},
+    ...     "block": {"mass": {"type": "mass", "mass": 0.1, "damping": 1.0}},
+    ...     "wire": {"mass.f": "-kp*mass.x"},
+    ... })
+    >>> loop.stable_intervals("kp", (0, 10_000)).high.round(6)
+    array([2003.338893])
+    """
+    place, mistakes = Place(), Mistakes()
+    leaves = {}
+    for path, leaf in leaves_of(read_dict(tables), place):
+        if mistakes.is_known(path[0], ("type", *TABLES), leaf, ".".join(path), "an unknown table"):
+            leaves[split_names(path, 1) if path[0] == "wire" else path] = leaf
+    drawing, values, *_ = read_drawing(expanded(leaves, mistakes), place, mistakes)
+    if drawing is None or mistakes:
+        raise SpecError(mistakes.in_order())
+    return ClosedLoop(drawing, values)
+
+
+def loop_from_blocks(
+    blocks: Mapping[str, object],
+    wires: Mapping[str, str],
+    *,
+    rate_hz: float,
+    numbers: Mapping[str, float] | None = None,
+    inputs: Iterable[str] = (),
+    outputs: Mapping[str, str] | None = None,
+) -> ClosedLoop:
+    """A closed loop from matrices and rates.
+
+    Parameters
+    ----------
+    blocks : dict
+        By name: a `StateSpaceBlock`; a state-space system or a transfer function of python-control or scipy.signal, which is
+        continuous or has a sample time of whole ticks; or the keys of any other block as a dict, see docs/blocks.md. Ports of
+        systems have the names that they have there if these are names; otherwise `u` and `y`, or `u0`, `u1`, ..., `y0`, ...
+    wires : dict
+        Input `"block.port"` -> expression that is linear in outputs of blocks and in inputs, such as `"ref - kp*plant.y"`. A
+        port without a wire is a mistake; "0" leaves it at rest.
+    rate_hz : float
+        Rate of the common tick (Hz), at which continuous blocks get their inputs.
+    numbers : dict, optional
+        Numbers that expressions read by name, and that can be varied.
+    inputs : iterable of str, optional
+        Names of signals from outside, which wires read.
+    outputs : dict, optional
+        Name -> expression, as for wires.
+
+    Returns
+    -------
+    ClosedLoop
+
+    Raises
+    ------
+    UsageError
+        For a system that is no block, or with a sample time that is no whole number of ticks.
+    SpecError
+        With all other mistakes at once.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from wavesweep.engine import StateSpaceBlock, loop_from_blocks
+    >>> plant = StateSpaceBlock(A=[[0, 1], [0, -10]], B=[[0], [10]], C=[[1, 0]])
+    >>> control = StateSpaceBlock(A=[[0]], B=[[1]], C=[[0]], D=[[1]], every=4)
+    >>> wires = {"plant.u": "kp*control.y", "control.u": "ref - plant.y"}
+    >>> blocks, ports = {"plant": plant, "control": control}, {"inputs": ["ref"], "outputs": {"y": "plant.y"}}
+    >>> loop = loop_from_blocks(blocks, wires, rate_hz=1000, numbers={"kp": 1.0}, **ports)
+    >>> intervals = loop.stable_intervals("kp", (0, 1000))
+    >>> intervals.high.round(6), intervals.certified
+    (array([503.355615]), array([ True]))
+    """
+    tables = {
+        "rates": {"tick_hz": rate_hz},
+        "numbers": numbers or {},
+        "block": {name: _table(name, block, rate_hz) for name, block in blocks.items()},
+        "wire": wires,
+        "ports": {"inputs": {name: name for name in inputs}, "outputs": outputs or {}},
+    }
+    return loop_from_drawing(tables)
+
+
+def _table(name: str, block: Any, rate_hz: float) -> Mapping[str, Any]:
+    """A block in the language of drawings."""
+    if isinstance(block, Mapping):
+        return block
+    if isinstance(block, StateSpaceBlock):
+        return block.table()
+    every = _every(name, getattr(block, "dt", None), rate_hz)
+    if all(hasattr(block, matrix) for matrix in "ABCD"):
+        ports = (
+            _ports(getattr(block, f"{side}_labels", None), size, letter)
+            for side, size, letter in zip(("input", "output"), np.shape(block.D)[::-1], "uy", strict=True)
+        )
+        return StateSpaceBlock(block.A, block.B, block.C, block.D, every, 0, *ports).table()
+    if hasattr(block, "num") and hasattr(block, "den"):
+        coefficients = [np.squeeze(np.asarray(part, float)) for part in (block.num, block.den)]
+        if all(part.ndim < 2 for part in coefficients):
+            num, den = (np.atleast_1d(part).tolist() for part in coefficients)
+            return {"type": "tf", "num": num, "den": den, **_timing(every, 0)}
+        raise UsageError(f"block {name}: expected a transfer function with one input and one output; convert it to state space")
+    expected = "a StateSpaceBlock, a system of python-control or scipy.signal, or a dict of a block's keys"
+    raise UsageError(f"block {name}: expected {expected}, found {block!r:.60}")
+
+
+def _every(name: str, dt: Any, rate_hz: float) -> int | None:
+    """The ticks in a sample time (s); None of a continuous system."""
+    if dt is None or (dt == 0 and dt is not True):
+        return None
+    ticks: float = dt * rate_hz
+    if dt is True or not ticks > 0 or abs(ticks - round(ticks)) > SAME_RATE * ticks:
+        expected = f"a sample time of whole ticks of {1 / rate_hz:g} s"
+        raise UsageError(
+            f"block {name}: expected {expected}, found dt = {dt!r}; give rate_hz, or a StateSpaceBlock with `every`"
+        )
+    return round(ticks)
+
+
+def _timing(every: int | None, phase: int) -> dict[str, Any]:
+    return {} if every is None else {"discrete": True, "every": every, "phase": phase}
+
+
+def _ports(labels: list[str] | None, size: int, letter: str) -> tuple[str, ...]:
+    """The names of the ports of a system: its labels if these are names."""
+    if labels and all(map(is_name, labels)):
+        return tuple(labels)
+    return (letter,) if size == 1 else tuple(f"{letter}{index}" for index in range(size))
+
+
+def _rows(matrix: ArrayLike) -> list[Any]:
+    """A matrix as a list of rows, entries that are texts included."""
+    rows: list[Any] = np.array(matrix, dtype=object).tolist()
+    return rows
