@@ -542,7 +542,7 @@ class ClosedLoop:
         def of_batch(loops: Loops, size: int) -> tuple[Floats, Floats, Bools]:
             value, frequency, certified = np.empty(size), np.empty(size), np.empty(size, bool)
             for members, port in ports_of_batch(loops.read, size, (source, output)):
-                value[members], frequency[members], certified[members] = of_port(port.seen())
+                value[members], frequency[members], certified[members] = of_port(port.observable())
             return value, frequency, certified
 
         return ExtremeGain(*self._of_batches(numbers, of_batch, 3))
