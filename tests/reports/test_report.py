@@ -157,7 +157,7 @@ def test_what_is_not_known_is_not_called_uncertified(certified, title):
     spec = load(PD | {"sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}}})
     table = intervals(spec)
     table.columns["certified"][:] = certified
-    found = content.Found("", "", table, (("1 row of for_all not settled", True),), "<svg>", "", "")
+    found = content.ReportSection("", "", table, (("1 row of for_all not settled", True),), "<svg>", "", "")
     assert title in "".join(content._answer(spec, found, ("stable", False), True))
 
 

@@ -63,10 +63,10 @@ class Plane:
 def quick(spec: Spec, with_response: bool = True) -> dict:
     """The numbers of the spec's own design and, if it is wanted, its response at the hand."""
     loop = None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
-    own = own_design(spec, loop)
+    design = own_design(spec, loop)
     for numbers in asked("on_check", "numbers", spec):
-        own |= numbers
-    return {"own": own} | ({"response": response(spec, loop)} if with_response else {})
+        design |= numbers
+    return {"own": design} | ({"response": response(spec, loop)} if with_response else {})
 
 
 def preview(spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[float, float]], by_gain: bool) -> dict:
@@ -102,8 +102,8 @@ def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:
     theta, walls = refined_curve(cut, (plane.x_span, plane.y_span) if solved else (plane.y_span, plane.x_span))
     ranges = []
     for path, span in search.items():
-        at, other = WALL.index(path), np.array([spec.values[WALL[1 - WALL.index(path)]]])
-        pairs = quick_columns(cut, theta, walls, at, other, span, ROUNDS)[0]
+        at, other_value = WALL.index(path), np.array([spec.values[WALL[1 - WALL.index(path)]]])
+        pairs = quick_columns(cut, theta, walls, at, other_value, span, ROUNDS)[0]
         ranges.append({"path": path, "span": span, "intervals": [{"low": low, "high": high} for low, high in pairs]})
     shape = _preview(plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span))
     return {"plane": shape | {"how": "curve", "angles": theta.size}, "ranges": ranges}
@@ -114,17 +114,17 @@ def _preview(plane, columns_at) -> dict:
 
     columns_at: gives a list of intervals for each of some values of x.
     """
-    (low, high), view, found, gaps = plane.y_span, View(plane.x, False, *PIXELS), {}, {}
+    (low, high), view, intervals_at, gaps = plane.y_span, View(plane.x, False, *PIXELS), {}, {}
     places, cells = np.linspace(*plane.x_span, COLUMNS).tolist(), []
     for _ in range(2):
         for x, column in zip(places, columns_at(places) if places else [], strict=True):
-            found[x] = tuple(Interval(*each, each[0] > low, each[1] < high, False) for each in column), ()
+            intervals_at[x] = tuple(Interval(*ends, ends[0] > low, ends[1] < high, False) for ends in column), ()
         for points in cells or [places]:
-            gaps |= known_gaps({x: found[x] for x in points}, view, ROUGH * (high - low) / view.high)
-        cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(found)) if (a, b) not in gaps]
+            gaps |= known_gaps({x: intervals_at[x] for x in points}, view, ROUGH * (high - low) / view.high)
+        cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(intervals_at)) if (a, b) not in gaps]
         places = [x for points in cells for x in points[1:-1]]
-    gaps |= {gap: NARROW for gap in pairwise(sorted(found)) if gap not in gaps}
-    return plane_of(PlaneCurve(found, gaps), view)
+    gaps |= {gap: NARROW for gap in pairwise(sorted(intervals_at)) if gap not in gaps}
+    return plane_of(PlaneCurve(intervals_at, gaps), view)
 
 
 def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:
@@ -136,7 +136,7 @@ def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:
 
 
 def _axis(spec, path, values, span=None) -> Axis:
-    names = {each: name for name, each in spec.names.symbols.items()}
+    names = {known_path: name for name, known_path in spec.names.symbols.items()}
     low, high = span if span is not None else (float(np.min(values)), float(np.max(values)))
     key = spec.names.keys[path]
     return Axis(names.get(path, path), path, tuple(np.asarray(values).tolist()), low, high, key.structural, "linear")
@@ -145,8 +145,8 @@ def _axis(spec, path, values, span=None) -> Axis:
 def certified_plane(spec: Spec, plane: Plane) -> dict:
     """The plane by the stable intervals along y of the table, at values of x and, between them, of the figure."""
     along = _axis(spec, plane.y, (), plane.y_span)
-    seconds, way = cost_of(spec, along)
-    count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS)) if way is Way.CUT else FEWEST
+    seconds, way_of = cost_of(spec, along)
+    count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS)) if way_of is Way.CUT else FEWEST
     across = _axis(spec, plane.x, np.linspace(*plane.x_span, count))
     sweep = {"along": along.name, across.name: list(across.values), along.name: {"start": along.start, "stop": along.stop}}
     return plane_of(*_columns(spec, plane, across.values, {"spec": {**spec.tables(), "sweep": sweep}}))
@@ -172,14 +172,14 @@ def plane_of(curve: PlaneCurve, view: View) -> dict:
     return {
         "how": "certified",
         "x": places,
-        "columns": [[(each.low, each.high, each.certified) for each in intervals] for intervals, _ in columns],
+        "columns": [[(interval.low, interval.high, interval.certified) for interval in intervals] for intervals, _ in columns],
         "known": [gap in curve.gaps for gap in pairwise(places)],
         "partly": [bool(spans) for _, spans in columns],
         "areas": region.areas,
         "unproved": region.unproved,
         "lines": region.certain,
         "doubtful": region.doubtful,
-        "bars": [(x, each.low, each.high, each.certified) for x, each in region.bars],
+        "bars": [(x, bar.low, bar.high, bar.certified) for x, bar in region.bars],
         "unknown": [(*cell, *(None if np.isinf(end) else end for end in (low, high))) for *cell, low, high in region.unknown],
     }
 
@@ -192,8 +192,8 @@ def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:
     """The stable intervals of the spec's own design along a number within a span, as rows of the table of `zwidth`."""
     rows = in_memory(job_over(make_grid(spec, (), path), _axis(spec, path, (), span)))
     columns = {name: rows[name].tolist() for name in INTERVAL}
-    found = [dict(zip(INTERVAL, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    stable = [row for row, count in zip(found, rows["intervals"].tolist(), strict=True) if count]
+    ranges = [dict(zip(INTERVAL, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    stable = [row for row, count in zip(ranges, rows["intervals"].tolist(), strict=True) if count]
     certified = bool(rows["certified"].all())
     return {"path": path, "span": span, "intervals": stable, "certified": certified, "doubt": str(rows["doubt"][0])}
 
@@ -204,10 +204,12 @@ def response(spec: Spec, loop: Lifted | None) -> dict | None:
         return None
     frequency = frequencies(spec)
     slow = None if spec.drawing else spec.values["rates.fast_hz"] / spec.values["rates.ratio"] / 2
-    found = respond(loop, frequency)
-    errors = found.admittance_error.ravel(), found.impedance_error.ravel()
-    lost = ~np.isfinite(found.admittance.ravel())
-    columns = complex_columns("admittance", found.admittance.ravel()) | complex_columns("impedance", found.impedance.ravel())
+    at_hand = respond(loop, frequency)
+    errors = at_hand.admittance_error.ravel(), at_hand.impedance_error.ravel()
+    lost = ~np.isfinite(at_hand.admittance.ravel())
+    columns = complex_columns("admittance", at_hand.admittance.ravel()) | complex_columns(
+        "impedance", at_hand.impedance.ravel()
+    )
     return {
         "frequency_hz": frequency.tolist(),
         **{name: column.tolist() for name, column in columns.items() if name.endswith(("_abs", "_deg"))},
@@ -220,7 +222,7 @@ def response(spec: Spec, loop: Lifted | None) -> dict | None:
 def frequencies(spec: Spec) -> np.ndarray:
     """Frequencies in Hz, evenly over the decades that the spec's [bode] has."""
     rate = spec.drawing.rate(spec.values) if spec.drawing else spec.values["rates.fast_hz"]
-    wanted = [each for each in spec.frequency_hz if 0 < each <= rate / 2] or [rate / 1e4, rate / 2]
+    wanted = [f for f in spec.frequency_hz if 0 < f <= rate / 2] or [rate / 1e4, rate / 2]
     return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), POINTS), None, rate / 2))
 
 
@@ -245,22 +247,22 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
     """
     up = sliders[y]
     x_span = _with(spec, sliders[x], *x_span)
-    whole = Plane(x, y, x_span, _with(spec, up, min(up.search[0], up.low), up.search[1]))
-    (low, high), factor = whole.y_span, 1.0
+    whole_plane = Plane(x, y, x_span, _with(spec, up, min(up.search[0], up.low), up.search[1]))
+    (low, high), factor = whole_plane.y_span, 1.0
     while factor <= widest:
         plane = Plane(x, y, x_span, (low, low + factor * (high - low)))
         try:
             columns = _columns(spec, plane, np.linspace(*x_span, FEWEST))[0].columns.values()
         except WavesweepError:  # somewhere in the range there is no loop
-            return whole
-        limits = [each.high for column, _ in columns for each in column if each.high < plane.y_span[1]]
+            return whole_plane
+        limits = [interval.high for column, _ in columns for interval in column if interval.high < plane.y_span[1]]
         if limits:
             top = low + float(f"{ROOM * (max(*limits, up.value) - low):.2g}")
             return Plane(x, y, x_span, (low, min(top, plane.y_span[1])))
         if not all(column for column, _ in columns):
-            return whole
+            return whole_plane
         factor *= WIDER
-    return whole
+    return whole_plane
 
 
 def _with(spec, slider, low, high):

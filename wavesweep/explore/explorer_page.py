@@ -90,8 +90,8 @@ class Page:
             try:
                 return answer(question)
             except SpecError as error:
-                mistakes = "; ".join(str(each._replace(location="")) for each in error.mistakes)
-                at = getattr(error, "at", [each.key for each in error.mistakes])
+                mistakes = "; ".join(str(mistake._replace(location="")) for mistake in error.mistakes)
+                at = getattr(error, "at", [mistake.key for mistake in error.mistakes])
                 return {"error": _sentence(mistakes), "at": at}
             except WavesweepError as error:
                 return {"error": _sentence(str(error))}
@@ -104,21 +104,21 @@ class Page:
         spec = self._changed(question)
         plane = self._plane(spec, question["plane"]) if question.get("plane") else None
         search = {path: _span(span) for path, span in question.get("search", {}).items() if path in WALL}
-        found = quick(spec, bool(question.get("response", True)))
+        answer = quick(spec, bool(question.get("response", True)))
         if plane:
-            found |= self._preview(spec, plane, search, bool(question.get("preview", True)))
-        return reduce(or_, asked("panel", "quick", spec, question, self.shown, found["own"]["stable"]), found)
+            answer |= self._preview(spec, plane, search, bool(question.get("preview", True)))
+        return reduce(or_, asked("panel", "quick", spec, question, self.shown, answer["own"]["stable"]), answer)
 
     def _preview(self, spec, plane, search, wanted=True):
         """The fastest preview of a plane, with as many cells as the one before shows that there is time for."""
         if plane.y not in self._by_gain:
             self._by_gain[plane.y] = is_gain(spec, plane)
         started = time.perf_counter()
-        found = preview(spec, plane, self._cells if wanted else 0, search, self._by_gain[plane.y])
-        if found.get("plane", {}).get("how") == "cells":
-            more = (PREVIEW_S / (time.perf_counter() - started)) ** 0.5
-            self._cells = int(np.clip(self._cells * more, LEAST_CELLS, MOST_CELLS))
-        return found
+        cells = preview(spec, plane, self._cells if wanted else 0, search, self._by_gain[plane.y])
+        if cells.get("plane", {}).get("how") == "cells":
+            factor = (PREVIEW_S / (time.perf_counter() - started)) ** 0.5
+            self._cells = int(np.clip(self._cells * factor, LEAST_CELLS, MOST_CELLS))
+        return cells
 
     def _of_panel(self, answer):
         """A question to a capability, about the design that the page asks for."""
@@ -159,9 +159,9 @@ class Page:
         return path
 
     def _changed(self, question):
-        known = {slider.path for slider in self.sliders}
+        slider_paths = {slider.path for slider in self.sliders}
         values = question["values"]
-        if not isinstance(values, dict) or not set(values) <= known:
+        if not isinstance(values, dict) or not set(values) <= slider_paths:
             raise KeyError("values")
         if not all(isinstance(value, (int, float)) for value in values.values()):
             raise TypeError("values")
@@ -189,22 +189,22 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     """
     page, report = Page(spec), progress or (lambda *_: None)
     data = page._data()  # noqa: SLF001 - the same page
-    others = [
+    other_sliders = [
         slider
         for slider in page.sliders
         if slider.values and (not page.plane or slider.path not in (page.plane.x, page.plane.y))
     ]
-    stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in others}
+    stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in other_sliders}
     count = prod(map(len, stops.values()))
     stops, left = ({}, count) if count > MOST_DESIGNS else (stops, 0)
-    asked, designs = list(product(*stops.values())), []
-    total = len(asked) + len(TABLES)
-    for done, values in enumerate(asked):
+    combinations, designs = list(product(*stops.values())), []
+    total = len(combinations) + len(TABLES)
+    for done, values in enumerate(combinations):
         report(done, total)
         with suppress(WavesweepError):  # a combination that makes no loop, such as a delay beyond the frame
             designs.append(_design(page, dict(zip(stops, values, strict=True))))
     data["first"], tables = None, []
-    for done, (title, make) in enumerate(TABLES.items(), len(asked)):
+    for done, (title, make) in enumerate(TABLES.items(), len(combinations)):
         report(done, total)
         try:
             table = make(spec)
@@ -218,12 +218,12 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
 
 def _design(page, values):
     spec, plane = changed(page.spec, values), page.plane
-    found = quick(spec) | {"values": values, "toml": text_of(spec)}
+    answer = quick(spec) | {"values": values, "toml": text_of(spec)}
     search = {slider.path: slider.search for slider in page.sliders}
     if plane:
-        found["plane"] = certified_plane(spec, plane)
+        answer["plane"] = certified_plane(spec, plane)
     along = [plane.x, plane.y] if plane else [path for path, span in search.items() if span][:1]
-    return found | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
+    return answer | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
 
 
 def _intervals(spec):

@@ -91,17 +91,17 @@ def quick_columns(
     value = np.concatenate([value[inside], np.full(fixed.size, span[0]), np.full(fixed.size, span[1])])
     order = np.lexsort((value, column))
     column, value = column[order], value[order]
-    part = np.flatnonzero(np.diff(column) == 0)
-    middle = (value[part] + value[part + 1]) / 2
-    pair = (middle, fixed[column[part]]) if solved == 0 else (fixed[column[part]], middle)
-    stable = is_stable(close(cut, *pair)) & (value[part + 1] > value[part])
-    found: list[list[tuple[float, float]]] = [[] for _ in every]
-    for at in part[stable].tolist():
-        own, low, high = found[column[at]], float(value[at]), float(value[at + 1])
-        if own and own[-1][1] == low:
-            low = own.pop()[0]
-        own.append((low, high))
-    return found
+    steps = np.flatnonzero(np.diff(column) == 0)
+    middle = (value[steps] + value[steps + 1]) / 2
+    pair = (middle, fixed[column[steps]]) if solved == 0 else (fixed[column[steps]], middle)
+    stable = is_stable(close(cut, *pair)) & (value[steps + 1] > value[steps])
+    intervals: list[list[tuple[float, float]]] = [[] for _ in every]
+    for at in steps[stable].tolist():
+        own_intervals, low, high = intervals[column[at]], float(value[at]), float(value[at + 1])
+        if own_intervals and own_intervals[-1][1] == low:
+            low = own_intervals.pop()[0]
+        own_intervals.append((low, high))
+    return intervals
 
 
 def _crossings(cut, theta, walls, solved, fixed, rounds):
@@ -114,9 +114,9 @@ def _crossings(cut, theta, walls, solved, fixed, rounds):
     weights = np.ones((2, step.size))
     with np.errstate(all="ignore"):
         for _ in range(rounds if step.size else 0):
-            (one, f_one, _), (two, f_two, _) = ends
+            (first, f_one, _), (two, f_two, _) = ends
             share = weights[0] * f_one / (weights[0] * f_one - weights[1] * f_two)
-            middle = one + share * (two - one)
+            middle = first + share * (two - first)
             at = plane_curve(cut, middle)
             new = middle, at[1 - solved] - fixed[line], at[solved]
             same = new[1] * f_one > 0
@@ -126,9 +126,9 @@ def _crossings(cut, theta, walls, solved, fixed, rounds):
                 tuple(np.where(moves, *pair) for pair in zip(new, end, strict=True))
                 for moves, end in zip((same, ~same), ends, strict=True)
             ]
-        (_, f_one, value), (_, f_two, other) = ends
+        (_, f_one, value), (_, f_two, value_other) = ends
         # The last piece is taken for straight: it often is, all over.
-        value = np.where(f_one == f_two, value, value + f_one / (f_one - f_two) * (other - value))
+        value = np.where(f_one == f_two, value, value + f_one / (f_one - f_two) * (value_other - value))
     good = np.isfinite(value)
     return line[good], value[good]
 

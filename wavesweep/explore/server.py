@@ -110,11 +110,15 @@ class Server(ThreadingHTTPServer):
         """Close connections that are too many or have taken too long, which ends their threads."""
         with self._lock:
             late, many = time.monotonic() - HURRY, len(self._strangers) - STRANGERS
-            closed = [each for number, (each, since) in enumerate(self._strangers.items()) if since < late or number < many]
-            for each in closed:
-                del self._strangers[each]
+            closed = [
+                connection
+                for number, (connection, since) in enumerate(self._strangers.items())
+                if since < late or number < many
+            ]
+            for connection in closed:
+                del self._strangers[connection]
                 with suppress(OSError):
-                    each.shutdown(socket.SHUT_RDWR)
+                    connection.shutdown(socket.SHUT_RDWR)
 
     def over(self) -> bool:
         """Whether the last page has been closed for GRACE seconds."""
@@ -261,5 +265,5 @@ def _finite(value):
     if isinstance(value, float):
         return value if value - value == 0 else None
     if isinstance(value, Mapping):
-        return {name: _finite(part) for name, part in value.items()}
-    return [_finite(part) for part in value] if isinstance(value, (list, tuple)) else value
+        return {name: _finite(item) for name, item in value.items()}
+    return [_finite(item) for item in value] if isinstance(value, (list, tuple)) else value

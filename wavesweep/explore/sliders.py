@@ -60,16 +60,16 @@ def _paths(spec):
     read = keys_of_page(spec.values) | keys_of_page(raised)
     if spec.uneven:
         read = (read - {"rates.ratio"}) | {"rates.slow_hz"}
-    found = []
+    paths = []
     for path in spec.names.numeric:
         stem, _, last = path.rpartition(".")
         by_edges = f"{stem}.passband_hz" in spec.given
         if last in BAND_EDGES:
             if by_edges and f"{stem}.order" in read:
-                found.append(path)
+                paths.append(path)
         elif path in read and not (by_edges and stem.startswith("filters.")):
-            found.append(path)
-    return found
+            paths.append(path)
+    return paths
 
 
 def _slider(spec: Spec, key: Key) -> Slider:
@@ -83,12 +83,14 @@ def _slider(spec: Spec, key: Key) -> Slider:
     stepped = key.type == "integer" or (spec.drawing and not plain and key.path != "rates.tick_hz")
     if spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer():
         stepped, scale = True, "linear"  # other rates are hardly ever in step again
-    whole = stepped and float(value).is_integer()
-    if spec.drawing and not whole and value > low and not _accepts(spec, key.path, low):  # a mass of 0, which its block refuses
+    integral = stepped and float(value).is_integer()
+    if (
+        spec.drawing and not integral and value > low and not _accepts(spec, key.path, low)
+    ):  # a mass of 0, which its block refuses
         low = min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
         scale = "log" if low > 0 and not stepped else "linear"
     wanted = low, high
-    low, high = (taken(spec, key.path, value, end, whole) for end in wanted)
+    low, high = (taken(spec, key.path, value, end, integral) for end in wanted)
     limited = [_limited(spec, key.path, *ends) for ends in zip((low, high), wanted, strict=True) if ends[0] != ends[1]]
     return Slider(
         path=key.path,
@@ -101,7 +103,7 @@ def _slider(spec: Spec, key: Key) -> Slider:
         least=least,
         most=most,
         scale=scale,
-        step=1 if whole else None,
+        step=1 if integral else None,
         search=_search(spec, key, value, axis, (low, high)) if plain else None,
         values=tuple(map(float, axis.values)) if axis else (),
         limited="; ".join(limited),
@@ -195,10 +197,10 @@ def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
     wanted = {}
     for path, value in values.items():
         key = spec.names.find(path)
-        whole = key is not None and key.type == "integer" and isinstance(value, float) and value.is_integer()
-        wanted[path] = int(value) if whole else value
-    own = {path: value for path, value in wanted.items() if path not in spec.values or spec.values[path] != value}
-    return spec.with_values(own) if own else spec
+        integral = key is not None and key.type == "integer" and isinstance(value, float) and value.is_integer()
+        wanted[path] = int(value) if integral else value
+    changes = {path: value for path, value in wanted.items() if path not in spec.values or spec.values[path] != value}
+    return spec.with_values(changes) if changes else spec
 
 
 def text_of(spec: Spec) -> str:
@@ -215,8 +217,8 @@ def text_of(spec: Spec) -> str:
         studies = {name: tables.pop(name) for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
         tables = _only(tables, {*keys_of_page(spec.values), *_paths(spec), *spec.given} - follow) | studies
     names = [path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate.")]
-    given = {name: spec.simulate[name] for name in names} if spec.simulate else {}
-    simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+    settings = {name: spec.simulate[name] for name in names} if spec.simulate else {}
+    simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()}
     tables = {**tables, **({"simulate": simulated} if simulated else {})}
     try:
         load(tables)
@@ -233,18 +235,18 @@ def text_of(spec: Spec) -> str:
 def _below(frequencies, most):
     """Frequencies, as a spec gives them, up to `most`."""
     if not isinstance(frequencies, Mapping):
-        return [each for each in frequencies if each <= most] or [most]
+        return [f for f in frequencies if f <= most] or [most]
     start, stop = (frequencies[name] for name in ("start", "stop"))
     return frequencies if stop <= most else {**frequencies, "start": start if start < most else most / 1e3, "stop": most}
 
 
 def _only(table: Mapping[str, Any], kept: Container[str], above: str = "") -> dict[str, Any]:
     """The keys of a table and of the tables in it whose paths are `kept`."""
-    parts = {}
+    tables = {}
     for name, value in table.items():
         if isinstance(value, Mapping):
             inner = _only(value, kept, f"{above}{name}.")
-            parts |= {name: inner} if inner else {}
+            tables |= {name: inner} if inner else {}
         elif f"{above}{name}" in kept:
-            parts[name] = value
-    return parts
+            tables[name] = value
+    return tables

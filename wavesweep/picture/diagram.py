@@ -6,7 +6,7 @@ from typing import Any
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.picture.layout import ROW, Box, Routes, dots, lay_out
-from wavesweep.picture.wiring import CONTINUOUS, Part, Terms, Wiring, wiring_of_drawing
+from wavesweep.picture.wiring import CONTINUOUS, Terms, Wiring, WiringPart, wiring_of_drawing
 from wavesweep.program.plots.labels import as_it_stands
 from wavesweep.program.plots.style import distinct_look, family_looks, figure, paler
 from wavesweep.program.spec import Spec
@@ -30,7 +30,7 @@ def diagram(spec: Spec) -> Any:
     frame = f"{loop.ticks} tick{'' if loop.ticks == 1 else 's'}"
     title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * loop.ticks * loop.tick_s:.6g} ms"
     wall = zip(("stiffness", "damping"), drawing.wall or (), strict=False)
-    named = " and ".join(f"{part} {name.rpartition('.')[2]}" for part, name in wall)
+    named = " and ".join(f"{wall_part} {name.rpartition('.')[2]}" for wall_part, name in wall)
     return wiring(loop, as_it_stands(f"{title}; wall of {named}" if named else title))
 
 
@@ -40,11 +40,11 @@ def wiring(loop: Wiring, title: str) -> Any:
     Columns go from the hand's force to the right; if they are too many for one row, the next row goes on below.
     """
     boxes, routes = placed(loop)
-    rates = sorted({part.every for part in loop.parts} - {0})
+    rates = sorted({box.every for box in loop.parts} - {0})
     looks = family_looks(len(rates)) if len(rates) > 5 else [distinct_look(n) for n in range(len(rates))]
     colours = {0: NO_RATE} | {rate: look.colour for rate, look in zip(rates, looks, strict=True)}  # ports are grey
     legend = {every: f"{_when(every)}: {1 / (every * loop.tick_s):.6g} Hz" for every in rates}
-    gains = [gain for part in loop.parts for _, terms in part.inputs for _, gain in terms]
+    gains = [gain for box in loop.parts for _, terms in box.inputs for _, gain in terms]
     note = BETWEEN * any(gain.startswith(CONTINUOUS) for gain in gains)
     head = 0.24 + 0.2 * (len(legend) + bool(note))
     wide = max(routes.width, _width(title, TITLE) + MARGIN, _width(note, SMALL) + MARGIN, NARROWEST)
@@ -60,13 +60,13 @@ def wiring(loop: Wiring, title: str) -> Any:
             axes.add_patch(_rectangle(0.02, y - 0.06, 0.2, 0.12, colours[every]))
             axes.text(0.3, y, text, fontsize=SMALL, va="center")
         axes.text(0, 0.26 + 0.2 * len(legend) - head, note, fontsize=SMALL, va="center")
-        wires = {signal: colours[part.every] for part in loop.parts for _, signal in part.outputs}
+        wires = {signal: colours[box.every] for box in loop.parts for _, signal in box.outputs}
         for net, a, b, c, d in routes.lines:
             axes.plot([a, c], [b, d], color=wires[net], linewidth=1.0, solid_capstyle="projecting", zorder=1)
         for net, x, y in dots(routes.lines):
             axes.plot([x], [y], "o", color=wires[net], markersize=3.2, zorder=2)
-        for number, part in enumerate(loop.parts):
-            _draw(axes, part, boxes[number], routes, number, wires, colours[part.every])
+        for number, box in enumerate(loop.parts):
+            _draw(axes, box, boxes[number], routes, number, wires, colours[box.every])
     return canvas
 
 
@@ -75,10 +75,10 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
 
     Errors: UsageError for more than MOST_WIRES wires.
     """
-    wires = sum(len(terms) for part in loop.parts for _, terms in part.inputs)
+    wires = sum(len(terms) for box in loop.parts for _, terms in box.inputs)
     if wires > MOST_WIRES:
         raise UsageError(f"the picture of the loop: expected at most {MOST_WIRES} wires, which can be read, found {wires}")
-    boxes = [_box(part) for part in loop.parts]
+    boxes = [_box(box) for box in loop.parts]
     return boxes, lay_out(boxes, WIDEST - 2 * MARGIN)
 
 
@@ -87,7 +87,7 @@ def _when(every, phase=0):
     return f"{text}, from {phase:.6g}" if phase else text
 
 
-def _texts(part: Part) -> list[tuple[str, float, str]]:
+def _texts(part: WiringPart) -> list[tuple[str, float, str]]:
     """The lines of a part: text, size in points and weight."""
     name = part.name
     if part.kind != "block":
@@ -99,7 +99,7 @@ def _texts(part: Part) -> list[tuple[str, float, str]]:
     ]
 
 
-def _box(part: Part) -> Box:
+def _box(part: WiringPart) -> Box:
     rows, inputs = 0, []
     for _, terms in part.inputs:
         inputs += [(rows + n, signal, 0.16 + _width(_gain(terms, gain), SMALL)) for n, (signal, gain) in enumerate(terms)]
@@ -116,12 +116,12 @@ def _box(part: Part) -> Box:
     )
 
 
-def _sum_width(part: Part) -> float:
+def _sum_width(part: WiringPart) -> float:
     """Width of the sums before a block."""
     return PILL + ARROW if any(len(terms) > 1 for _, terms in part.inputs) else 0.0
 
 
-def _port_widths(part: Part) -> tuple[float, float]:
+def _port_widths(part: WiringPart) -> tuple[float, float]:
     """Widths of the names of the input and output ports within a block."""
     sides = (part.inputs, part.outputs)
     widths = ([_width(name, SMALL) for name, _ in side if name not in PLAIN_PORTS] for side in sides)

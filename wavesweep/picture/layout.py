@@ -176,9 +176,9 @@ def _in_order(tracks, top):
         left, right = (min(side, default=0) for side in _levels(track, top))
         return not track.left, right if not track.left else -left if track.lane or right > left else left
 
-    nets = {each.net: each for each in sorted(tracks, key=turn)}
-    lefts = {net: _levels(each, top)[0] for net, each in nets.items()}
-    earlier = {one: [net for net in nets if net != one and lefts[net] & _levels(nets[one], top)[1]] for one in nets}
+    nets = {track.net: track for track in sorted(tracks, key=turn)}
+    lefts = {net: _levels(track, top)[0] for net, track in nets.items()}
+    earlier = {later: [net for net in nets if net != later and lefts[net] & _levels(nets[later], top)[1]] for later in nets}
     try:
         return [nets[net] for net in TopologicalSorter(earlier).static_order()]
     except CycleError:
@@ -187,17 +187,17 @@ def _in_order(tracks, top):
 
 def _routes(boxes, bands, top, tracks):
     """The places of boxes, tracks and lanes in inches, and the lines."""
-    down = [{track.net for here in band for track in here if track.lane} for band in tracks]
+    down = [{track.net for between in band for track in between if track.lane} for band in tracks]
     joined = {net: [b for b, nets in enumerate(down) if net in nets] for net in sorted(set().union(*down))}
-    beside = {net: TRACK * (n + 0.5) for net, n in _packed({net: of for net, of in joined.items() if len(of) > 1}).items()}
-    left = max(beside.values(), default=-TRACK / 2) + 1.5 * TRACK
+    lane_places = {net: TRACK * (n + 0.5) for net, n in _packed({net: of for net, of in joined.items() if len(of) > 1}).items()}
+    left = max(lane_places.values(), default=-TRACK / 2) + 1.5 * TRACK
     places, lines, ends, lanes, width, y = {}, [], {}, {}, left, 0.0
 
     def point(i, row, side):
         return places[i][0] + side * boxes[i].width, round(places[i][1] + ROW * (row + 0.5), 9)
 
     for columns, band in zip(bands, tracks, strict=True):
-        x, here = left, [track for between in band for track in between]
+        x, band_tracks = left, [track for between in band for track in between]
         for column, between in zip([*columns, []], band, strict=True):
             x += SPACE
             for track in between:
@@ -209,42 +209,42 @@ def _routes(boxes, bands, top, tracks):
             x += wide
         y += ROW * max((top[i] + boxes[i].rows for column in columns for i in column), default=0)
         spans = {}
-        for track in (track for track in here if track.lane):
-            spans.setdefault(track.net, [beside.get(track.net, track.x)]).append(track.x)
+        for track in (track for track in band_tracks if track.lane):
+            spans.setdefault(track.net, [lane_places.get(track.net, track.x)]).append(track.x)
         level = {net: y + TRACK * (1 + n) for net, n in _packed(spans).items()}
         lines += [(net, min(xs), level[net], max(xs), level[net]) for net, xs in spans.items()]
-        for track in here:
+        for track in band_tracks:
             leaves, enters = ([point(*port, side) for port in ports] for side, ports in ((1, track.left), (0, track.right)))
             lines += [(track.net, *start, track.x, start[1]) for start in leaves]
             lines += [(track.net, track.x, end[1], *end) for end in enters]
             ends |= dict(zip(track.right, enters, strict=True))
-            ys = [each[1] for each in leaves + enters] + ([level[track.net]] if track.lane else [])
+            ys = [leaf[1] for leaf in leaves + enters] + ([level[track.net]] if track.lane else [])
             lines.append((track.net, track.x, min(ys), track.x, max(ys)))
-        for net in (net for net in level if net in beside):
+        for net in (net for net in level if net in lane_places):
             lanes.setdefault(net, []).append(level[net])
         width, y = max(width, x), max([y, *level.values()]) + 2 * ROW * (columns is not bands[-1])
-    lines += [(net, beside[net], min(levels), beside[net], max(levels)) for net, levels in lanes.items()]
+    lines += [(net, lane_places[net], min(levels), lane_places[net], max(levels)) for net, levels in lanes.items()]
     return Routes(places, [line for line in lines if line[1:3] != line[3:]], ends, width + 2 * APART, y)
 
 
 def _packed(spans: Mapping[str, Iterable[float]]) -> dict[str, int]:
     """A lane for each net, such that nets in one lane do not meet; short ones are near the boxes."""
-    taken, numbers = defaultdict(list), {}
+    occupied, numbers = defaultdict(list), {}
     for net in sorted(spans, key=lambda net: max(spans[net]) - min(spans[net])):
         low, high = min(spans[net]), max(spans[net])
-        numbers[net] = next(n for n in count() if all(high + TRACK < a or b + TRACK < low for a, b in taken[n]))
-        taken[numbers[net]].append((low, high))
+        numbers[net] = next(n for n in count() if all(high + TRACK < a or b + TRACK < low for a, b in occupied[n]))
+        occupied[numbers[net]].append((low, high))
     return numbers
 
 
 def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
     """Net, x and y of the points at which a net branches."""
-    found = set()
+    joints = set()
     for net in dict.fromkeys(line[0] for line in lines):
-        own = [[round(each, 6) for each in line[1:]] for line in lines if line[0] == net]
-        for x, y in {end for a, b, c, d in own for end in ((a, b), (c, d))}:
-            ends = sum((x, y) in ((a, b), (c, d)) for a, b, c, d in own)
-            inside = [min(a, c) <= x <= max(a, c) and min(b, d) <= y <= max(b, d) for a, b, c, d in own]
+        own_lines = [[round(coordinate, 6) for coordinate in line[1:]] for line in lines if line[0] == net]
+        for x, y in {end for a, b, c, d in own_lines for end in ((a, b), (c, d))}:
+            ends = sum((x, y) in ((a, b), (c, d)) for a, b, c, d in own_lines)
+            inside = [min(a, c) <= x <= max(a, c) and min(b, d) <= y <= max(b, d) for a, b, c, d in own_lines]
             if 2 * sum(inside) - ends > 2:  # two ends of a line that it is inside, one of a line that ends there
-                found.add((net, x, y))
-    return found
+                joints.add((net, x, y))
+    return joints

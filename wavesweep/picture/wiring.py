@@ -14,7 +14,7 @@ Terms = tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class WiringPart:
     """A block or a port of the loop.
 
     kind: "block" or "port". type: of a block, in words. inputs: name of each port and its terms. outputs: name of each port
@@ -36,7 +36,7 @@ class Part:
 class Wiring:
     """The parts of a loop, the period of its tick (s) and the ticks of its frame."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[WiringPart, ...]
     tick_s: float
     ticks: int
 
@@ -47,7 +47,7 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant, and
     those of what acts continuously with CONTINUOUS, if they are not 1.
     """
-    known, parts, ticks = scalars(values), [], []
+    numbers, boxes, ticks = scalars(values), [], []
     plants = {block.name for block in drawing.blocks if block.plant}
     members = {block.name for plant in drawing.plants if plant.couplings for block in plant.members}
     wires = {port: _texts(terms) for port, terms in drawing.wires}
@@ -57,11 +57,11 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
         texts = _texts(terms)
         wires[port] += tuple((name, CONTINUOUS * (gain not in ("1", "-1")) + gain) for name, gain in texts)
     for block in drawing.blocks:
-        every, phase = (int(evaluate(tree, known)) for tree in (block.every, block.phase))
+        every, phase = (int(evaluate(tree, numbers)) for tree in (block.every, block.phase))
         inputs, outputs = block.ports
         ticks.append(every)
-        parts.append(
-            Part(
+        boxes.append(
+            WiringPart(
                 block.name,
                 "block",
                 tuple((port, wires[f"{block.name}.{port}"]) for port in inputs),
@@ -73,14 +73,14 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
             )
         )
     if drawing.hand:
-        force, *seen = drawing.hand
-        parts.insert(0, Part(force, "port", (), (("", force),)))
-        named = zip(("displacement", "reaction"), seen, strict=True)
-        parts += [Part(name, "port", (("", _texts(terms)),), ()) for name, terms in named if terms is not None]
+        force, *displayed = drawing.hand
+        boxes.insert(0, WiringPart(force, "port", (), (("", force),)))
+        named = zip(("displacement", "reaction"), displayed, strict=True)
+        boxes += [WiringPart(name, "port", (("", _texts(terms)),), ()) for name, terms in named if terms is not None]
     force = (drawing.hand or ("",))[0]
-    parts[:0] = [Part(name, "port", (), (("", signal),)) for name, signal, _ in drawing.inputs if signal != force]
-    parts += [Part(name, "port", (("", _texts(terms)),), ()) for name, terms, _ in drawing.outputs]
-    return _read(parts, 1 / drawing.rate(values), lcm(*ticks))
+    boxes[:0] = [WiringPart(name, "port", (), (("", signal),)) for name, signal, _ in drawing.inputs if signal != force]
+    boxes += [WiringPart(name, "port", (("", _texts(terms)),), ()) for name, terms, _ in drawing.outputs]
+    return _read(boxes, 1 / drawing.rate(values), lcm(*ticks))
 
 
 def _texts(terms) -> Terms:
@@ -92,14 +92,14 @@ def _shown(gain):
     if gain[0] == "name":
         return (gain[0], gain[1].rpartition(".")[2], gain[2])
     if gain[0] == "*" and any(factor[0] == "negative" and factor[1][:2] == ONE[:2] for factor in gain[1:3]):
-        other = gain[2] if gain[1][0] == "negative" else gain[1]
-        return ("negative", _shown(other), gain[-1])
-    return tuple(_shown(part) if isinstance(part, tuple) else part for part in gain)
+        operand = gain[2] if gain[1][0] == "negative" else gain[1]
+        return ("negative", _shown(operand), gain[-1])
+    return tuple(_shown(term) if isinstance(term, tuple) else term for term in gain)
 
 
 def _read(parts, tick_s, ticks):
     """The wiring with the outputs alone that some part reads."""
     parts = tuple(parts)
-    read = {signal for part in parts for _, terms in part.inputs for signal, _ in terms}
-    kept = tuple(replace(part, outputs=tuple(each for each in part.outputs if each[1] in read)) for part in parts)
-    return Wiring(kept, tick_s, ticks)
+    read = {signal for box in parts for _, terms in box.inputs for signal, _ in terms}
+    read_boxes = tuple(replace(box, outputs=tuple(output for output in box.outputs if output[1] in read)) for box in parts)
+    return Wiring(read_boxes, tick_s, ticks)

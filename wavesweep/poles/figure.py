@@ -35,8 +35,8 @@ def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
                 axes.plot(side.real, side.imag, color="0.85", linewidth=0.6, zorder=1)
         _root_locus(canvas, axes, columns, facts, z) if name else _named(canvas, axes, columns, z)
         shown = np.concatenate([z[np.abs(z) <= REACH], _TURN])
-        for part, limit in ((shown.real, axes.set_xlim), (shown.imag, axes.set_ylim)):
-            limit(ROOM * part.min(), ROOM * part.max())
+        for coordinates, limit in ((shown.real, axes.set_xlim), (shown.imag, axes.set_ylim)):
+            limit(ROOM * coordinates.min(), ROOM * coordinates.max())
         axes.set_aspect("equal")
         axes.set(xlabel="real part of z", ylabel="imaginary part of z")
         axes.grid(**GRID)
@@ -50,8 +50,8 @@ def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
 def _draw_legend(canvas: Any, axes: Any, **options: Any) -> None:
     """The legend above the panel, its texts in lines that are no wider than the figure."""
     handles, labels = axes.get_legend_handles_labels()
-    lines = [fill(each, int(LETTERS * (canvas.get_figwidth() - BESIDE))) for each in labels]
-    canvas.set_figheight(canvas.get_figheight() + 0.13 * sum(each.count("\n") for each in lines))
+    lines = [fill(label, int(LETTERS * (canvas.get_figwidth() - BESIDE))) for label in labels]
+    canvas.set_figheight(canvas.get_figheight() + 0.13 * sum(line.count("\n") for line in lines))
     canvas.legend(handles, lines, fontsize=7, loc="outside upper center", **options)
 
 
@@ -73,8 +73,8 @@ def _root_locus(canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, An
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm, Normalize
 
-    name, known = facts["over"], np.isfinite(z)
-    numbers, z = columns[name][known], z[known]
+    name, finite = facts["over"], np.isfinite(z)
+    numbers, z = columns[name][finite], z[finite]
     norm = (LogNorm if is_logarithmic(numbers) else Normalize)(numbers.min(), numbers.max())
     dots = axes.scatter(z.real, z.imag, c=numbers, cmap=family_map(), norm=norm, s=4, linewidths=0, zorder=2)
     steps, values = _steps(numbers, z)

@@ -67,5 +67,5 @@ class LoopPoles(api.Loop):
             span = axis_along(spec, number, None)
             values = np.linspace(span.start, span.stop, table.LOCUS)
         (axis,) = axes_asked(spec, {number: values})
-        found = table.over(spec, axis)
-        return drawn_into(ax, lambda: drawn(found.columns, found.facts))
+        locus = table.over(spec, axis)
+        return drawn_into(ax, lambda: drawn(locus.columns, locus.facts))

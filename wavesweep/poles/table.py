@@ -42,8 +42,8 @@ def over(spec: Spec, axis: Axis | None = None) -> Table:
     from wavesweep.program.analyses.poles import poles as poles_of
     from wavesweep.program.sweep.grid import own_loop
 
-    started, columns, own = time.perf_counter(), poles_of(spec, axis), own_loop(spec)
-    drawn, drift = own.drawn(), drift_of(own)
+    started, columns, own_loops = time.perf_counter(), poles_of(spec, axis), own_loop(spec)
+    drawn, drift = own_loops.drawn(), drift_of(own_loops)
     labels = drawn.labels()
     gone = [labels[drift.states[at]] for at in sorted({*(lead for lead, _ in drift.moved), *drift.folded, *drift.unread})]
     notices = [f"left out, since nothing in the loop holds or reads it: {', '.join(gone)}"] if gone else []
@@ -90,15 +90,23 @@ def ends_on_circle(spec: Spec, axis: Axis) -> list[End]:
 
     if axis.structural or not axis.start < axis.stop:
         return []
-    rows, found = in_memory(job_over(make_grid(spec, (), axis.path), replace(axis, values=()))), []
+    rows, ends = in_memory(job_over(make_grid(spec, (), axis.path), replace(axis, values=()))), []
     for end in ("low", "high"):
         columns = (rows[name] for name in (end, f"{end}_omega", f"{end}_hz", "certified"))
         for value, omega, hz, certified in zip(*columns, strict=True):
             if np.isfinite(value) and np.isfinite(omega):  # one that stability sets
-                there = poles_of(spec.with_values({axis.path: float(value)}))
-                on = np.abs(there["radius"] - 1) <= ON_CIRCLE
-                found.append((float(value), there["z_re"][on].tolist(), there["z_im"][on].tolist(), float(hz), bool(certified)))
-    return sorted((each for each in found if each[1]), key=lambda each: each[0])  # what drifts there is left out
+                there_poles = poles_of(spec.with_values({axis.path: float(value)}))
+                on = np.abs(there_poles["radius"] - 1) <= ON_CIRCLE
+                ends.append(
+                    (
+                        float(value),
+                        there_poles["z_re"][on].tolist(),
+                        there_poles["z_im"][on].tolist(),
+                        float(hz),
+                        bool(certified),
+                    )
+                )
+    return sorted((end for end in ends if end[1]), key=lambda each: each[0])  # what drifts there is left out
 
 
 def modes(columns: Columns) -> Iterator[dict[str, Any]]:
@@ -113,9 +121,9 @@ def in_words(mode: Mapping[str, Any]) -> str:
     hz, ratio, tau, image = (mode[name] for name in ("shown_hz", "shown_damping_ratio", "time_constant_s", "frequency_hz"))
     if not mode["radius"]:
         return f"over within a frame: {mode['states']}"
-    beside = f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""
+    second = f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""
     once = f" (once a frame {image:.4g} Hz)" if hz and abs(hz - image) > 1e-6 * hz else ""
-    rings = f"{hz:.4g} Hz{beside}{once}, damping ratio {ratio:.3g}" if hz else "no oscillation"
+    rings = f"{hz:.4g} Hz{second}{once}, damping ratio {ratio:.3g}" if hz else "no oscillation"
     decays = "stays" if tau is None else f"{'falls to 1/e' if tau > 0 else 'grows by e'} in {abs(tau):.4g} s"
     unknown = f", {mode['doubt']} hides whether it is stable" if mode["doubt"] else "" if mode["stable"] else ", UNSTABLE"
     return f"{rings}, {decays}{unknown}: {mode['states']}"
@@ -123,14 +131,14 @@ def in_words(mode: Mapping[str, Any]) -> str:
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     name = facts["over"]
-    found = {"period_s": facts["period_s"], "poles": len(columns["radius"]), "doubts": {}, "over": name or None}
+    tally = {"period_s": facts["period_s"], "poles": len(columns["radius"]), "doubts": {}, "over": name or None}
     words, counts = np.unique(columns["doubt"][columns["doubt"] != ""].astype(str), return_counts=True)
-    found["doubts"] = dict(zip(words.tolist(), counts.tolist(), strict=True))
+    tally["doubts"] = dict(zip(words.tolist(), counts.tolist(), strict=True))
     if not name:
-        return found | {"modes": [*modes(columns)]}
+        return tally | {"modes": [*modes(columns)]}
     values = np.unique(columns[name])
     ends = [{"value": value, "hz": hz, "certified": certified} for value, _, _, hz, certified in facts["ends"]]
-    return found | {"from": plain(values[0]), "to": plain(values[-1]), "values": int(values.size), "ends": ends}
+    return tally | {"from": plain(values[0]), "to": plain(values[-1]), "values": int(values.size), "ends": ends}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:

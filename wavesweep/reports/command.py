@@ -60,8 +60,10 @@ def report(
         raise UsageError(f"{target}: the file is no report of {loaded.name}; expected another --out, or --overwrite")
     refuse_settings()
     less = "fewer values in [sweep] take less"
-    asked = ReportRequest(cut, for_hands, overrides, at_work=lambda title: progress(talk().quiet, f"at work on {title}", less))
-    text = report(loaded, asked)
+    request = ReportRequest(
+        cut, for_hands, overrides, at_work=lambda title: progress(talk().quiet, f"at work on {title}", less)
+    )
+    text = report(loaded, request)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole((target, text))
     if not talk().quiet:

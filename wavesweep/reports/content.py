@@ -55,7 +55,7 @@ class ReportRequest:
 
 
 @dataclass(frozen=True)
-class Found:
+class ReportSection:
     """A table as the report has it: its summary, its figure, and the command that makes it with the hash of its CSV.
 
     known: how its numbers are; empty of the intervals, which are the answer.
@@ -75,30 +75,33 @@ def report(spec: Spec, asked: ReportRequest) -> str:
 
     Errors: UsageError for words that name no hands. What the spec does not allow is in the report, with the reason.
     """
-    name = quote(f"{spec.name}.toml") + "".join(f" --set {quote(each)}" for each in asked.overrides)
-    found: dict[str, Found] = {}
+    name = quote(f"{spec.name}.toml") + "".join(f" --set {quote(override)}" for override in asked.overrides)
+    sections: dict[str, ReportSection] = {}
     missing = []
-    for title, (known, command, make) in _tables(spec, asked).items():
+    for title, (caption, command, make) in _tables(spec, asked).items():
         with asked.at_work(title.lower()) as watch:
             try:
-                found[title] = _found(title, known, make(watch), f"wavesweep {command.format(name)}")
+                sections[title] = _found(title, caption, make(watch), f"wavesweep {command.format(name)}")
             except WavesweepError as error:
                 text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves the folder of the spec
                 missing.append((f"{title}: {' '.join(text.split())}", False))
     with asked.at_work("the spec's own numbers"):
-        own, certified = _own_lines(spec)
+        design_lines, certified = _own_lines(spec)
     body = [html.element("h1", spec.name), html.element("p", question(spec), "question")]
     if words := words_of_spec(spec):
         body.append(html.element("p", f"In the words of the spec: {words}", "small"))
-    body += [*_answer(spec, found.get(INTERVALS), own[0], certified), *_counterexamples(spec, found.get(INTERVALS))]
-    body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(own)]
-    for number, each in enumerate(found.values(), start=1):
-        if each.known:
-            known = each.known + " Of the spec's own numbers." * bool(spec.for_all)
-            body += [html.element("h2", each.title), html.element("p", known, "small"), html.listing(each.lines)]
-            body.append(html.figure(each.svg, number, f"{each.title}: {each.command}"))
+    body += [
+        *_answer(spec, sections.get(INTERVALS), design_lines[0], certified),
+        *_counterexamples(spec, sections.get(INTERVALS)),
+    ]
+    body += [html.element("h2", "The spec's own numbers"), html.element("p", OWN, "small"), html.listing(design_lines)]
+    for number, section in enumerate(sections.values(), start=1):
+        if section.known:
+            caption = section.known + " Of the spec's own numbers." * bool(spec.for_all)
+            body += [html.element("h2", section.title), html.element("p", caption, "small"), html.listing(section.lines)]
+            body.append(html.figure(section.svg, number, f"{section.title}: {section.command}"))
     body += [html.element("h2", "Not in this report"), html.listing(missing)] if missing else []
-    return html.page(spec.name, [*body, *_verification(spec, found.values(), name, asked), *_text(spec, asked)])
+    return html.page(spec.name, [*body, *_verification(spec, sections.values(), name, asked), *_text(spec, asked)])
 
 
 def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Callable[[Any], Table]]]:
@@ -113,28 +116,30 @@ def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Calla
     along_wall = not spec.drawing and spec.names.find(spec.along).path == spec.wall[0]
     command = ("zwidth" if along_wall else "stability-region") + " {}" + _for_hands(asked)
     kind = command.partition(" ")[0] + ("-hands" if hands else "")
-    found = {INTERVALS: ("", command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind))}
+    tables = {
+        INTERVALS: ("", command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind))
+    }
     for offered in sorted(modules("section"), key=lambda each: each.PLACE):
         said, make = offered.section(spec, asked.cut)
-        found[offered.TITLE] = offered.KNOWN, said, lambda _, make=make: make()
-    return found | {RESPONSE: (BOUNDED, "bode {}", lambda _: responses.responses([spec]))}
+        tables[offered.TITLE] = offered.KNOWN, said, lambda _, make=make: make()
+    return tables | {RESPONSE: (BOUNDED, "bode {}", lambda _: responses.responses([spec]))}
 
 
 def _for_hands(asked: ReportRequest) -> str:
     return "".join(f" --for-hands {quote(word)}" for word in asked.hands)
 
 
-def _found(title: str, known: str, table: Table, command: str) -> Found:
+def _found(title: str, known: str, table: Table, command: str) -> ReportSection:
     """A table written, drawn and summarised, as its command does all of it."""
     from wavesweep.program import results
     from wavesweep.program.plots import drawn
     from wavesweep.program.tables import kind_named
 
-    kind, notices = kind_named(table.kind), [(str(each), False) for each in table.facts.get("notices", ())]
+    kind, notices = kind_named(table.kind), [(str(notice), False) for notice in table.facts.get("notices", ())]
     tally = kind.tally(table)
     csv, svg = results.pictured(drawn(table, lambda text: notices.append((text, False))).watched(tally.add))
     lines = (*kind.lines(tally.numbers(table.facts)), *notices)
-    return Found(title, known, table, lines, svg, command, sha256(csv).hexdigest())
+    return ReportSection(title, known, table, lines, svg, command, sha256(csv).hexdigest())
 
 
 def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
@@ -142,17 +147,17 @@ def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
     from wavesweep.program.analyses.assumptions import over_preset, unusual
     from wavesweep.program.analyses.own_design import own_design, own_lines
 
-    found = own_design(spec)
-    lines = [*own_lines(spec, found)]
+    judged = own_design(spec)
+    lines = [*own_lines(spec, judged)]
     for judging in modules("verdict"):
-        found |= judging.further(spec, found)
-        lines += [line for _, line in judging.verdict_lines(spec, found)]
+        judged |= judging.further(spec, judged)
+        lines += [line for _, line in judging.verdict_lines(spec, judged)]
     lines += [*unusual(spec), *over_preset(spec)]
     marked = [(line, any(word in line for word in ("not certified", "not known", "not stable", "UNSTABLE"))) for line in lines]
-    return marked, any(each["stable"] and each["certified"] for each in found.get("limits", ()))
+    return marked, any(limit["stable"] and limit["certified"] for limit in judged.get("limits", ()))
 
 
-def _answer(spec: Spec, intervals: Found | None, own: Line, certified: bool) -> Iterator[str]:
+def _answer(spec: Spec, intervals: ReportSection | None, own: Line, certified: bool) -> Iterator[str]:
     """The certified numbers with what the proof assumes: those of the sweep or, without one, the verdict on the spec itself.
 
     own: the first line of the verdict; certified: whether it is that the loop is stable with its own numbers.
@@ -177,12 +182,12 @@ def _answer(spec: Spec, intervals: Found | None, own: Line, certified: bool) -> 
         yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
         facts = intervals.table.facts
         assumed += [f"The model has {facts['assumes']}."] if facts["assumes"] else []
-        assumed += [f"Method: {each}." for each in facts["methods"].values()]
+        assumed += [f"Method: {method}." for method in facts["methods"].values()]
     yield html.element("h2", "What the proof assumes")
     yield html.listing((line, False) for line in assumed)
 
 
-def _counterexamples(spec: Spec, intervals: Found | None) -> Iterator[str]:
+def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[str]:
     """What is unstable beyond the certified intervals."""
     if intervals and (rows := counterexamples(spec, intervals.table)):
         yield html.element("h2", "Refuted beyond")
@@ -190,13 +195,13 @@ def _counterexamples(spec: Spec, intervals: Found | None) -> Iterator[str]:
         yield html.table(("with", "value", "what makes it unstable"), rows)
 
 
-def _verification(spec: Spec, found: Iterable[Found], name: str, asked: ReportRequest) -> Iterator[str]:
+def _verification(spec: Spec, found: Iterable[ReportSection], name: str, asked: ReportRequest) -> Iterator[str]:
     """Versions, digests, and the commands that give all of it again."""
     from wavesweep.program.reproducibility import versions
 
     found = list(found)
     again = f"wavesweep report {name}{_for_hands(asked)}" + (f" --cut {quote(asked.cut)}" if asked.cut else "")
-    commands = [f"{each.command} --out verified" for each in found]
+    commands = [f"{entry.command} --out verified" for entry in found]
     yield html.element("h2", "How to verify this report")
     yield html.element("p", f"Save the spec below as {spec.name}.toml, and run:")
     yield html.element("pre", "\n".join([*commands, "wavesweep verify verified --prove", again]))
@@ -207,7 +212,7 @@ def _verification(spec: Spec, found: Iterable[Found], name: str, asked: ReportRe
         ("numpy", used["numpy_version"]),
         ("SHA-256 of the resolved spec", spec.sha256),
     ]
-    rows += [(f"SHA-256 of verified/{each.table.kind}.csv", each.sha256) for each in found]
+    rows += [(f"SHA-256 of verified/{entry.table.kind}.csv", entry.sha256) for entry in found]
     yield html.table(("what", "version or hash"), rows)
 
 

@@ -83,21 +83,21 @@ def verdict(certified: bool, title: str, text: str, lines: Iterable[tuple[str, b
 
 def listing(lines: Iterable[tuple[str, bool]]) -> str:
     """Lines, each with a flag that is true for a warning; one that is indented is below the line before, or part of it."""
-    found: list[tuple[int, str, bool]] = []
+    headings: list[tuple[int, str, bool]] = []
     for text, warning in lines:
         depth = len(text) - len(text.lstrip())
-        if found and depth >= found[-1][0] + 4:  # what a terminal has in two lines
-            depth, before, doubt = found.pop()
-            found.append((depth, f"{before} {text.strip()}", doubt or warning))
+        if headings and depth >= headings[-1][0] + 4:  # what a terminal has in two lines
+            depth, before, doubt = headings.pop()
+            headings.append((depth, f"{before} {text.strip()}", doubt or warning))
         else:
-            found.append((min(depth, 2), text.strip(), warning))
+            headings.append((min(depth, 2), text.strip(), warning))
     items = ""
-    for at, (depth, text, warning) in enumerate(found):
-        below = depth > min(each[0] for each in found)
-        if below and (not at or found[at - 1][0] < depth):
+    for at, (depth, text, warning) in enumerate(headings):
+        below = depth > min(heading[0] for heading in headings)
+        if below and (not at or headings[at - 1][0] < depth):
             items = items.removesuffix("</li>\n") + "\n<ul>\n"
         items += element("li", text, "doubt" * warning) + "\n"
-        if below and (at + 1 == len(found) or found[at + 1][0] < depth):
+        if below and (at + 1 == len(headings) or headings[at + 1][0] < depth):
             items += "</ul>\n</li>\n"
     return f"<ul>\n{items}</ul>" if items else ""
 

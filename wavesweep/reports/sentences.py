@@ -37,14 +37,14 @@ OWN = ("", "spec", "operator")  # whose rows are those of the spec's own loop
 def question(spec: Spec) -> str:
     """The question of the spec's [sweep] and [for_all]; without an axis, that of `check`."""
     try:
-        along, others = sweep_axes(spec)
+        along, other_axes = sweep_axes(spec)
     except WavesweepError:  # a drawn loop without an axis to look along
         return "Is the loop stable, and how far may each of its numbers go?"
-    what = f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
-    text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {what}"
-    if others:
-        single = [axis for axis in others if len(axis.values) == 1]
-        several = [axis for axis in others if axis not in single]
+    asked_for = f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
+    text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {asked_for}"
+    if other_axes:
+        single = [axis for axis in other_axes if len(axis.values) == 1]
+        several = [axis for axis in other_axes if axis not in single]
         text += f", at {' and '.join(_values(spec, axis) for axis in single)}" if single else ""
         text += f", for each of {' and of '.join(_values(spec, axis) for axis in several)}" if several else ""
     if spec.for_all:
@@ -80,15 +80,15 @@ def _unit(spec: Spec, axis: Axis) -> str:
 
 def words_of_spec(spec: Spec) -> str:
     """The first paragraph of the comment that a spec begins with; empty without one."""
-    found: list[str] = []
+    words: list[str] = []
     for line in (spec.source_place.text or "").splitlines():
         text = line.strip()
         if not text.startswith("#") or not text.strip("# "):
-            if found or text:
+            if words or text:
                 break
             continue
-        found.append(text.lstrip("# ").strip())
-    return " ".join(found)
+        words.append(text.lstrip("# ").strip())
+    return " ".join(words)
 
 
 def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | None:
@@ -96,7 +96,7 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
     columns, axes, whose = table.columns, axes_of(table.columns), whose_column(table.columns)
     if len(columns["along"]) > MOST_ROWS:
         return None
-    units = {each.name: each.unit for each in fields_of(table.kind, columns, table.facts)}
+    units = {field.name: field.unit for field in fields_of(table.kind, columns, table.facts)}
     refuted = [name for name in ("fails_below", "fails_from") if name in columns and not np.isnan(columns[name]).all()]
     shown = [*axes, *([whose] if whose else []), "low", "high", "low_hz", "high_hz", *refuted]
     said = dict(HEADS, low=f"{columns['along'][0]} from")
@@ -116,7 +116,7 @@ def _proof(row: Columns) -> str:
     if row_kinds()[row.get("hand", "")].searched:
         return "proved" if row["settled"] else "not proved: searched"
     word = "proved" if row.get("guarantee", "spec") != "spec" else "certified"
-    open_ = open_places({name: [each] for name, each in row.items()}, 0)
+    open_ = open_places({name: [value] for name, value in row.items()}, 0)
     return word if row["certified"] else f"not {word}: {row['doubt']}{f', {open_in_words(open_)}' if open_ else ''}"
 
 
@@ -125,23 +125,23 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
 
     An end that the swept range sets has none. Eigenvalues are those of the frame just beyond the end, in double precision.
     """
-    found = []
+    rows_found = []
     for row in _telling(table.columns):
         axes = {name: row[name] for name in axes_of(table.columns) if not np.isnan(row[name])}
         whose = row.get(whose_column(row), "")
         at = ", ".join([f"{name} = {value:g}" for name, value in axes.items()] + [row_kinds()[whose].legend] * bool(whose))
         for end, side, fails in (("low", -1.0, "fails_below"), ("high", 1.0, "fails_from")):
             if whose in OWN and not np.isnan(row[f"{end}_omega"]):
-                found += [[at, *each] for each in _beyond(spec, row["along"], axes, row[end], side)]
+                rows_found += [[at, *beyond] for beyond in _beyond(spec, row["along"], axes, row[end], side)]
             elif not np.isnan(row.get(fails, np.nan)):
                 ways = row["counterexample"].partition("; from: ")  # where both ends have one, each is named
-                way = ways[2] if end == "high" and ways[2] else ways[0].removeprefix("below: ")
-                found.append([at, f"{row['along']} = {row[fails]:.6g}", way])
+                path_words = ways[2] if end == "high" and ways[2] else ways[0].removeprefix("below: ")
+                rows_found.append([at, f"{row['along']} = {row[fails]:.6g}", path_words])
             elif not np.isnan(row.get(f"{end}_hand_mass", np.nan)):
                 hand = "a hand of {:.4g} kg, {:.4g} N*s/m and {:.4g} N/m"
-                parts = hand.format(*(row[f"{end}_hand_{part}"] for part in ("mass", "damping", "stiffness")))
-                found.append([at, f"{row['along']} beyond {row[end]:.6g}", parts])
-    return found
+                hand_words = hand.format(*(row[f"{end}_hand_{key}"] for key in ("mass", "damping", "stiffness")))
+                rows_found.append([at, f"{row['along']} beyond {row[end]:.6g}", hand_words])
+    return rows_found
 
 
 def _beyond(spec: Spec, along: str, axes: dict[str, float], end: float, side: float) -> Iterator[list[str]]:

@@ -18,7 +18,7 @@ from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import Grid, drawn_groups, keys_of, own_loop
-from wavesweep.sensitivity.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
+from wavesweep.sensitivity.sensitivity import SLOPPY, STEP, EndCrossings, crossings_of, tracked_eigenvalue
 
 BATCH = 2048  # frames at once
 MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
@@ -40,9 +40,9 @@ class _Ends:
     @classmethod
     def of(cls, found, axis):
         """Those of a table of intervals: with a frequency, or within the range, since knowledge may end there too."""
-        value, omega = (np.stack([found[f"{end}{part}"] for end in ("low", "high")], -1).ravel() for part in ("", "_omega"))
-        some = np.flatnonzero(~np.isnan(omega) | ((value > axis.start) & (value < axis.stop)))
-        return cls(some // 2, some % 2 == 1, value[some], omega[some])
+        value, omega = (np.stack([found[f"{end}{suffix}"] for end in ("low", "high")], -1).ravel() for suffix in ("", "_omega"))
+        crossings = np.flatnonzero(~np.isnan(omega) | ((value > axis.start) & (value < axis.stop)))
+        return cls(crossings // 2, crossings % 2 == 1, value[crossings], omega[crossings])
 
 
 def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -> dict[str, np.ndarray]:
@@ -54,25 +54,27 @@ def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -
     if not set(_smooth(grid.spec)) - {axis.path}:
         expected = f"expected a number besides {axis.name} that the loop varies with smoothly"
         raise UsageError(f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]")
-    ends, parts = _Ends.of(found, axis), []
-    changes = {other.path: np.asarray(found[other.name])[ends.row] for other in grid.axes}
+    ends, batches = _Ends.of(found, axis), []
+    changes = {grid_axis.path: np.asarray(found[grid_axis.name])[ends.row] for grid_axis in grid.axes}
     for members, several in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
-        loops = _Loops(grid.spec, axis, several.read)
+        loops = _VariedLoops(grid.spec, axis, several.read)
         most = max(1, BATCH // max(STEPS, len(loops.moving) + 1))
         for start in range(0, members.size, most):
-            part = slice(start, start + most)
-            parts.append(_rows(replace(loops, loops=loops.loops.some(part)), found, ends, members[part]))
+            batch = slice(start, start + most)
+            batches.append(_rows(replace(loops, loops=loops.loops.some(batch)), found, ends, members[batch]))
     names = ("at", *names)
     kinds = dict.fromkeys(TEXTS, object) | {"interval": int, "crossing": int, "corner": bool, "certified": bool, "at": int}
-    whole = {n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(part[n] for part in parts)]) for n in names}
-    order = np.argsort(whole.pop("at"), kind="stable")
-    rows = ends.row[np.concatenate([np.zeros(0, int), *(part["at"] for part in parts)])[order]]
-    axes = {other.name: np.asarray(found[other.name])[rows] for other in grid.axes}
-    return axes | {name: column[order].astype(kinds.get(name, float)) for name, column in whole.items()}
+    joined_columns = {
+        n: np.concatenate([np.zeros(0, kinds.get(n, float)), *(columns[n] for columns in batches)]) for n in names
+    }
+    order = np.argsort(joined_columns.pop("at"), kind="stable")
+    rows = ends.row[np.concatenate([np.zeros(0, int), *(columns["at"] for columns in batches)])[order]]
+    axes = {grid_axis.name: np.asarray(found[grid_axis.name])[rows] for grid_axis in grid.axes}
+    return axes | {name: column[order].astype(kinds.get(name, float)) for name, column in joined_columns.items()}
 
 
 @dataclass(frozen=True, slots=True)
-class _Loops:
+class _VariedLoops:
     """Loops of one structure of a spec, and the axis of the intervals."""
 
     spec: Spec
@@ -97,9 +99,9 @@ class _Loops:
     def stepped(self, p, size) -> Loops:
         """The loops with a complex step in the axis (of `size`) and in each moving number, `(loops * (1 + numbers),)`."""
         moving = self.moving
-        each = 1 + len(moving)
-        step = STEP * 1j * np.tile(np.eye(each), (p.size, 1))
-        varied = self.with_end(np.repeat(p, each) + step[:, 0] * np.repeat(size, each), each)
+        count = 1 + len(moving)
+        step = STEP * 1j * np.tile(np.eye(count), (p.size, 1))
+        varied = self.with_end(np.repeat(p, count) + step[:, 0] * np.repeat(size, count), count)
         steps = {path: varied.values[path] * (1 + step[:, number]) for number, path in enumerate(moving, 1)}
         return varied.changed(steps)
 
@@ -117,13 +119,13 @@ class _Loops:
         if not feels(self.loops.drawing):
             return None
         # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
-        found = []
+        felts = []
         for share in (0, 1, -1, 2, -2):
             stepped = {path: value for path, value in varied.values.items() if np.iscomplexobj(value)}
             moved = {path: np.real(value) + np.imag(value) * (share * MOVED / STEP) for path, value in stepped.items()}
-            found.append(felt_of(varied.changed(moved), count))
-        own, up, down, far_up, far_down = found
-        return own + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
+            felts.append(felt_of(varied.changed(moved), count))
+        at_end, up, down, far_up, far_down = felts
+        return at_end + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
 
     def about(self, p) -> tuple[np.ndarray, list[str]]:
         """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
@@ -150,57 +152,57 @@ def without_derivatives(spec) -> list[str]:
 def _name(spec, path):
     """The name that an axis of this key has: its symbol if there is one. A slow rate that does not divide has no ratio."""
     path = "rates.slow_hz" if path == "rates.ratio" and spec.uneven else path
-    return next((symbol for symbol, each in spec.names.symbols.items() if each == path), path)
+    return next((symbol for symbol, known_path in spec.names.symbols.items() if known_path == path), path)
 
 
 def _rows(loops, found, ends, members) -> dict:
     """The columns of some ends, and `at`: the end of each row."""
     row, upper, p = ends.row[members], ends.upper[members], ends.value[members]
     low, high = found["low"][row], found["high"][row]
-    size, each = np.where(p == 0, high - low, np.abs(p)), 1 + len(loops.moving)
+    size, count = np.where(p == 0, high - low, np.abs(p)), 1 + len(loops.moving)
     varied, (period, labels) = loops.stepped(p, size), loops.about(p)
     period = np.broadcast_to(period, p.shape)
-    E = loops.frames(varied, p.size * each)
-    E = E.reshape(p.size, each, *E.shape[-2:])
+    E = loops.frames(varied, p.size * count)
+    E = E.reshape(p.size, count, *E.shape[-2:])
     by_end, by_number = E.imag[:, 0] / STEP / size[:, None, None], E.imag[:, 1:] / STEP
     crossings = crossings_of(E[:, 0].real, by_end, by_number, ends.omega[members] * period, size, upper)
     at, certified = crossings.end, found["certified"][row][crossings.end]
-    seen = certified & np.isfinite(crossings.error).all(-1) & ~crossings.defective
-    states = [_states(share, labels) if ok else "" for share, ok in zip(crossings.share, seen, strict=True)]
+    certain = certified & np.isfinite(crossings.error).all(-1) & ~crossings.defective
+    states = [_states(share, labels) if ok else "" for share, ok in zip(crossings.share, certain, strict=True)]
     omega = np.abs(np.angle(1 + crossings.delta)) / period[at]
-    known = {
+    known_columns = {
         "at": members[at],
         "interval": found["interval"][row][at],
         "side": np.where(upper[at], "high", "low").astype(object),
         "crossing": crossings.number,
         "corner": np.bincount(at, minlength=p.size)[at] > 1,
         "omega": np.where(crossings.number == 0, ends.omega[members][at], omega),
-        "damping_ratio": np.where(seen, damping_ratio(_inside(loops, (low, high), p, upper, crossings)), np.nan),
+        "damping_ratio": np.where(certain, damping_ratio(_inside(loops, (low, high), p, upper, crossings)), np.nan),
         "states": np.array(states, object).reshape(at.size),
     }
-    s = 1j * known["omega"] * period[at]
+    s = 1j * known_columns["omega"] * period[at]
     hz = lines_in_loops(loops.with_end(p, 1).some(at), s[:, None])
-    known |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
+    known_columns |= {"hz": hz[:, 0], "second_hz": hz[:, 1]}
     doubt = np.where(certified, np.where(crossings.defective, "defective", ""), found["doubt"][row][at].astype(str))
     quantities = {"end": (p[at], crossings.slope, crossings.error / size[at][:, None])}
-    stiffness = loops.felt(varied, p.size * each)
+    stiffness = loops.felt(varied, p.size * count)
     if stiffness is not None:
         felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
-        slope, error = _felt(stiffness.reshape(p.size, each)[at], felt_there, size[at], crossings)
+        slope, error = _felt(stiffness.reshape(p.size, count)[at], felt_there, size[at], crossings)
         if loops.axis.path not in loops.spec.wall:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
             error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
         else:  # nothing holds what feels no wall, and real steps lead there
             error[p[at] == 0] = np.inf
         quantities["felt"] = (felt_there, slope, error)
     value = np.stack([np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1)
-    parts = [_quantity(loops, known, value, doubt, name, *quantity) for name, quantity in quantities.items()]
-    parts = [{name: column[~np.isnan(part["limit_value"])] for name, column in part.items()} for part in parts]
-    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    order = np.lexsort((whole["crossing"], whole["at"]))
-    return {name: column[order] for name, column in whole.items()}
+    tables = [_quantity(loops, known_columns, value, doubt, name, *quantity) for name, quantity in quantities.items()]
+    tables = [{name: column[~np.isnan(rows_of["limit_value"])] for name, column in rows_of.items()} for rows_of in tables]
+    joined_columns = {name: np.concatenate([rows_of[name] for rows_of in tables]) for name in tables[0]}
+    order = np.lexsort((joined_columns["crossing"], joined_columns["at"]))
+    return {name: column[order] for name, column in joined_columns.items()}
 
 
-def _felt(stepped, stiffness, size, crossings: Crossings):
+def _felt(stepped, stiffness, size, crossings: EndCrossings):
     """Total derivatives of the stiffness felt at the end of each crossing, and their relative errors.
 
     stepped `(crossings, 1 + numbers)`: this stiffness with a complex step in the end (of `size`), and in each number.
@@ -212,7 +214,7 @@ def _felt(stepped, stiffness, size, crossings: Crossings):
     return direct + by_end * crossings.slope, error
 
 
-def _inside(loops, span, p, upper, crossings: Crossings) -> np.ndarray:
+def _inside(loops, span, p, upper, crossings: EndCrossings) -> np.ndarray:
     """The eigenvalue less 1 of each crossing a tenth of the end inside the interval, or half-way into a narrow one."""
     width = span[1] - span[0]
     away = np.minimum(INSIDE * np.where(p == 0, width, np.abs(p)), width / 2) * np.where(upper, -1, 1)
@@ -243,7 +245,7 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
         slope = np.where(value == 0, np.nan, change / value)
     lost = ~(bound <= SLOPPY * np.fmax(1, np.abs(elasticity)))
     word = np.where((doubt == "")[:, None] & lost, "rounding", doubt[:, None])
-    given = (word == "").ravel()
+    no_doubt = (word == "").ravel()
     texts = {
         "along": loops.axis.name,
         "quantity": quantity,
@@ -253,7 +255,7 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
     return (
         {name: np.repeat(column, len(numbers)) for name, column in (known | {"limit_value": limit}).items()}
         | {name: np.full(value.size, text, object) for name, text in texts.items()}
-        | {name: np.tile(np.array(each, object), limit.size) for name, each in names.items()}
-        | {name: np.where(given, each.ravel(), np.nan) for name, each in (("elasticity", elasticity), ("slope", slope))}
-        | {"value": value.ravel(), "certified": given, "doubt": word.ravel().astype(object)}
+        | {name: np.tile(np.array(column, object), limit.size) for name, column in names.items()}
+        | {name: np.where(no_doubt, column.ravel(), np.nan) for name, column in (("elasticity", elasticity), ("slope", slope))}
+        | {"value": value.ravel(), "certified": no_doubt, "doubt": word.ravel().astype(object)}
     )

@@ -46,7 +46,7 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _draw(axes, *panel)
         for axes in grid[len(shown) :]:
             axes.set_visible(False)
-        present = {each for rows, *_ in shown for each in rows["quantity"].tolist()}
+        present = {quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}
         if len(present) > 1:
             canvas.legend(
                 [Patch(**look) for look in _LOOKS.values()], _QUANTITIES.values(), loc="outside upper center", ncols=2

@@ -22,7 +22,7 @@ ROUNDINGS = 8  # times the order: by so many roundings of its entries a frame ma
 
 
 @dataclass(frozen=True, slots=True)
-class Crossings(Rows):
+class EndCrossings(Rows):
     """Eigenvalues on the unit circle at ends of intervals; at each end the one that sets the end comes first.
 
     end: index of the end, `(rows,)`. number: of the crossing at its end, from 0. delta: the eigenvalue less 1. slope
@@ -40,7 +40,7 @@ class Crossings(Rows):
     defective: np.ndarray
 
 
-def crossings_of(E, dE_end, dE, theta, size, rising) -> Crossings:
+def crossings_of(E, dE_end, dE, theta, size, rising) -> EndCrossings:
     """Return the crossings at ends of intervals, with the derivatives of the end by each number.
 
     E `(ends, n, n)`: frames less identity at the ends. dE_end `(ends, n, n)`: their derivatives by the parameter that the
@@ -53,28 +53,34 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> Crossings:
     delta, finite = eigenvalues(E)
     E = np.where(finite[:, None, None], E, 0.0)
     upper = delta.imag >= 0
-    known, theta = np.isfinite(theta) & finite, np.nan_to_num(theta)
+    certain, theta = np.isfinite(theta) & finite, np.nan_to_num(theta)
     away = np.where(upper, np.abs(1 + delta - np.exp(1j * theta)[:, None]), np.inf)
     first = np.argmin(away, -1)
     far = np.where(upper, np.abs(excess(delta)), np.inf)
     far[np.arange(first.size), first] = -1.0  # before all others
     order = np.argsort(far, -1, kind="stable")[:, :MOST]
     balanced, units = balance(E)
-    parts = []
+    batches = []
     for number in range(order.shape[1]):
-        some = np.flatnonzero(np.isfinite(np.take_along_axis(far, order[:, number : number + 1], -1)[:, 0]))
-        chosen = delta[some, order[some, number]]
-        found, near = _crossing(balanced[some], units[some], dE_end[some], dE[some], chosen, size[some], rising[some])
-        parts.append(Crossings(some, np.full(some.size, number), *found).take(near & known[some] if number else slice(None)))
-    joined = Crossings.join(parts)
+        present = np.flatnonzero(np.isfinite(np.take_along_axis(far, order[:, number : number + 1], -1)[:, 0]))
+        chosen = delta[present, order[present, number]]
+        crossing, near = _crossing(
+            balanced[present], units[present], dE_end[present], dE[present], chosen, size[present], rising[present]
+        )
+        batches.append(
+            EndCrossings(present, np.full(present.size, number), *crossing).take(
+                near & certain[present] if number else slice(None)
+            )
+        )
+    joined = EndCrossings.join(batches)
     joined = joined.take(np.lexsort((joined.number, joined.end)))
     starts = np.searchsorted(joined.end, joined.end)
-    error = np.where(known[joined.end][:, None], joined.error, np.inf)
+    error = np.where(certain[joined.end][:, None], joined.error, np.inf)
     return replace(joined, number=np.arange(joined.end.size) - starts, error=error)
 
 
 def _crossing(E, units, dE_end, dE, delta, size, rising):
-    """Fields of `Crossings` for one eigenvalue of each end, and whether it is on the circle within the distance of a corner."""
+    """The fields for one eigenvalue of each end, and whether it is on the circle within the distance of a corner."""
     mode = _mode(E, delta)
     scale = (units[:, None, :] / units[:, :, None])[:, None]
     with np.errstate(all="ignore"):

@@ -43,14 +43,14 @@ def why(spec: Spec, along: str | None = None) -> Table:
     started = time.perf_counter()
     spec = naming(spec, [along])
     spec.refuse_require("why")
-    axis, others = sweep_axes(spec, along, swept=False)
+    axis, other_axes = sweep_axes(spec, along, swept=False)
     job = job_over(make_grid(spec, (), axis.path), axis)
     found = in_memory(job)
     columns = KINDS[0].completed(elasticities(job.grid, axis, found, KINDS[0].names))
     certified = int(found["certified"].all())
-    notices = [f"{other.name} is not swept here, {held(spec, other.path)}" for other in others]
-    if not any(each.path == axis.path and not each.values for each in spec.sweep) and axis.path not in spec.wall[:1]:
-        listed = any(each.path == axis.path and each.start < each.stop for each in spec.sweep)
+    notices = [f"{other_axis.name} is not swept here, {held(spec, other_axis.path)}" for other_axis in other_axes]
+    if not any(swept.path == axis.path and not swept.values for swept in spec.sweep) and axis.path not in spec.wall[:1]:
+        listed = any(swept.path == axis.path and swept.start < swept.stop for swept in spec.sweep)
         said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
         notices.append(f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}")
     if left_out := without_derivatives(spec):
@@ -78,10 +78,10 @@ def sensitivities(grid: Grid, axis: Axis) -> Columns:
     from wavesweep.program.sweep.running import in_memory
     from wavesweep.sensitivity.elasticities import elasticities
 
-    taken = sorted({other.name for other in grid.axes} & set(KINDS[0].names))
-    if taken:
+    reserved = sorted({other_axis.name for other_axis in grid.axes} & set(KINDS[0].names))
+    if reserved:
         raise UsageError(
-            f"{', '.join(taken)}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}"
+            f"{', '.join(reserved)}: the table has a column of this name; name the axis by its path, numbers.{reserved[0]}"
         )
     return elasticities(grid, axis, in_memory(job_over(grid, axis)), KINDS[0].names)
 
@@ -107,12 +107,12 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """For each end and crossing its mode, the limit and the stiffness felt there, each with the numbers that matter most."""
     ends = []
     for rows in ends_of(columns):
-        own = {quantity: rows["quantity"] == quantity for quantity in ("end", "felt")}
-        limit, felt = (_limit({name: column[some] for name, column in rows.items()}) for some in own.values())
+        of_quantity = {quantity: rows["quantity"] == quantity for quantity in ("end", "felt")}
+        limit, felt = (_limit({name: column[rows_of] for name, column in rows.items()}) for rows_of in of_quantity.values())
         ends.append({name: plain(rows[column][0]) for name, column in _OF_END.items()} | {"limit": limit, "felt": felt})
     return {
         "along": dict(facts["along"]),
-        "stable_intervals": [list(each.values()) for each in facts["intervals"]],
+        "stable_intervals": [list(interval.values()) for interval in facts["intervals"]],
         "slices": dict(facts["slices"]),
         "open": list(facts["open"]),
         "doubts": dict(facts["doubts"]),
@@ -137,7 +137,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
     axis, spans = found["along"], found["stable_intervals"]
     name, unit = axis["name"], _unit(axis["unit"])
     searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
-    places = "".join(f", {open_in_words(each, unit)}" for each in found["open"])
+    places = "".join(f", {open_in_words(place, unit)}" for place in found["open"])
     if spans:
         yield f"{name}: stable from {' and '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)}{unit}{places}", False
     elif not found["doubts"]:
@@ -155,8 +155,8 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     limit, felt = end["limit"], end["felt"]
     corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
     mode, image = mode_words(end["omega"], end["line_hz"], end["second_hz"])
-    beside = " from frame to frame" if image else " beside it"
-    damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g}{beside}"
+    words_beside = " from frame to frame" if image else " beside it"
+    damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g}{words_beside}"
     yield f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}", False
     if end["states"]:
         yield f"  states that take part: {end['states']}", False
@@ -172,22 +172,22 @@ def mode_words(omega: float | None, hz: float | None, second_hz: float | None) -
     """A mode with the frequencies that a spectrum shows of it, and whether the strongest one is an image of that per frame."""
     if omega is None or hz is None:
         return "a mode that is not known", False
-    image, beside = not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9), f" and {second_hz:.4g} Hz" if second_hz else ""
+    image, second = not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9), f" and {second_hz:.4g} Hz" if second_hz else ""
     if image:
         once = f"once a frame {omega / (2 * pi):.4g} Hz" if omega else "none from frame to frame"
-        return f"an oscillation of {hz:.4g} Hz{beside} within the frame ({once})", True
+        return f"an oscillation of {hz:.4g} Hz{second} within the frame ({once})", True
     if not omega:
-        return f"a mode without oscillation from frame to frame{beside and f', with one of{beside[4:]} within it'}", False
-    return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{beside})", False
+        return f"a mode without oscillation from frame to frame{second and f', with one of{second[4:]} within it'}", False
+    return f"an oscillation of {omega:.5g} rad/s ({hz:.4g} Hz{second})", False
 
 
 def _moves(limit: Numbers) -> Line:
     """The sentence about the numbers that matter most."""
     moved = {number: value for number, value in limit["elasticities"].items() if abs(value) >= LEAST}
     if moved:
-        parts = [f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()]
-        verbs = ["moves it ", *[""] * len(parts)]
-        sentences = [f"1 % more {number} {verb}{part}" for number, verb, part in zip(moved, verbs, parts, strict=False)]
+        moves = [f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()]
+        verbs = ["moves it ", *[""] * len(moves)]
+        sentences = [f"1 % more {number} {verb}{move}" for number, verb, move in zip(moved, verbs, moves, strict=False)]
         return f"  {', '.join(sentences)}", False
     if limit["doubts"]:
         return f"  no elasticities ({', '.join(limit['doubts'])})", True
