@@ -17,7 +17,7 @@ from wavesweep.identification.device_spec import PATHS, negative, spoken
 from wavesweep.program.analyses.assumptions import USUAL
 from wavesweep.program.columns import Columns
 from wavesweep.program.csv_files import LEAST, MOST
-from wavesweep.program.reproducibility import versions
+from wavesweep.program.reproducibility import one_thread, versions
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, whole_kind
 from wavesweep.program.tables.table import Table
@@ -175,7 +175,8 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     if model.load and log.measured == "acceleration":
         raise UsageError(f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration")
     origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
-    fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
+    with one_thread():
+        fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
     halves = fit.half + fit.extra, fit.half
     parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
     units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
