@@ -10,6 +10,8 @@ from wavesweep.engine.response.circle import Circle
 from wavesweep.engine.response.linear_systems import LinearSystem, solved
 from wavesweep.engine.state_space import StateSpace
 
+MOST = 2**20  # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are computed
+
 
 class Bordered:
     """The response from one system that holds both the fast states at the hand's frequency and the frame's states.
@@ -26,7 +28,7 @@ class Bordered:
         common = int(np.bincount(port.kind).argmax())
         (E, _, C, _), (of_E, _, of_C, _) = port.maps[common], port.sizes[common]
         self.sums_of, self.outputs_of_port = sums_of, C.shape[-2]
-        fast = (E != 0).any((*range(E.ndim - 2), E.ndim - 1))
+        fast = _changing(E)
         self.fast, self.slow = np.flatnonzero(fast), np.flatnonzero(~fast)
         self.C, self.E = C[..., self.fast], E[..., self.fast[:, None], self.fast]
         self.dC, self.dE = ENTRIES * of_C[..., self.fast], ENTRIES * of_E[..., self.fast[:, None], self.fast]
@@ -95,6 +97,17 @@ class Bordered:
                 array[..., p + self.place, :] = 0
             A[..., p + self.place, p + self.place], A[..., p + self.place, 0] = points.tick, -1
         return LinearSystem(A, dA, b[..., None], db[..., None])
+
+
+def fits(port) -> bool:
+    """Whether what the system needs to know of a frame has at most MOST entries for a loop."""
+    E, _, C, _ = port.maps[int(np.bincount(port.kind).argmax())]
+    return (C.shape[-2] + 2 * np.count_nonzero(_changing(E))) * port.kind.size * E.shape[-1] <= MOST
+
+
+def _changing(E):
+    """Which states change in a tick."""
+    return (E != 0).any((*range(E.ndim - 2), E.ndim - 1))
 
 
 def _at_points(rows):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from wavesweep.engine.monodromy.rounding import ROUNDING
+from wavesweep.engine.response.bordered import fits
 from wavesweep.engine.response.lifted import Lifted, Sums
 from wavesweep.engine.response.static import (
     LOST,
@@ -137,7 +138,8 @@ def _responses(loop, points, good):
 def _quantities(loop, points, good):
     """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop that is lost."""
     quantities, error, again = _by_modes(loop, points)
-    for improve in (again, lambda index: loop.bordered.outputs(points.at(index))):
+    ways = (again, lambda index: loop.bordered.outputs(points.at(index)))
+    for improve in ways if fits(loop.port) else ways[:1]:
         doubtful = ~(error <= good * np.abs(quantities)).all(-2) & ~loop.lost[..., None]
         columns = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
         width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))

@@ -154,9 +154,9 @@ def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Reg
         of_frames = lambda column, t: replace(found := plain(column, t), E=scaled(found.E, column, t))  # noqa: E731
         of_errors = lambda column, t: tuple(scaled(part, *np.broadcast_arrays(column, t)) for part in rough(column, t))  # noqa: E731
     narrow = resolved and (lambda column, low, high: resolved(names[column], low, high))
-    panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds, narrow)
-    parts = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
-    for some, kept in panels.without_forgotten() if panels is not None else ():
+    panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds, narrow, E.shape[-1])
+    parts, panels = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)], [] if panels is None else panels.without_forgotten()
+    for some, kept in panels:
         own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
         parts.append(tiles_of(some, own, span, names.size, slack))
     tiles = Tiles.join(parts)

@@ -9,7 +9,7 @@ from numpy.polynomial import chebyshev
 from wavesweep.engine.rows import Rows, different
 from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING, SEARCH
 from wavesweep.engine.stability.dominance import Bent, Exact
-from wavesweep.engine.stability.entries import EPS, Panels, nodes
+from wavesweep.engine.stability.entries import EPS, Panels, nodes, sizes_of
 from wavesweep.engine.stability.regions import Regions
 
 NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
@@ -22,6 +22,7 @@ MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its
 FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
 SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
 FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
+TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
 SHORT = 1e-12  # relative: a stretch so short is given up
 UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside
@@ -109,8 +110,9 @@ def _unstable_by_traces(panels):
     known, x = np.zeros((number.size, CELLS), bool), np.linspace(-1, 1, 5)
     with np.errstate(all="ignore"):
         some = np.flatnonzero((np.abs(_traces(panels.coefficients, x)) > n).any((0, 2)))
-        c, (points, transform) = panels.coefficients[some], nodes(2 * degree)
-        size, traces = np.eye(n) + np.abs(c).sum(1), _traces(c, points)
+        c = panels.coefficients if some.size == number.size else panels.coefficients[some]
+        points, transform = nodes(2 * degree)
+        size, traces = np.eye(n) + sizes_of(c), _traces(c, points)
         error = panels.error[some] + 8 * degree * EPS * size
         errors = np.trace(error, axis1=1, axis2=2), np.einsum("pij,pji->p", 2 * size + error, error)
         for trace, error in zip(traces, errors, strict=True):
@@ -132,8 +134,11 @@ def _unstable_by_traces(panels):
 def _traces(coefficients, x):
     """Return `tr A` and `tr A A` at places x of panels, `(2, panels, places)`."""
     (m, k, n, _), T = coefficients.shape, chebyshev.chebvander(x, coefficients.shape[1] - 1)
-    A = np.eye(n) + (T @ coefficients.reshape(m, k, n * n)).reshape(m, x.size, n, n)
-    return np.stack([np.trace(A, axis1=2, axis2=3), np.einsum("pxij,pxji->px", A, A)])
+    found, few = np.zeros((2, m, x.size)), max(1, TRACED // (x.size * n * n))
+    for part in (slice(first, first + few) for first in range(0, m, few)):
+        A = np.eye(n) + (T @ coefficients[part].reshape(-1, k, n * n)).reshape(-1, x.size, n, n)
+        found[:, part] = np.trace(A, axis1=2, axis2=3), np.einsum("pxij,pxji->px", A, A)
+    return found
 
 
 @cache

@@ -1,6 +1,6 @@
 """Entries of the frames of loops along a number: polynomials on panels of it, each entry with a bound on what it misses."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cache
 
 import numpy as np
@@ -20,6 +20,7 @@ UNEVEN = 4.0  # times the bounds at these places: that at any other point of the
 OVERLAP = 0.035  # of its width a panel reaches beyond each end: a crossing next to it is seen from both sides
 STEEP = 1e3  # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to the largest
 NARROW = 1e-9  # of the span: a panel this narrow that is not followed is given up
+FOLLOWED = 2**18  # entries of frames at the nodes of panels at a time
 MANY = 1024  # panels of a column, beyond which the rest is given up
 EPS = np.finfo(float).eps
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
@@ -67,17 +68,26 @@ class Panels(Rows):
         A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix is block-triangular.
         """
         n, found = self.error.shape[-1], {}
-        there = np.abs(self.coefficients).sum(1) + self.error > 0
-        own = np.abs(self.coefficients[:, 0] + np.eye(n)) + np.abs(self.coefficients[:, 1:]).sum(1) + self.error
+        rest = self.error + sizes_of(self.coefficients[:, 1:])
+        there = np.abs(self.coefficients[:, 0]) + rest > 0
+        own = np.abs(self.coefficients[:, 0] + np.eye(n)) + rest
         there[:, range(n), range(n)] = own[:, range(n), range(n)] >= 0.5
         kinds, kind = np.unique(there.reshape(-1, n * n), axis=0, return_inverse=True)
         for number, entries in enumerate(kinds.reshape(-1, n, n)):
             found.setdefault(tuple(_remembered(entries)), []).append(np.flatnonzero(kind.ravel() == number))
         parts = []
-        for kept, some in ((np.array(kept), self.take(np.concatenate(some))) for kept, some in found.items()):
-            names = ("coefficients", "error", "rest")
-            parts.append((replace(some, **{name: getattr(some, name)[..., kept[:, None], kept] for name in names}), kept))
+        for kept, some in ((np.array(kept), np.concatenate(some)) for kept, some in found.items()):
+            own = {field.name: getattr(self, field.name) for field in fields(self)}
+            for name, value in own.items():
+                entries = (*np.ix_(some, *map(np.arange, value.shape[1:-2]), kept, kept),) if value.ndim > 1 else some
+                own[name] = value[entries]
+            parts.append((Panels(**own), kept))
         return parts
+
+
+def sizes_of(coefficients) -> np.ndarray:
+    """Return the sum of the sizes of the coefficients of each entry of panels; one by one, since all take much memory."""
+    return sum(np.abs(coefficients[:, k]) for k in range(coefficients.shape[1]))
 
 
 def _remembered(entries):
@@ -92,11 +102,13 @@ def _remembered(entries):
         kept = kept[~gone]
 
 
-def panels_of(frames, errors, span, columns: int, bounds, resolved=None) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
+def panels_of(
+    frames, errors, span, columns: int, bounds, resolved=None, order: int = 1
+) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
     """Return panels on which the frames are followed, and the parts of the spans that are not: column, low, high, overflown.
 
     frames, errors, bounds: see `stable_along_any`. resolved(column, low, high): whether frames have no narrow features there.
-    A panel that is not followed is halved.
+    order: of the frames, by which panels are followed in portions. A panel that is not followed is halved.
 
     The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided by the polynomial q that
     vanishes there, is analytic where f is. So on the panel, where |q| <= 1, it is at most as large as on the rim of an ellipse
@@ -106,6 +118,7 @@ def panels_of(frames, errors, span, columns: int, bounds, resolved=None) -> tupl
     """
     column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
     least, count, done, lost = NARROW * (span[1] - span[0]), np.ones(columns, int), [], []
+    few = max(1, FOLLOWED // ((DEGREES[-1] + 1) * order**2))
     while column.size:
         over = OVERLAP * (high - low)
         left, right = np.maximum(low - over, bounds[0][column]), np.minimum(high + over, bounds[1][column])
@@ -115,12 +128,12 @@ def panels_of(frames, errors, span, columns: int, bounds, resolved=None) -> tupl
         some = np.flatnonzero(inside)
         if resolved is not None and some.size:
             some = some[resolved(column[some], left[some], right[some])]
-        if some.size:
-            parts = column[some], low[some], high[some], middle[some], half[some]
+        for names in (some[first : first + few] for first in range(0, some.size, few)):
+            parts = column[names], low[names], high[names], middle[names], half[names]
             with np.errstate(all="ignore"):
                 found, at, known = _followed(frames, errors, parts)
-            good[some[at]] = True
-            overflown[some], hopeless[some] = ~known.all(1), ~known.any(1)
+            good[names[at]] = True
+            overflown[names], hopeless[names] = ~known.all(1), ~known.any(1)
             done += found
         np.add.at(count, column[~good], 1)
         narrow = hopeless | ~good & ((high - low <= least) | (count[column] > MANY))
