@@ -20,7 +20,7 @@ import wavesweep
 from wavesweep import Spec, WavesweepError
 from wavesweep.engine.loops.batch import distinct_rows, selected
 from wavesweep.engine.loops.controller_drawings import keys_of_page
-from wavesweep.engine.monodromy.cut import Cut, with_batch
+from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
 from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.sweep.grid import groups, make_grid
@@ -105,12 +105,12 @@ class Bundle:
     """
 
     column: np.ndarray
-    loops: Cut
+    loops: LinearFractional
     owner: np.ndarray
     B_VE: np.ndarray
 
     @property
-    def cut(self) -> Cut:
+    def cut(self) -> LinearFractional:
         """A loop for each column."""
         return self.loops.at(self.owner)
 

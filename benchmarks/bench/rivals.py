@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.problems import Bundle, Intervals, bundles
 from wavesweep import Spec
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, Cut, V, close, open_in
+from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, LinearFractional, close, open_in
 from wavesweep.engine.monodromy.unit_circle import on_circle
 
 _STEPS = 30  # of the secant at the most; six or seven are usual
@@ -215,13 +215,13 @@ def decomposed(spec: Spec, angles: int) -> Intervals:
     return Intervals(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
-def _terms(cut: Cut, w) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _terms(cut: LinearFractional, w) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(one, x, v) of `one = K_VE x + B_VE v` at `z = 1 + w`: 1, G_x and G_v, all times w in a loop that drifts."""
     state = np.linalg.solve(w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E, cut.B + 0 * w[..., None, None])
     G = (cut.C @ state + cut.D)[..., 0]
     if not cut.integrates:
-        return np.ones(G.shape[:-1]), G[..., OFFSET], G[..., V]
-    return w + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V]
+        return np.ones(G.shape[:-1]), G[..., OFFSET], G[..., VELOCITY]
+    return w + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY]
 
 
 def _crossings(part: Bundle, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

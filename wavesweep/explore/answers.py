@@ -12,7 +12,7 @@ import numpy as np
 from wavesweep.capabilities import asked
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.loops.controllers import WALL
-from wavesweep.engine.monodromy.cut import Cut
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond
 from wavesweep.engine.search.interval_records import FELT, LINES, OPEN
@@ -96,7 +96,7 @@ def is_gain(spec: Spec, plane: Plane) -> bool:
         return False
 
 
-def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:
+def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
     """The wall's plane and the intervals through the design by the boundary's explicit curve; K_VE may be either axis."""
     solved = WALL.index(plane.y)
     theta, walls = refined_curve(cut, (plane.x_span, plane.y_span) if solved else (plane.y_span, plane.x_span))

@@ -10,13 +10,13 @@ At z = 1 and z = -1 all three terms are real, and the boundary is a straight lin
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import Cut, close
+from wavesweep.engine.monodromy.cut import LinearFractional, close
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.boundary import terms_of, times
 from wavesweep.engine.stability.spectrum import is_stable
 
 
-def plane_curve(cut: Cut, theta) -> np.ndarray:
+def plane_curve(cut: LinearFractional, theta) -> np.ndarray:
     """Return the walls (K_VE in N/m, B_VE in N*s/m) with an eigenvalue at `exp(j theta)`, `(2, points)`.
 
     cut: one loop. theta: angles in (0, pi), rad per frame. Infinite or NaN at an angle at which no wall has one, or all on a
@@ -29,7 +29,7 @@ def plane_curve(cut: Cut, theta) -> np.ndarray:
         return np.stack([(np.conj(t.one) * t.v).imag, (np.conj(t.x) * t.one).imag]) / common
 
 
-def plane_lines(cut: Cut) -> np.ndarray:
+def plane_lines(cut: LinearFractional) -> np.ndarray:
     """Return the straight parts of the boundary, `one = K_VE x + B_VE v` at z = 1 and at z = -1: rows (one, x, v), `(2, 3)`.
 
     cut: one loop. A row with x = v = 0 is no line.
@@ -48,7 +48,7 @@ def _terms(cut, theta):
 POINTS, HALVINGS = 160, 4  # angles of a curve at the start, and how often steps longer than a hundredth of a window are halved
 
 
-def refined_curve(cut: Cut, window) -> tuple[np.ndarray, np.ndarray]:
+def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray]:
     """Return angles and walls along the curve, with small steps inside a window: `(n,)`, `(2, n)`.
 
     cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)).
@@ -71,7 +71,7 @@ def refined_curve(cut: Cut, window) -> tuple[np.ndarray, np.ndarray]:
 
 
 def quick_columns(
-    cut: Cut, theta, walls, solved: int, fixed: np.ndarray, span, rounds: int = 2
+    cut: LinearFractional, theta, walls, solved: int, fixed: np.ndarray, span, rounds: int = 2
 ) -> list[list[tuple[float, float]]]:
     """Return the stable intervals of one wall parameter for each value of the other, from a curve: without a proof.
 

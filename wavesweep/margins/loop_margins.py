@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, START, Peak, angles, with_middles
 from wavesweep.engine.energy.lifted_map import TOLERANCE, TickMaps, squared_norm
-from wavesweep.engine.monodromy.cut import ERRORS, PARTS, Cut, open_in, with_batch
+from wavesweep.engine.monodromy.cut import ERRORS, PARTS, LinearFractional, open_in, with_batch
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.boundary import K_VE
 from wavesweep.engine.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
@@ -54,7 +54,7 @@ class BrokenLoop:
     Accuracy: see `slope_and_error`.
     """
 
-    cut: Cut
+    cut: LinearFractional
     lifted: Any = None
     times = 1
 

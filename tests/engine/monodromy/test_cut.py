@@ -5,7 +5,7 @@ import pytest
 from support import exact
 from support.specs import KINDS, random_values, values_of
 
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, V, close
+from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, close
 from wavesweep.engine.search.open_loops import wall_cut
 
 SPECS = [(kind, seed) for kind in KINDS for seed in (range(2) if kind == "dc" else range(5))]
@@ -15,7 +15,7 @@ def wall_reads(cut, w):
     """(G_x, G_v) at `w = z - 1`."""
     state = np.linalg.solve(w * np.eye(cut.E.shape[-1]) - cut.E, cut.B + 0j)
     G = (cut.C @ state + cut.D)[:, 0]
-    return (G[ADVANCE] / w if cut.integrates else 0) + G[OFFSET], G[V]
+    return (G[ADVANCE] / w if cut.integrates else 0) + G[OFFSET], G[VELOCITY]
 
 
 @pytest.mark.sample(2)

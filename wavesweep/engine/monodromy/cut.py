@@ -3,30 +3,32 @@ that the numbers close, as a wall's stiffness and damping do."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavesweep.engine.loops.block import frozen
 from wavesweep.engine.monodromy.rounding import ROUNDING
+from wavesweep.engine.state_space import StateSpace
 
-V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
+FIRST, SECOND = "K_VE", "B_VE"  # the two numbers, named as those of a wall
+VELOCITY, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
 PARTS = ("E", "B", "C", "D")
 ERRORS = ("dE", "dB", "dC", "dD")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cut:
+class LinearFractional:
     """Everything but the numbers, once a frame, in delta form (`w = z - 1`).
 
-    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are V: the signal that the second
-    number multiplies, G_v (of a wall the velocity); ADVANCE and OFFSET: the one that the first number multiplies is
+    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are VELOCITY: the signal that the
+    second number multiplies, G_v; ADVANCE and OFFSET: the one that the first number multiplies is
     G_x = ADVANCE/w + OFFSET. dE, dB, dC, dD: bounds on the errors of their entries. integrates: whether there is an ADVANCE. It
     is the exact eigenvalue 1 of the cut loop, as of the position of the whole scene if no spring holds the hand. It is kept out
     of E, so it is never rounded. period: of the frame, s (a number or an array over the batch). states, unread: names of the
-    states that are kept and left out. poles_at_one: how many eigenvalues of E are exactly 0 by its pattern, as that of a mass
-    that nothing brakes. others: the diagonal blocks of the monodromy matrix less identity that the numbers do not act on, in
-    the block-triangular form of its pattern.
+    states that remain and are left out. poles_at_one: how many eigenvalues of E are exactly 0 by its pattern, as that of a mass
+    that nothing brakes. uncontrolled: the diagonal blocks of the monodromy matrix less identity that the numbers do not act
+    on, in the block-triangular form of its pattern.
     """
 
     E: np.ndarray
@@ -42,7 +44,7 @@ class Cut:
     states: tuple[str, ...]
     unread: tuple[str, ...] = ()
     poles_at_one: int = 0
-    others: tuple[np.ndarray, ...] = ()
+    uncontrolled: tuple[np.ndarray, ...] = ()
     memo: dict = field(default_factory=dict, init=False, repr=False)  # what belongs to these loops alone, see `remembered`
 
     def __post_init__(self):
@@ -67,7 +69,7 @@ class Cut:
             self.memo[name] = make()
         return self.memo[name]
 
-    def at(self, index) -> "Cut":
+    def at(self, index) -> "LinearFractional":
         """Return the loops `index` (anything that indexes the leading axes) of the batch."""
         batch, indices = self.batch, isinstance(index, np.ndarray) and index.dtype.kind == "i"
 
@@ -78,73 +80,84 @@ class Cut:
                 return array.take(index, axis=0)  # in a seventh of the time of brackets
             return (array if array.shape == full else np.broadcast_to(array, full))[index]
 
-        parts = {name: pick(getattr(self, name), 2) for name in (*PARTS, *ERRORS)}
-        return replace(self, **parts, period=pick(self.period, 0), others=tuple(pick(each, 2) for each in self.others))
+        matrices = {name: pick(getattr(self, name), 2) for name in (*PARTS, *ERRORS)}
+        uncontrolled = tuple(pick(block, 2) for block in self.uncontrolled)
+        return replace(self, **matrices, period=pick(self.period, 0), uncontrolled=uncontrolled)
 
 
-def with_batch(cut: Cut, size: int) -> Cut:
+def with_batch(cut: LinearFractional, size: int) -> LinearFractional:
     """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
     if cut.batch:
         return cut.at(slice(None))
     return cut.at(np.newaxis) if size == 1 else cut.at(np.newaxis).at(np.zeros(size, int))
 
 
-def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the loop with one number closed and the other open: (E, B, C, D) from the open part's product to its factor.
+def open_in(cut: LinearFractional, along: str, fixed) -> StateSpace:
+    """Return the loop with one number closed and the other open, from the open number's product to its factor.
 
-    along: the open number, "K_VE" or "B_VE"; fixed: value of the other one, an array that broadcasts with the batch.
+    along: the open number, FIRST or SECOND; fixed: value of the other one, an array that broadcasts with the batch.
     """
-    at_rest = along == "B_VE"
-    A, B, x, v = whole(cut)
-    (closed, through), open_ = ((x, cut.D[..., OFFSET, 0]), v) if at_rest else ((v, cut.D[..., V, 0]), x)
-    direct = (cut.D[..., V, 0] if at_rest else cut.D[..., OFFSET, 0])[..., None, None]
+    A, B, x, v = with_integrator(cut)
+    of_x, of_v = cut.D[..., OFFSET, 0], cut.D[..., VELOCITY, 0]
+    closed, through, open_, direct = (x, of_x, v, of_v) if along == SECOND else (v, of_v, x, of_x)
     left = (1 - fixed * through)[..., None, None]
-    gain = fixed[..., None, None] / left
-    return A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left
+    gain, direct = fixed[..., None, None] / left, direct[..., None, None]
+    return StateSpace(A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left)
 
 
-def whole(cut):
-    """Return E and B with the integrator as the last state, and the rows of the two signals."""
-    x, v = cut.C[..., OFFSET : OFFSET + 1, :], cut.C[..., V : V + 1, :]
+class SignalRows(NamedTuple):
+    """E and B, and the rows of the two signals without their direct terms: x of the first number, v of the second."""
+
+    E: np.ndarray
+    B: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+
+def with_integrator(cut: LinearFractional) -> SignalRows:
+    """Return the loop with the integrator as the last state."""
+    x, v = cut.C[..., OFFSET : OFFSET + 1, :], cut.C[..., VELOCITY : VELOCITY + 1, :]
     if not cut.integrates:
-        return cut.E, cut.B, x, v
-    one = np.ones((*cut.batch, 1, 1))
+        return SignalRows(cut.E, cut.B, x, v)
+    unit = np.ones((*cut.batch, 1, 1))
     A = np.concatenate([cut.E, cut.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
     A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
     B = np.concatenate([cut.B, cut.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
-    return A, B, np.concatenate([x + 0 * one, one], axis=-1), np.concatenate([v + 0 * one, 0 * one], axis=-1)
+    return SignalRows(A, B, np.concatenate([x + 0 * unit, unit], axis=-1), np.concatenate([v + 0 * unit, 0 * unit], axis=-1))
 
 
-def errors_of_whole(cut: Cut):
-    """Return bounds on the errors of the entries of `whole`."""
-    dE, dB, dx, dv = whole(replace(cut, **dict(zip(PARTS, (cut.dE, cut.dB, cut.dC, cut.dD), strict=True))))
-    return dE, dB, np.concatenate([dx[..., :-1], 0 * dx[..., -1:]], axis=-1) if cut.integrates else dx, dv
+def errors_with_integrator(cut: LinearFractional) -> SignalRows:
+    """Return bounds on the errors of the entries of `with_integrator`."""
+    errors = with_integrator(replace(cut, E=cut.dE, B=cut.dB, C=cut.dC, D=cut.dD))
+    if not cut.integrates:
+        return errors
+    return errors._replace(x=np.concatenate([errors.x[..., :-1], 0 * errors.x[..., -1:]], axis=-1))
 
 
-def close(cut: Cut, K, F) -> np.ndarray:
+def close(cut: LinearFractional, K, F) -> np.ndarray:
     """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
 
     K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator; its
     eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
-        K, F = (np.asarray(each)[..., None, None] for each in (K, F))
-        E, B, x, v = whole(cut)
-        read = (K * x + F * v) / (1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :])
-        A = E + B * read
+        K, F = np.asarray(K)[..., None, None], np.asarray(F)[..., None, None]
+        E, B, x, v = with_integrator(cut)
+        of_x, of_v = cut.D[..., OFFSET : OFFSET + 1, :], cut.D[..., VELOCITY : VELOCITY + 1, :]
+        A = E + B * ((K * x + F * v) / (1 - K * of_x - F * of_v))
         if cut.integrates:
             A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
     return A
 
 
-def errors_of_closed(cut: Cut, K, F) -> np.ndarray:
+def errors_of_closed(cut: LinearFractional, K, F) -> np.ndarray:
     """Return bounds on the errors of the entries of `close`, `(..., order, order)`, to first order."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        K, F = (np.asarray(each, float)[..., None, None] for each in (K, F))
-        through = np.abs(1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :])
+        K, F = (np.asarray(value, float)[..., None, None] for value in (K, F))
+        through = np.abs(1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., VELOCITY : VELOCITY + 1, :])
         K, F = np.abs(K), np.abs(F)
         size = replace(cut, **{name: np.abs(getattr(cut, name)) for name in PARTS})
-        (_, B, x, v), (dE, dB, dx, dv) = whole(size), errors_of_whole(cut)
-        off = K * cut.dD[..., OFFSET : OFFSET + 1, :] + F * cut.dD[..., V : V + 1, :]
+        (_, B, x, v), (dE, dB, dx, dv) = with_integrator(size), errors_with_integrator(cut)
+        off = K * cut.dD[..., OFFSET : OFFSET + 1, :] + F * cut.dD[..., VELOCITY : VELOCITY + 1, :]
         read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through
         return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))

@@ -41,7 +41,7 @@ class TickDrift:
         return [index for index in range(len(self.states)) if index not in gone]
 
 
-def drift_of_drawn(one: MultirateLoop, other: MultirateLoop, watched=()) -> TickDrift:
+def drift_of_drawn(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> TickDrift:
     """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
 
     watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
@@ -49,30 +49,33 @@ def drift_of_drawn(one: MultirateLoop, other: MultirateLoop, watched=()) -> Tick
     A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). If numbers
     are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
     """
-    held, alive = one.held(watched), _alive(one, watched)
-    names = [
-        f"{each.block.name}.{name}"
-        for each in one.placed
-        for name in (*each.block.states, *(f"{port} held" for port in held[each.block.name]))
-    ]
+    held, alive, names, idle = drawn.held(watched), _alive(drawn, watched), [], []
+    for block in (scheduled.block for scheduled in drawn.placed):
+        names += [f"{block.name}.{name}" for name in (*block.states, *(f"{port} held" for port in held[block.name]))]
+        if block.name not in alive:
+            idle += [f"{block.name}.{state}" for state in _idle(block)]
     at, moved, folded = {name: i for i, name in enumerate(names)}, [], []
-    try:
-        first = shifts(one, alive)
-        second = shifts(other, alive, [next(iter(shift)) for shift in first]) if first and other is not one else first
-    except (ArithmeticError, ValueError):
-        first = second = []
-    for shift, twin in zip(first, second, strict=True):
+    for shift, other_shift in _shifts_of_both(drawn, twin, alive):
         lead, *rest = shift
-        if shift.keys() == twin.keys() and all(_alike(shift[name], twin[name]) for name in shift):
+        if shift.keys() == other_shift.keys() and all(_alike(shift[name], other_shift[name]) for name in shift):
             moved.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
         else:
             folded.append(at[lead])
-    idle = [f"{each.block.name}.{state}" for each in one.placed if each.block.name not in alive for state in _idle(each.block)]
     return TickDrift(tuple(names), tuple(moved), tuple(folded), tuple(at[name] for name in idle))
 
 
-def _alike(one, two):
-    return abs(one - two) <= SAME * max(abs(one), abs(two))
+def _shifts_of_both(drawn, twin, alive):
+    """Pairs of a shift in one drawing and in the other; none if the numbers are not known exactly."""
+    try:
+        first = shifts(drawn, alive)
+        second = shifts(twin, alive, [next(iter(shift)) for shift in first]) if first and twin is not drawn else first
+    except (ArithmeticError, ValueError):
+        return []
+    return list(zip(first, second, strict=True))
+
+
+def _alike(a, b):
+    return abs(a - b) <= SAME * max(abs(a), abs(b))
 
 
 def _alive(drawn, watched):
@@ -80,23 +83,24 @@ def _alive(drawn, watched):
 
     The others only watch them, and nothing comes back, so that they may count what drifts, and change for ever.
     """
-    ports = {each.block.name: [f"{each.block.name}.{port}" for port in each.block.inputs] for each in drawn.placed}
+    blocks = [scheduled.block for scheduled in drawn.placed]
+    ports = {block.name: [f"{block.name}.{port}" for port in block.inputs] for block in blocks}
     sources = {name: set().union(*map(drawn.sources, of_block)) for name, of_block in ports.items()}
     shown = [signal for signal in (POSITION, REACTION) if signal in drawn.sums]
-    found = {each.block.name for each in drawn.living((*watched, *shown)).placed}
-    found |= {name for name, read in sources.items() if read & set(drawn.inputs)}
-    while more := {source.rpartition(".")[0] for name in found for source in sources[name]} & ports.keys() - found:
-        found |= more
-    return found
+    alive = {scheduled.block.name for scheduled in drawn.living((*watched, *shown)).placed}
+    alive |= {name for name, read in sources.items() if read & set(drawn.inputs)}
+    while acting := {source.rpartition(".")[0] for name in alive for source in sources[name]} & ports.keys() - alive:
+        alive |= acting
+    return alive
 
 
 def _idle(block):
     """The states of a block that add up others, and that the block itself does not read."""
     read = np.any(block.E != 0, axis=tuple(range(block.E.ndim - 2)))
-    kept = list(range(len(block.states)))
-    while idle := [i for i in kept if not any(read[j, i] for j in kept)]:
-        kept = [i for i in kept if i not in idle]
-    return [state for i, state in enumerate(block.states) if i not in kept]
+    busy = list(range(len(block.states)))
+    while idle := [i for i in busy if not any(read[j, i] for j in busy)]:
+        busy = [i for i in busy if i not in idle]
+    return [state for i, state in enumerate(block.states) if i not in busy]
 
 
 def counted_ticks(ticks: Ticks, drift: TickDrift) -> tuple[Ticks, tuple]:
@@ -106,21 +110,23 @@ def counted_ticks(ticks: Ticks, drift: TickDrift) -> tuple[Ticks, tuple]:
     A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does. If
     both were kept, what they have in common would be cancelled in every tick, and its digits with it.
     """
-    known = {state for lead, others in drift.moved for state in (lead, *(index for index, _ in others))}
-    copies = [(lead, tuple((state, 1.0) for state in some if state not in known)) for lead, some in _copies(ticks).items()]
-    copies = [each for each in copies if each[1]]
+    drifting = {state for lead, followers in drift.moved for state in (lead, *(index for index, _ in followers))}
+    copies = [
+        (source, tuple((state, 1.0) for state in states if state not in drifting)) for source, states in _copies(ticks).items()
+    ]
+    copies = [(source, followers) for source, followers in copies if followers]
     groups = (*drift.moved, *copies)
     if not groups:
         return ticks, groups
     leads = [lead for lead, _ in drift.moved]
-    return replace(ticks, maps=tuple(_counted(each, groups, leads, dict(copies)) for each in ticks.maps)), groups
+    return replace(ticks, maps=tuple(_counted(block, groups, leads, dict(copies)) for block in ticks.maps)), groups
 
 
 def counted_row(row, groups):
     """Return a row over states `(..., n)` as one over states that are counted from others."""
     row = row.copy()
-    for lead, others in groups:
-        terms = np.stack([row[..., lead], *(factor * row[..., index] for index, factor in others)], axis=-1)
+    for lead, followers in groups:
+        terms = np.stack([row[..., lead], *(factor * row[..., index] for index, factor in followers)], axis=-1)
         total = terms.sum(-1)
         row[..., lead] = np.where(np.abs(total) <= ALIKE * np.abs(terms).sum(-1), 0.0, total)
     return row
@@ -128,44 +134,52 @@ def counted_row(row, groups):
 
 def _counted(block, groups, leads, copies):
     """The map of a tick in these states; copies: source -> its copies, which either take over its value or keep theirs."""
-    parts, sizes = ([each.copy() for each in some] for some in ((block.E, block.B, block.C), block.terms[:3]))
-    for lead, others in groups:
-        for index, factor in others:
-            for (E, B, C), sign in ((parts, 1.0), (sizes, -1.0)):
-                by = factor if sign > 0 else abs(factor)
-                for each in (E, C):
-                    each[..., lead] += by * each[..., index]
-                for each in (E, B):
-                    kept, share = (0.0, 1.0) if lead in copies else (each[..., index, :], by)
-                    each[..., index, :] = kept - sign * share * each[..., lead, :]
-                if lead in copies:
-                    E[..., index, index] -= sign * np.abs(block.E[..., index, index])
-    E, B, C = (_cleaned(part, ALIKE * size) for part, size in zip(parts, sizes, strict=True))
+    exact, sizes = [block.E.copy(), block.B.copy(), block.C.copy()], [terms.copy() for terms in block.terms[:3]]
+    for lead, followers in groups:
+        for state, factor in followers:
+            _count(exact, state, lead, factor, 1.0, lead in copies)
+            _count(sizes, state, lead, abs(factor), -1.0, lead in copies)
+            if lead in copies:
+                exact[0][..., state, state] -= np.abs(block.E[..., state, state])
+                sizes[0][..., state, state] += np.abs(block.E[..., state, state])
+    E, B, C = (_cleaned(matrix, ALIKE * size) for matrix, size in zip(exact, sizes, strict=True))
     E[..., leads] = 0.0  # nothing opposes a drift
-    sizes = [np.where(part == 0, 0.0, size) for part, size in zip((E, B, C), sizes, strict=True)]
+    sizes = [np.where(matrix == 0, 0.0, size) for matrix, size in zip((E, B, C), sizes, strict=True)]
     return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
 
 
-def _cleaned(part, rounding):
+def _count(matrices, state, lead, factor, sign, copied):
+    """Count a state from its lead in E, B and C of a tick, in place, or in their sizes with the sign -1."""
+    E, B, C = matrices
+    for matrix in (E, C):
+        matrix[..., lead] += factor * matrix[..., state]
+    for matrix in (E, B):
+        if copied:
+            matrix[..., state, :] = 0.0 - sign * matrix[..., lead, :]
+        else:
+            matrix[..., state, :] -= sign * factor * matrix[..., lead, :]
+
+
+def _cleaned(matrix, rounding):
     """Set entries to 0 that are rounding of their terms, unless the rounding in a row could hide an entry."""
-    least = NEGLIGIBLE * np.abs(part).max(-1, keepdims=True, initial=0.0)
-    return np.where((np.abs(part) <= rounding) & (rounding <= least), 0.0, part)
+    least = NEGLIGIBLE * np.abs(matrix).max(-1, keepdims=True, initial=0.0)
+    return np.where((np.abs(matrix) <= rounding) & (rounding <= least), 0.0, matrix)
 
 
 def _copies(ticks):
     """State -> the states that take over its value in some kind of tick, and keep theirs in all others."""
     n, rows = len(ticks.states), [[] for _ in ticks.states]
-    for each in ticks.maps:
-        E, driven = each.E.reshape(prod(each.E.shape[:-2]), n, n), np.any(each.B, axis=(*range(each.B.ndim - 2), -1))
+    for block in ticks.maps:
+        E, driven = block.E.reshape(prod(block.E.shape[:-2]), n, n), np.any(block.B, axis=(*range(block.B.ndim - 2), -1))
         alike = (E[0] == E).all((0, 2)) & ~driven
         for state in range(n):
             rows[state].append(E[0, state] if alike[state] else None)
     sources = {state: source for state in range(n) if (source := _copied(state, rows[state])) is not None}
-    found = {}
+    copies = {}
     for state, source in sources.items():
         if source not in sources:
-            found.setdefault(source, []).append(state)
-    return found
+            copies.setdefault(source, []).append(state)
+    return copies
 
 
 def _copied(state, rows):
@@ -173,20 +187,20 @@ def _copied(state, rows):
     if any(row is None for row in rows):
         return None
     entries = {tuple((int(at), row[at].item()) for at in np.flatnonzero(row)) for row in rows} - {()}
-    pairs = [dict(each) for each in entries]
+    pairs = [dict(row) for row in entries]
     if len(pairs) != 1 or len(pairs[0]) != 2 or pairs[0].get(state) != -1.0:
         return None
     return next((at for at, value in pairs[0].items() if at != state and value == 1.0), None)
 
 
-def counted_from_leads(parts, drift, sign=-1) -> tuple[np.ndarray, ...]:
+def counted_from_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
     """Return matrices whose rows are changes of states, those that leads move being counted from these; sign: 1 for sizes."""
-    parts = tuple(part.copy() for part in parts)
-    for lead, others in drift.moved:
-        for index, factor in others:
-            for part in parts:
-                part[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * part[..., lead, :]
-    return parts
+    matrices = tuple(matrix.copy() for matrix in matrices)
+    for lead, followers in drift.moved:
+        for index, factor in followers:
+            for matrix in matrices:
+                matrix[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * matrix[..., lead, :]
+    return matrices
 
 
 def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
@@ -199,29 +213,35 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows
     from the others depends on the combination that the loop conserves, and a lead need not be a part of it.
     """
-    parts = [(E, -1)] if sizes is None else [(E, -1), (sizes, 1)]
     index = [i for i in range(len(drift.states)) if i in drift.folded or i in drift.kept]
     if len(index) < E.shape[-1]:
         at = np.ix_(index, index)
-        parts = [(counted_from_leads((part,), drift, sign)[0][..., *at], sign) for part, sign in parts]
-    (E, _), (found, sign) = parts[0], parts[-1]
+        E = counted_from_leads((E,), drift)[0][..., *at]
+        sizes = None if sizes is None else counted_from_leads((sizes,), drift, 1)[0][..., *at]
     if not drift.folded:
-        return found
-    folded = np.array([index.index(lead) for lead in drift.folded], int)
-    rest = np.array([i for i in range(len(index)) if i not in folded], int)
-    V = consistent_solution(E[..., rest], -E[..., folded])
+        return E if sizes is None else sizes
+    leads = np.array([index.index(lead) for lead in drift.folded], int)
+    rest = np.array([i for i in range(len(index)) if i not in leads], int)
+    V = consistent_solution(E[..., rest], -E[..., leads])
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        if sign < 0:
-            return found[..., rest[:, None], rest] - V @ found[..., folded[:, None], rest]
-        # To first order V changes by A^+ (dA V + dE_S), of A = E_R with rows of equal size, which is solved for V; the solution
-        # adds to each column its rounding, relative to the size of the column (Householder).
-        size = np.abs(E[..., rest]).max(-1, keepdims=True)
-        size, V = np.where(size > 0, size, 1.0), np.abs(V)
-        A, S, dA, dS = (part[..., at] / size for part in (E, found) for at in (rest, folded))
-        columns = [rest.size * ROUNDING * np.linalg.norm(part, axis=-2, keepdims=True) for part in (A, S)]
-        dV = np.abs(np.linalg.pinv(np.nan_to_num(A))) @ ((dA + columns[0]) @ V + dS + columns[1])
-        own = V @ found[..., folded[:, None], rest] + dV @ np.abs(E[..., folded[:, None], rest])
-        return found[..., rest[:, None], rest] + own
+        if sizes is not None:
+            return _errors_without(E, sizes, np.abs(V), leads, rest)
+        return E[..., rest[:, None], rest] - V @ E[..., leads[:, None], rest]
+
+
+def _errors_without(E, dE, V, leads, rest):
+    """Return bounds on the errors of `without_drift`; dE: of E; V: the sizes of the factors.
+
+    To first order V changes by A^+ (dA V + dE_S), of A = E_R with rows of equal size, which is solved for V; the solution adds
+    to each column its rounding, relative to the size of the column (Householder).
+    """
+    size = np.abs(E[..., rest]).max(-1, keepdims=True)
+    size = np.where(size > 0, size, 1.0)
+    A, S, dA, dS = E[..., rest] / size, E[..., leads] / size, dE[..., rest] / size, dE[..., leads] / size
+    of_A, of_S = (rest.size * ROUNDING * np.linalg.norm(columns, axis=-2, keepdims=True) for columns in (A, S))
+    dV = np.abs(np.linalg.pinv(np.nan_to_num(A))) @ ((dA + of_A) @ V + dS + of_S)
+    of_leads = V @ dE[..., leads[:, None], rest] + dV @ np.abs(E[..., leads[:, None], rest])
+    return dE[..., rest[:, None], rest] + of_leads
 
 
 def consistent_solution(A, b) -> np.ndarray:
@@ -233,17 +253,13 @@ def consistent_solution(A, b) -> np.ndarray:
     with np.errstate(all="ignore"):
         weight = np.where(size > 0, 1 / size, 1.0)
         finite = np.isfinite(A).all((-1, -2), keepdims=True)
-        found = _least_squares(*(np.where(finite, part * weight, 0.0) for part in (A, b)))
-        left, terms = np.abs(A @ found - b) * weight, (np.abs(A) @ np.abs(found) + np.abs(b)) * weight
-        most = [np.abs(part).max((-1, -2), initial=0.0, keepdims=True) for part in (found, b * weight)]
+        Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
+        x = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
+        left, terms = np.abs(A @ x - b) * weight, (np.abs(A) @ np.abs(x) + np.abs(b)) * weight
+        most = [np.abs(column).max((-1, -2), initial=0.0, keepdims=True) for column in (x, b * weight)]
         rounding = ROUNDED * np.finfo(float).eps * np.maximum(*most)
         finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
-    return np.where(finite, found, np.nan)
-
-
-def _least_squares(A, b):
-    Q, R = np.linalg.qr(A)
-    return solve(R, np.swapaxes(Q.conj(), -1, -2) @ b)
+    return np.where(finite, x, np.nan)
 
 
 def closed_frame(drawn: MultirateLoop, drift: TickDrift) -> np.ndarray:
@@ -252,7 +268,7 @@ def closed_frame(drawn: MultirateLoop, drift: TickDrift) -> np.ndarray:
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
     """
     ticks = ticks_of(drawn, alone=True)
-    E, growth = measured_frame(ticks.kind, [each.E for each in ticks.maps])
+    E, growth = measured_frame(ticks.kind, [block.E for block in ticks.maps])
     return known_frames(filled(without_drift(E, drift)), growth)
 
 
@@ -260,7 +276,7 @@ def frame_with_reliability(drawn: MultirateLoop, drift: TickDrift) -> tuple[np.n
     """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
     E, dE = errors_of_closed(ticks_of(drawn, alone=True, terms=True), drift)
     finite = np.isfinite(E).all((-1, -2))
-    flat, errors = (np.where(finite[..., None, None], part, 0.0).reshape(-1, *E.shape[-2:]) for part in (E, dE))
+    flat, errors = (np.where(finite[..., None, None], frames, 0.0).reshape(-1, *E.shape[-2:]) for frames in (E, dE))
     units = balance(flat)[1]
     rough = (errors * (units[:, None, :] / units[:, :, None]) > ROUGH).any((-1, -2)) & finite.reshape(-1)
     rough[rough] = radius_hidden(flat[rough], errors[rough])
@@ -274,18 +290,18 @@ def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
 
 def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms."""
-    changes, sizes = [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps]
+    changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
     E, dE = product_with_errors(ticks.kind, changes, sizes, each=True)
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
 
 
-def filled(E: np.ndarray, own: float = -1.0) -> np.ndarray:
-    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are added; own: of such a state."""
+def filled(E: np.ndarray, diagonal: float = -1.0) -> np.ndarray:
+    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are added, each with that diagonal."""
     missing = 2 - E.shape[-1]
     if missing <= 0:
         return E
-    whole = np.zeros((*E.shape[:-2], 2, 2), E.dtype)
-    whole[..., : E.shape[-1], : E.shape[-1]] = E
+    frames = np.zeros((*E.shape[:-2], 2, 2), E.dtype)
+    frames[..., : E.shape[-1], : E.shape[-1]] = E
     for i in range(E.shape[-1], 2):
-        whole[..., i, i] = own
-    return whole
+        frames[..., i, i] = diagonal
+    return frames

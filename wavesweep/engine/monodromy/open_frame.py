@@ -6,12 +6,13 @@ import numpy as np
 
 from wavesweep.engine.loops.block import concatenated
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, Cut
+from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, LinearFractional
 from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.engine.monodromy.product import blocks_of, product_with_errors
 from wavesweep.engine.monodromy.rounding import ALIKE, ENTRIES
 from wavesweep.engine.monodromy.unit_circle import inverse
+from wavesweep.engine.state_space import StateSpace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,23 +66,29 @@ def open_frame(
     ticks, groups = counted_ticks(ticks.from_tick(at), drift)
     inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
-    changes = [concatenated((each.E, _with_moment(each.B[..., inputs])), -1) for each in ticks.maps]
-    sizes = [concatenated((each.terms[0], _with_moment(each.terms[1][..., inputs])), -1) for each in ticks.maps]
+    changes = [concatenated((block.E, _with_moment(block.B[..., inputs])), -1) for block in ticks.maps]
+    sizes = [concatenated((block.terms[0], _with_moment(block.terms[1][..., inputs])), -1) for block in ticks.maps]
     E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), each=each)
-    D, dD = (_with_moment(each[..., inputs]) for each in (head.D, head.terms[3]))
-    parts = E[..., :n], E[..., n:], head.C, D, dE[..., :n], dE[..., n:], ENTRIES * head.terms[2], ENTRIES * dD
-    return OpenFrame(ticks, groups, *parts, np.asarray(drawn.period) * drawn.ticks)
+    D, dD = _with_moment(head.D[..., inputs]), _with_moment(head.terms[3][..., inputs])
+    system = StateSpace(E[..., :n], E[..., n:], head.C, D)
+    errors = dE[..., :n], dE[..., n:], ENTRIES * head.terms[2], ENTRIES * dD
+    return OpenFrame(ticks, groups, *system, *errors, np.asarray(drawn.period) * drawn.ticks)
 
 
 def _showing(ticks, count):
     """The ticks with their first signals alone."""
-    parts = ({"outputs": each.outputs[:count], "C": each.C[..., :count, :], "D": each.D[..., :count, :]} for each in ticks.maps)
-    return replace(ticks, maps=tuple(replace(each, **part) for each, part in zip(ticks.maps, parts, strict=True)))
+    return replace(
+        ticks,
+        maps=tuple(
+            replace(block, outputs=block.outputs[:count], C=block.C[..., :count, :], D=block.D[..., :count, :])
+            for block in ticks.maps
+        ),
+    )
 
 
 def _only_tick(ticks, w):
     """The tick in which the frame begins, the only one in which the input reaches the loop or changes; None if none."""
-    reached = [np.any(each.B[..., w]) or np.any(each.D[..., w]) for each in ticks.maps]
+    reached = [np.any(block.B[..., w]) or np.any(block.D[..., w]) for block in ticks.maps]
     where = np.flatnonzero(np.array(reached)[ticks.kind])
     if where.size == 0:
         return None
@@ -96,20 +103,20 @@ def _changing(ticks):
     """The kinds of tick in which the output changes, if it is a state that is held in all others; otherwise none."""
     for still in ticks.maps:
         shown = still.C
-        held = [shown @ each.E for each in ticks.maps]
+        held = [shown @ block.E for block in ticks.maps]
         follows = [
-            _alike(shown + step, each.C, np.abs(shown) + np.abs(shown) @ np.abs(each.E))
-            and _alike(shown @ each.B, each.D, np.abs(shown) @ np.abs(each.B))
-            for step, each in zip(held, ticks.maps, strict=True)
+            _alike(shown + step, block.C, np.abs(shown) + np.abs(shown) @ np.abs(block.E))
+            and _alike(shown @ block.B, block.D, np.abs(shown) @ np.abs(block.B))
+            for step, block in zip(held, ticks.maps, strict=True)
         ]
         if not np.any(still.D) and all(follows):
             return [kind for kind, step in enumerate(held) if np.any(step) or np.any(ticks.maps[kind].D)]
     return []
 
 
-def _alike(one, other, size):
+def _alike(a, b, size):
     """Whether sums of the same terms in another order are equal but for rounding, in all loops; size: of their terms."""
-    return bool((np.abs(one - other) <= ALIKE * size).all())
+    return bool((np.abs(a - b) <= ALIKE * size).all())
 
 
 def _with_moment(columns):
@@ -118,45 +125,41 @@ def _with_moment(columns):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a frame that overflows is for the caller to see
-def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1, *, conserved: bool = False) -> Cut | None:
+def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1, *, conserved: bool = False) -> LinearFractional | None:
     """Return the loop cut at the numbers of such a frame; None if its drift cannot be represented in a cut.
 
     drift: that of the open loop. read: 2 if another number multiplies the second signal in the same sum. conserved: whether the
     integrator that the number reads remains in the closed loop: then a combination of states, which no number changes, takes
     its place.
     """
-    c, d, dc, dd = (part[..., :read, :] for part in (frame.C, frame.D[..., :1], frame.dC, frame.dD[..., :1]))
     leads = [lead for lead, _ in drift.moved]
-    if drift.folded or (read > 1 and np.any(c[..., 1:, leads])):
+    share = frame.C[..., 0, leads]
+    moving = [at for at in range(len(leads)) if np.any(share[..., at])]
+    if drift.folded or len(moving) > 1 or (read > 1 and np.any(frame.C[..., 1:read, leads])):
         return None
-    share = c[..., 0, leads]
-    seen = [at for at in range(len(leads)) if np.any(share[..., at])]
-    if len(seen) > 1:
-        return None
-    E, B, dE, dB = frame.E, frame.B[..., :1], frame.dE, frame.dB[..., :1]
-    kept = [i for i in range(len(drift.states)) if i not in leads and i not in drift.unread]
-    rows = [(0 * part[..., :1, kept], 0 * whole[..., :1, :]) for part, whole in ((c, d), (dc, dd))]
-    if seen:
-        lead, factor = leads[seen[0]], share[..., seen[0], None, None]
-        rows = [(factor * E[..., [lead], :][..., kept], factor * B[..., [lead], :])]
-        rows.append((np.abs(factor) * dE[..., [lead], :][..., kept], np.abs(factor) * dB[..., [lead], :]))
-    parts = []
-    for (advance, step), (C, D) in zip(rows, ((c, d), (dc, dd)), strict=True):
-        v, dv = (C[..., 1:, kept], D[..., 1:, :]) if read > 1 else (0 * C[..., kept], 0 * D)
-        parts.append(_stacked((v, advance, C[..., :1, kept]), (dv, step, D[..., :1, :])))
-    (C, D), (dC, dD) = parts
-    E, dE = (part[..., kept, :][..., kept] for part in (E, dE))
-    B, dB = B[..., kept, :], dB[..., kept, :]
-    names = tuple(drift.states[i] for i in kept)
-    cut = Cut(E, B, C, D, dE, dB, dC, dD, bool(seen), frame.period, names)
-    if conserved and seen:
+    remaining = [i for i in range(len(drift.states)) if i not in leads and i not in drift.unread]
+    system = StateSpace(frame.E, frame.B[..., :1], frame.C[..., :read, :], frame.D[..., :read, :1])
+    errors = StateSpace(frame.dE, frame.dB[..., :1], frame.dC[..., :read, :], frame.dD[..., :read, :1])
+    lead, factor = (leads[moving[0]], share[..., moving[0], None, None]) if moving else (None, None)
+    system = _with_rows(system, remaining, lead, factor)
+    errors = _with_rows(errors, remaining, lead, factor if factor is None else np.abs(factor))
+    names = tuple(drift.states[i] for i in remaining)
+    cut = LinearFractional(*system, *errors, bool(moving), frame.period, names)
+    if conserved and moving:
         cut = _without_integrator(cut)
-    left = tuple(drift.states[i] for i in range(len(drift.states)) if i not in kept)
-    return _acted_on(cut, left)
+    return _acted_on(cut, tuple(drift.states[i] for i in range(len(drift.states)) if i not in remaining))
 
 
-def _stacked(rows, columns):
-    return tuple(np.concatenate(np.broadcast_arrays(*part), axis=-2) for part in (rows, columns))
+def _with_rows(system, states, lead, factor):
+    """Return a system with its remaining states, and the rows VELOCITY, ADVANCE and OFFSET; lead: the state that the first
+    signal moves with, by the factor, or None."""
+    E, B, C, D = system
+    advance = 0 * C[..., :1, states] if lead is None else factor * E[..., [lead], :][..., states]
+    step = 0 * D[..., :1, :] if lead is None else factor * B[..., [lead], :]
+    v, dv = (C[..., 1:, states], D[..., 1:, :]) if C.shape[-2] > 1 else (0 * C[..., states], 0 * D)
+    rows = np.concatenate(np.broadcast_arrays(v, advance, C[..., :1, states]), axis=-2)
+    columns = np.concatenate(np.broadcast_arrays(dv, step, D[..., :1, :]), axis=-2)
+    return StateSpace(E[..., states, :][..., states], B[..., states, :], rows, columns)
 
 
 def _without_integrator(cut):
@@ -164,38 +167,37 @@ def _without_integrator(cut):
     back = inverse(cut.E)
     l = cut.C[..., ADVANCE : ADVANCE + 1, :] @ back
     unsure = (cut.dC[..., ADVANCE : ADVANCE + 1, :] + np.abs(l) @ cut.dE) @ np.abs(back)
-    C, D, dC, dD = (part.copy() for part in (cut.C, cut.D, cut.dC, cut.dD))
-    C, dC = np.broadcast_to(C, (*cut.batch, *C.shape[-2:])).copy(), np.broadcast_to(dC, (*cut.batch, *dC.shape[-2:])).copy()
+    C, dC = (np.broadcast_to(rows, (*cut.batch, *rows.shape[-2:])).copy() for rows in (cut.C, cut.dC))
+    D, dD = cut.D.copy(), cut.dD.copy()
     C[..., OFFSET, :] += l[..., 0, :]
     dC[..., OFFSET, :] += unsure[..., 0, :]
-    for part in (C, D, dC, dD):
-        part[..., ADVANCE, :] = 0.0
+    for matrix in (C, D, dC, dD):
+        matrix[..., ADVANCE, :] = 0.0
     return replace(cut, C=C, D=D, dC=dC, dD=dD, integrates=False)
 
 
-def _acted_on(cut: Cut, left: tuple[str, ...]) -> Cut | None:
-    """Return the part of the loop that the numbers close, by the triangular form of its pattern; None if it has no state."""
+def _acted_on(cut: LinearFractional, gone: tuple[str, ...]) -> LinearFractional | None:
+    """Return the loop with the states that the numbers act on, by the triangular form of its pattern; None if there are none.
+
+    gone: names of the states that were left out before.
+    """
     n = cut.E.shape[-1]
-    acts, given, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (cut.E, cut.B, cut.C))
-    whole = np.zeros((n + 1, n + 1), bool)
-    whole[:n, :n], whole[:n, n], whole[n, :n] = acts, given[:, 0], shown.any(0)
-    kept, others = None, []
-    for block in blocks_of(whole):
+    acts, driven, shown = (np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2))) for matrix in (cut.E, cut.B, cut.C))
+    pattern = np.zeros((n + 1, n + 1), bool)
+    pattern[:n, :n], pattern[:n, n], pattern[n, :n] = acts, driven[:, 0], shown.any(0)
+    states, uncontrolled = np.zeros(0, int), []
+    for block in blocks_of(pattern):
         if n in block:
-            kept = block[block < n]
+            states = block[block < n]
         elif not (block.size == 1 and np.all(cut.E[..., block[0], block[0]] == -1)):  # set anew in every frame
-            others.append(cut.E[..., block[:, None], block])
-    if kept is None or not kept.size:
+            uncontrolled.append(cut.E[..., block[:, None], block])
+    if not states.size:
         return None
-    at = np.ix_(kept, kept)
-    parts = {"E": cut.E[..., *at], "dE": cut.dE[..., *at], "B": cut.B[..., kept, :], "dB": cut.dB[..., kept, :]}
-    parts |= {"C": cut.C[..., kept], "dC": cut.dC[..., kept]}
-    names = tuple(cut.states[i] for i in kept)
-    gone = (*left, *(name for name in cut.states if name not in names))
-    return replace(cut, **parts, states=names, unread=gone, others=tuple(others), poles_at_one=_poles_at_one(parts["E"]))
-
-
-def _poles_at_one(E):
-    """How many eigenvalues of E are 0 in every loop because of where its entries are not zero."""
-    acts = np.any(E != 0, axis=tuple(range(E.ndim - 2)))
-    return sum(block.size == 1 and not acts[block[0], block[0]] for block in blocks_of(acts))
+    at = np.ix_(states, states)
+    E, dE, B, dB = cut.E[..., *at], cut.dE[..., *at], cut.B[..., states, :], cut.dB[..., states, :]
+    acts = acts[at]  # eigenvalues are 0 in every loop because of where entries of E are not zero
+    poles_at_one = sum(block.size == 1 and not acts[block[0], block[0]] for block in blocks_of(acts))
+    names = tuple(cut.states[i] for i in states)
+    unread = (*gone, *(name for name in cut.states if name not in names))
+    facts = {"states": names, "unread": unread, "poles_at_one": poles_at_one, "uncontrolled": tuple(uncontrolled)}
+    return replace(cut, E=E, dE=dE, B=B, dB=dB, C=cut.C[..., states], dC=cut.dC[..., states], **facts)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ADVANCE, Cut, errors_of_whole, whole
+from wavesweep.engine.monodromy.cut import ADVANCE, LinearFractional, errors_with_integrator, with_integrator
 from wavesweep.engine.monodromy.rounding import ROUNDING
 
 
@@ -26,18 +26,19 @@ def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
         return (dE + ROUNDING * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
 
 
-def cut_within(cut: Cut, radius) -> Cut:
+def cut_within(cut: LinearFractional, radius) -> LinearFractional:
     """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the batch.
 
     An integrator, whose eigenvalue 1 is outside of the circle, becomes a state as the others are.
     """
-    (E, B, x, v), (dE, dB, dx, dv) = whole(cut), errors_of_whole(cut)
-    r, (D, dD) = np.asarray(radius)[..., None, None], (part.copy() for part in (cut.D, cut.dD))
+    (E, B, x, v), (dE, dB, dx, dv) = with_integrator(cut), errors_with_integrator(cut)
+    r, D, dD = np.asarray(radius)[..., None, None], cut.D.copy(), cut.dD.copy()
     D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):
-        parts = {"E": within(E, radius), "dE": errors_within(E, dE, radius)}
-        parts |= {"B": B / r, "dB": (dB + ROUNDING * np.abs(B)) / r, "D": D, "dD": dD}
-    parts |= {name: np.concatenate([w, np.zeros_like(w), p], axis=-2) for name, w, p in (("C", v, x), ("dC", dv, dx))}
+        E, dE = within(E, radius), errors_within(E, dE, radius)
+        B, dB = B / r, (dB + ROUNDING * np.abs(B)) / r
+    C, dC = (np.concatenate([w, np.zeros_like(w), p], axis=-2) for w, p in ((v, x), (dv, dx)))
     names = (*cut.states, *(["integrator"] if cut.integrates else []))
-    others = tuple(within(block, radius) for block in cut.others)
-    return replace(cut, **parts, integrates=False, states=names, poles_at_one=0, others=others)
+    uncontrolled = tuple(within(block, radius) for block in cut.uncontrolled)
+    facts = {"integrates": False, "states": names, "poles_at_one": 0, "uncontrolled": uncontrolled}
+    return replace(cut, E=E, B=B, C=C, D=D, dE=dE, dB=dB, dC=dC, dD=dD, **facts)

@@ -17,7 +17,7 @@ from wavesweep.engine.loops.controllers import WALL
 from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports, feels, hand_of
-from wavesweep.engine.monodromy.cut import Cut, with_batch
+from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
 from wavesweep.engine.monodromy.drift import TickDrift
 from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
 from wavesweep.engine.rows import different
@@ -33,13 +33,13 @@ ANY = np.array([0.5, 2.0])  # a number that varies
 FEW = 200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
 
 
-def exact_cut(loops: Loops, number: str) -> Cut | None:
+def exact_cut(loops: Loops, number: str) -> LinearFractional | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
     found = open_loops(loops, number)
     return found and found.cut
 
 
-def wall_cut(values: Mapping[str, object]) -> Cut | None:
+def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
     """The loops of a controller cut at both numbers of its wall; None if its frame reads these more than once.
 
     values: flat keys, with numbers or arrays over the loops.
@@ -64,11 +64,11 @@ class OpenLoops:
     conserved: bool = False
 
     @cached_property
-    def cut(self) -> Cut | None:
+    def cut(self) -> LinearFractional | None:
         """The loops cut at the number, or at the two numbers; None if their drift cannot be represented in a cut."""
         return cut_of(self.frame, self.drift, 1 + bool(self.beside), conserved=self.conserved)
 
-    def batch(self, size: int) -> Cut:
+    def batch(self, size: int) -> LinearFractional:
         """The cut as a batch of `size` loops."""
         return self.cut.remembered(("batch", size), lambda: with_batch(self.cut, size))
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import Cut, open_in
+from wavesweep.engine.monodromy.cut import LinearFractional, open_in
 from wavesweep.engine.monodromy.shifts import DelayLines
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.stability.arc_panels import panel_roots
@@ -17,7 +17,7 @@ MOST_ERROR = 1e300  # of a value, in roundings of itself
 CAUTION = 20  # roundings of what is added up that two solves may cost
 
 
-def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
+def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
 
     On each arc the boundary equation, without its poles and its zeros at z = +-1, is interpolated at points of state space; see

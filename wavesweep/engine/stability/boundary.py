@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, Cut, V
+from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, LinearFractional
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 
 K_VE, B_VE = "K_VE", "B_VE"
@@ -31,24 +31,24 @@ class Terms:
         return (self.x, self.v) if name == K_VE else (self.v, self.x)
 
 
-def terms_of(cut: Cut, w, G, one=1.0) -> Terms:
-    """Return the terms from the rows V, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
+def terms_of(cut: LinearFractional, w, G, one=1.0) -> Terms:
+    """Return the terms from the rows VELOCITY, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
 
     one: a factor that the rows of G have as well.
     """
     if not cut.integrates:
-        return Terms(one + 0 * G[..., V], G[..., OFFSET], G[..., V])
-    return Terms(w * one + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V])
+        return Terms(one + 0 * G[..., VELOCITY], G[..., OFFSET], G[..., VELOCITY])
+    return Terms(w * one + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY])
 
 
 def _slopes_of(cut, w, G, dG) -> Terms:
     """Return the derivatives of the terms by w."""
     if not cut.integrates:
-        return Terms(0.0, dG[..., OFFSET], dG[..., V])
-    return Terms(1.0, dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET], w * dG[..., V] + G[..., V])
+        return Terms(0.0, dG[..., OFFSET], dG[..., VELOCITY])
+    return Terms(1.0, dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET], w * dG[..., VELOCITY] + G[..., VELOCITY])
 
 
-def terms(cut: Cut, w) -> Terms:
+def terms(cut: LinearFractional, w) -> Terms:
     """Return the terms of the characteristic equation at `w = z - 1`; cut: one loop per point (leading axes as `w`).
 
     Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, even if many poles crowd at z = 1.
@@ -56,7 +56,7 @@ def terms(cut: Cut, w) -> Terms:
     return terms_and_inverse(cut, w)[0]
 
 
-def terms_and_inverse(cut: Cut, w) -> tuple[Terms, np.ndarray]:
+def terms_and_inverse(cut: LinearFractional, w) -> tuple[Terms, np.ndarray]:
     """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I - E` for `end_errors`."""
     w = np.asarray(w)
     back, state = _states(cut, w)
@@ -111,7 +111,7 @@ def residual(t: Terms, K, B, least=0.0):
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
-def polish(cut: Cut, along: str, fixed, theta, scale):
+def polish(cut: LinearFractional, along: str, fixed, theta, scale):
     """Solve `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, by Newton's method from the seeds theta.
 
     cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; if K is beyond it,
@@ -169,7 +169,7 @@ def _solved(t, slopes, along, fixed, w):
         return value, (slopes.one - fixed * d_other - value * d_solved) / solved * (1j * (1 + w))
 
 
-def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None, least: float = 0.0):
+def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back=None, least: float = 0.0):
     """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
     The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
@@ -188,7 +188,7 @@ def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None, least:
     t = terms_of(cut, w, G)
     slope = (left * state[..., 0]).sum(-1)
     if cut.integrates:
-        slope = slope + 1 - pair[0] * G[..., OFFSET] - pair[1] * G[..., V]
+        slope = slope + 1 - pair[0] * G[..., OFFSET] - pair[1] * G[..., VELOCITY]
     with np.errstate(all="ignore"):
         solved, _ = t.along(along)
         turned = slope / solved * (1j * (1 + w))
@@ -203,11 +203,11 @@ def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None, least:
 
 
 def _seen(cut, w, pair, rows):
-    """Return the row that the wall reads with both of its parameters, `(..., n)`; rows: V, ADVANCE, OFFSET, `(..., 3, n)`."""
+    """Return the row that the wall reads with both of its parameters, `(..., n)`; rows: those of C, `(..., 3, n)`."""
     (K, B), w = (np.asarray(each)[..., None] for each in pair), w[..., None]
     if not cut.integrates:
-        return K * rows[..., OFFSET, :] + B * rows[..., V, :]
-    return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., V, :]
+        return K * rows[..., OFFSET, :] + B * rows[..., VELOCITY, :]
+    return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., VELOCITY, :]
 
 
 def _adjoint(cut, w, row, back):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import Cut
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine.stability.boundary import K_VE, polish, terms_and_inverse, terms_of
 from wavesweep.engine.stability.real_roots import isolate
@@ -35,7 +35,7 @@ class Polynomial:
     scale: np.ndarray
 
 
-def warp_scale(cut: Cut, *, alone: bool = False):
+def warp_scale(cut: LinearFractional, *, alone: bool = False):
     """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which they crowd least.
 
     alone: without those that are divided out, see `sampled_polynomial`.
@@ -50,7 +50,7 @@ def warp_scale(cut: Cut, *, alone: bool = False):
     return np.clip(mean, NEAREST, FARTHEST)
 
 
-def sampled_polynomial(cut: Cut, along: str, scale, *, alone: bool = False) -> Polynomial:
+def sampled_polynomial(cut: LinearFractional, along: str, scale, *, alone: bool = False) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
     alone: whether the other wall parameter is 0, and its part of the polynomial is left out.
@@ -153,7 +153,7 @@ class Crossings:
     above: np.ndarray
 
 
-def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
+def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
     """Return the crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`.
 
     polynomial: of each loop, `(loops, ...)`. The eigenvalue moves outward with the sign of d Im K/d theta at an interior
@@ -218,7 +218,7 @@ def _growth_above(value, jump, span):
     return np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
 
 
-def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
+def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
     """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there.
 
     A crossing is (column, value, theta, jump, inverse), the last of which is an index of its inverse. The value is infinite if

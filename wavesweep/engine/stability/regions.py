@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import Cut, close, errors_of_closed
+from wavesweep.engine.monodromy.cut import LinearFractional, close, errors_of_closed
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.boundary import K_VE, end_errors
@@ -76,7 +76,7 @@ class Parts:
 
 
 def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> Parts:
-    """Cut the span of every column at its crossings.
+    """LinearFractional the span of every column at its crossings.
 
     slack: distance from each end of the span within which a crossing counts as at that end.
     """
@@ -102,8 +102,8 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -
     return Parts(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
 
-def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regions:
-    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
+def regions(cut: LinearFractional, owner, along: str, fixed, span, found: Crossings) -> Regions:
+    """LinearFractional the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
 
     The count of the first region of each column follows from that of infinite values, which is one number of the loop, and from
     the directions of all crossings between (`_first_counts`); the counts of the other regions follow from the directions of the

@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import Cut, close
+from wavesweep.engine.monodromy.cut import LinearFractional, close
 from wavesweep.engine.monodromy.rounding import TELLING, at_angles_of, balance, may_have
 from wavesweep.engine.monodromy.shifts import DelayLines
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
@@ -239,7 +239,7 @@ def is_stable(E) -> np.ndarray:
     return finite & (distance > 0) & ~_is_rounding(distance, np.where(finite[..., None, None], E, 0.0))
 
 
-def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
+def spectral_radius(cut: LinearFractional, K_VE, B_VE) -> np.ndarray:
     """Return the largest modulus of the eigenvalues of the frame-to-frame matrix without its drift, as `radius_of` does.
 
     cut: loops; K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch.

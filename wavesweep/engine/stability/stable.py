@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ERRORS, PARTS, Cut
+from wavesweep.engine.monodromy.cut import ERRORS, PARTS, LinearFractional
 from wavesweep.engine.monodromy.periodic import size_of
 from wavesweep.engine.monodromy.radius import cut_within
 from wavesweep.engine.monodromy.rounding import UNEVEN, uneven_units
@@ -20,7 +20,7 @@ ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # results that are not finite show what overflowed
-def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Intervals:
+def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None) -> Intervals:
     """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
 
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
@@ -52,10 +52,10 @@ def stable_intervals(cut: Cut, along: str, span, fixed, radius=None) -> Interval
 
 def _with_others(found, cut, owner, span) -> Intervals:
     """The intervals, without any in columns of which a part that the wall does not act on is unstable, or may be."""
-    if not cut.others:
+    if not cut.uncontrolled:
         return found
     outside = np.zeros(cut.batch, int)
-    for block in cut.others:
+    for block in cut.uncontrolled:
         E = np.broadcast_to(block, (*cut.batch, *block.shape[-2:]))
         count, clear = count_outside(E)
         outside = np.where((outside < 0) | ~clear, -1, outside + count)
@@ -63,7 +63,7 @@ def _with_others(found, cut, owner, span) -> Intervals:
     return without_any(without_any(found, outside > 0), outside < 0, span, COUNTS)
 
 
-def _in_own_units(cut: Cut) -> Cut:
+def _in_own_units(cut: LinearFractional) -> LinearFractional:
     """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
     E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -104,7 +104,7 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
 
 
-def _finite(cut) -> tuple[Cut, np.ndarray]:
+def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
     """Return the loops with those that overflowed replaced by zeros, and which these are."""
     bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
     if bad.any():
