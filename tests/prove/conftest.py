@@ -18,6 +18,6 @@ def prove():
         path = spec.names.find(number).path
         loop = loops_of(spec, dict(spec.values) | {spec.names.find(name).path: value for name, value in (values or {}).items()})
         drift = drift_of(loop.changed({path: np.array([1.0, 2.0])}))
-        return prove_column(*loop, path, span, len(drift.states) - len(drift.kept), **more)
+        return prove_column(*loop, path, span, len(drift.states) - len(drift.remaining), **more)
 
     return proof

@@ -60,7 +60,7 @@ def _loop_lines(spec):
     labels = drawn.labels()
     yield from _state_lines(drift, [labels[name] for name in drift.states])
     free = drift_of(loop.changed({"environment.K_VE": 0.0}))
-    if len(free.moved) + len(free.folded) > len(drift.moved) + len(drift.folded):
+    if len(free.constant) + len(free.varying) > len(drift.constant) + len(drift.varying):
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
 
@@ -214,14 +214,14 @@ def within_ticks(spec: Spec) -> Iterator[str]:
 
 def _state_lines(drift, names):
     """names: of all states, as they are shown."""
-    yield f"  {_count(len(drift.kept), 'state')}: {_listed([names[i] for i in drift.kept])}"
-    for lead, others in drift.moved:
+    yield f"  {_count(len(drift.remaining), 'state')}: {_listed([names[i] for i in drift.remaining])}"
+    for lead, others in drift.constant:
         along = _listed([names[index] for index, _ in others])
         yield f"  drift set aside: {names[lead]}{f', and with it {along}' if along else ''}, which nothing in the loop holds"
-    if drift.folded:
-        yield f"  drift set aside: a combination with {_listed([names[i] for i in drift.folded])} that nothing changes"
-    if drift.unread:
-        yield f"  states left out, since nothing in the loop reads them: {_listed([names[i] for i in drift.unread])}"
+    if drift.varying:
+        yield f"  drift set aside: a combination with {_listed([names[i] for i in drift.varying])} that nothing changes"
+    if drift.unobserved:
+        yield f"  states left out, since nothing in the loop reads them: {_listed([names[i] for i in drift.unobserved])}"
 
 
 RUN = 3  # names with numbers that follow each other, from which on the first and the last are enough

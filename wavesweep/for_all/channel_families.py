@@ -20,7 +20,7 @@ from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.common_tick import with_common_tick
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks, drift_of_drawn
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.for_all.folded import pivots_of, without_folded
 from wavesweep.for_all.loop_frames import LoopFrames
@@ -145,7 +145,7 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
     ticks, _ = counted_ticks(ticks, drift)
     follows = np.array([[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps])
     symbols = tuple(symbol for _, symbol, *_ in steps)
-    return LoopFrames.of(ticks, drift.kept, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
+    return LoopFrames.of(ticks, drift.remaining, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
 
 
 def messages_over(
@@ -275,14 +275,14 @@ def _at(loop: MultirateLoop, tick: int, channels: tuple[Channel, ...], taken: tu
     return replace(loop, placed=tuple(placed), sums={**loop.sums, **unread})
 
 
-def _refuse_moved(ticks: Ticks, drift: TickDrift) -> None:
+def _refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
     """Raise UsageError if a drift moves what a channel carries, so that a message that is lost would change it."""
-    for lead, others in (*drift.moved, *((lead, ()) for lead in drift.folded)):
+    for lead, others in (*drift.constant, *((lead, ()) for lead in drift.varying)):
         shift = np.zeros(len(drift.states))
         shift[lead] = 1.0
         shift[[state for state, _ in others]] = [factor for _, factor in others]
         for each in ticks.maps:
-            if lead in drift.folded or (np.abs(each.E @ shift) > STILL * (np.abs(each.E) @ np.abs(shift))).any():
+            if lead in drift.varying or (np.abs(each.E @ shift) > STILL * (np.abs(each.E) @ np.abs(shift))).any():
                 raise UsageError(
                     f"messages: expected channels that carry nothing of what drifts, found {drift.states[lead]}, which nothing "
                     "holds in place; feed the position back"

@@ -10,29 +10,29 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.monodromy.drift import TickDrift, consistent_solution
+from wavesweep.engine.monodromy.drift import MarginalModes, consistent_solution
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.rounding import ENTRIES
 from wavesweep.for_all.polynomials import UNIT
 
 
-def lasting(drift: TickDrift, ticks_at: Callable[[np.ndarray], Ticks], box: np.ndarray) -> TickDrift:
+def lasting(drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: np.ndarray) -> MarginalModes:
     """Return the drift with the lead that moves most at all corners of a box of numbers, so that V stays finite in all of it.
 
     ticks_at: gives the ticks at points of the box. More than one lead is left as it is.
     """
-    if len(drift.folded) != 1:
+    if len(drift.varying) != 1:
         return drift
-    states = np.array(sorted({*drift.kept, *drift.folded}))
+    states = np.array(sorted({*drift.remaining, *drift.varying}))
     corners = np.unique(np.array(list(product(*box.T))), axis=0)
     rows = _rows([each.E for each in ticks_at(corners).maps])[..., states]
     size = np.abs(rows).max((0, 1))
     units = np.where(size > 0, 1 / size, 1.0)
     rest = np.abs(np.linalg.svd(rows * units)[2][..., -1, :])
-    return replace(drift, folded=(int(states[np.argmax(rest.min(0))]),))
+    return replace(drift, varying=(int(states[np.argmax(rest.min(0))]),))
 
 
-def without_folded(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+def without_folded(ticks: Ticks, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return the changes of all kinds of ticks without drift, `(kinds, ..., k, k)`, and bounds on their errors."""
     batch = np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
     E, dE = (
@@ -48,9 +48,9 @@ def pivots_of(ticks: Ticks, points: int) -> np.ndarray:
     return np.stack([np.broadcast_to(each.pivot, points) for each in ticks.maps], -1)
 
 
-def counted_from_rest(E, dE, V, dV, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return changes of the states that are kept, counted from the rest, and bounds on their errors; V, dV: of `shift_of`."""
-    rest, folded = np.array(drift.kept, int), np.array(drift.folded, int)
+    rest, folded = np.array(drift.remaining, int), np.array(drift.varying, int)
     own, error = (part[..., rest[:, None], rest] for part in (E, dE))
     if not folded.size:
         return own, error
@@ -61,7 +61,7 @@ def counted_from_rest(E, dE, V, dV, drift: TickDrift) -> tuple[np.ndarray, np.nd
         return own - V @ lead, np.where(np.isnan(error), np.inf, error)
 
 
-def shift_of(E, dE, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+def shift_of(E, dE, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return V, `(..., rest, leads)`, and a bound on its error, from the changes of all kinds of ticks `(kinds, ..., n, n)`.
 
     With `J M = I + N` for the rows M of all ticks, an error is at most `(1 + |N|/(1 - |N|)) |J|` times what V leaves of
@@ -69,7 +69,7 @@ def shift_of(E, dE, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     NaN if there is no such rest, infinite bounds if it is not known how far V is off. Of complex ticks, or without
     errors, there is no bound.
     """
-    rest, folded = np.array(drift.kept, int), np.array(drift.folded, int)
+    rest, folded = np.array(drift.remaining, int), np.array(drift.varying, int)
     rows, errors = _rows(E), _rows(dE)
     if not folded.size:
         nothing = np.zeros((*rows.shape[:-2], rest.size, 0))

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.product import ENTRIES, pattern_of, product_with_errors
@@ -57,7 +57,7 @@ class LoopFrames:
     symbols: tuple[Symbol, ...]
     follows: np.ndarray
     at_once: _AtOnce | None
-    drift: TickDrift | None = None
+    drift: MarginalModes | None = None
 
     @staticmethod
     def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:

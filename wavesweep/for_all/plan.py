@@ -10,7 +10,7 @@ from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks, drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks, drift_of_drawn
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.for_all.folded import lasting, pivots_of, without_folded
@@ -105,7 +105,7 @@ class Plan:
         maps, _, index = self._kinds(ticks_at)
         drift = self._drift(varied)
         ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
-        return LoopFrames.of(ticks, drift.kept, *self.written(index), drift if drift.folded else None)
+        return LoopFrames.of(ticks, drift.remaining, *self.written(index), drift if drift.varying else None)
 
     def over(
         self, paths: Sequence[str], numbers_at: Callable[[np.ndarray], np.ndarray], box: np.ndarray, units=None
@@ -161,7 +161,7 @@ class Plan:
         """The periods of the slow blocks, in ticks."""
         return sorted({symbol.ticks for symbol in self.symbols}) if self.schedule.elapsed else [self.schedule.nominal]
 
-    def _drift(self, varied) -> TickDrift:
+    def _drift(self, varied) -> MarginalModes:
         both_loops = twins(self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied)
         return drift_of_drawn(*map(self.schedule.scheduled, both_loops))
 

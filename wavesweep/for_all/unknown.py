@@ -222,10 +222,10 @@ def drift_over(loop, paths, box):
     """The drift of all loops of a box, counted from the state from which their entries are smallest."""
     ends = zip(paths, box.T, strict=True)
     drift = drift_of(loop.changed({path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}))
-    if len(drift.folded) != 1:
+    if len(drift.varying) != 1:
         return drift
     corners = np.array(list(product(*box.T)))
-    leads = [replace(drift, folded=(state,)) for state in sorted({*drift.kept, *drift.folded})]
+    leads = [replace(drift, varying=(state,)) for state in sorted({*drift.remaining, *drift.varying})]
     with np.errstate(all="ignore"):
         entries = (np.abs(frames_over(loop, paths, each, corners).E) for each in leads)
         sizes = [np.nan_to_num(each, nan=np.inf).max(initial=0.0) for each in entries]

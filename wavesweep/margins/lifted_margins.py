@@ -16,7 +16,7 @@ import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, START
 from wavesweep.engine.energy.lifted_map import TOLERANCE, LiftedMap, TickMaps, reached, read, squared_norm
-from wavesweep.engine.monodromy.drift import TickDrift, errors_of_closed, filled, without_drift
+from wavesweep.engine.monodromy.drift import MarginalModes, errors_of_closed, filled, without_drift
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.along_any import stable_along_any
@@ -50,7 +50,7 @@ class LiftedLoop:
     """
 
     ticks: OpenTicks
-    drift: TickDrift
+    drift: MarginalModes
     period: float
     places: np.ndarray
 
@@ -111,12 +111,12 @@ class LiftedLoop:
         E, T, O, G = (array[0] for array in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
         left = np.linalg.inv(np.eye(len(T)) - T)
         E, B, C = E + G @ left @ O, G @ left, left @ O
-        for lead, trailing in [*self.drift.moved, *((state, ()) for state in self.drift.unread)]:
+        for lead, trailing in [*self.drift.constant, *((state, ()) for state in self.drift.unobserved)]:
             E[:, lead] -= np.eye(len(E))[lead]
             for state, factor in trailing:
                 E[state, lead] -= factor
         matrices = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units().maps[0]
-        if count := len(self.drift.folded):
+        if count := len(self.drift.varying):
             E, B, C, _ = (matrix[0] for matrix in matrices)
             U, _, V = np.linalg.svd(E)
             v, w = V[-count:].T, U[:, -count:].T
@@ -134,7 +134,7 @@ class LiftedLoop:
         theta = np.asarray(theta, float)
         peaks = np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5
         size = np.abs(peaks).max(-1)
-        if self.drift.folded:
+        if self.drift.varying:
             largest = np.take_along_axis(peaks, np.abs(peaks).argmax(-1)[..., None], -1)[..., 0].ravel()
             with np.errstate(all="ignore"):
                 modes = np.linalg.eigvals(np.nan_to_num(self.frames((2 * largest + 1) / (2 * largest - 1)).E))

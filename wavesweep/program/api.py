@@ -112,7 +112,7 @@ class Loop:
         what = f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
         millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
         frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
-        return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
+        return f"<Loop {self.spec.name}: {what}, {len(drift.remaining)} states, {frame}; {numbers}>"
 
     def _repr_html_(self) -> str | None:
         """For notebooks: the question, its stable intervals and their figure. None, for the text alone, without an axis."""

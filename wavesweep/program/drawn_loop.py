@@ -12,7 +12,7 @@ from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.drift import TickDrift, drift_of_drawn, frame_with_reliability
+from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, frame_with_reliability
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import port_of
 from wavesweep.engine.response.steady import respond
@@ -29,7 +29,7 @@ class DrawnLoop:
     """A loop drawn in Python as a `MultirateLoop`, which has no numbers to sweep; its arrays may be a batch of loops."""
 
     drawn: MultirateLoop
-    drift: TickDrift
+    drift: MarginalModes
 
     if not TYPE_CHECKING:  # which reads the methods of capabilities in wavesweep/__init__.pyi
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from wavesweep.engine.loops.batch import Loops
-    from wavesweep.engine.monodromy.drift import TickDrift
+    from wavesweep.engine.monodromy.drift import MarginalModes
     from wavesweep.engine.search.interval_search import Search
     from wavesweep.program.analyses.interval_jobs import Guarantee
     from wavesweep.program.reading.tables import SpecTable
@@ -130,10 +130,10 @@ class BoxesModule(Protocol):
     def numbers_in_words(self, by: Mapping[str, object]) -> str:
         """Numbers, by their paths, as a text."""
 
-    def drift_over(self, loop: Loops, paths: Sequence[str], box: np.ndarray) -> TickDrift:
+    def drift_over(self, loop: Loops, paths: Sequence[str], box: np.ndarray) -> MarginalModes:
         """What nothing opposes in any loop of a box, `(2, numbers)`."""
 
-    def frames_over(self, loop: Loops, paths: Sequence[str], drift: TickDrift, x: np.ndarray) -> Any:
+    def frames_over(self, loop: Loops, paths: Sequence[str], drift: MarginalModes, x: np.ndarray) -> Any:
         """The frames at points of the box, `(points, numbers)`."""
 
     def of_complex_frames(self, E: np.ndarray, conjugate: np.ndarray, units: float = 1.0) -> Any:

@@ -47,7 +47,7 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
         return ProvedAgain("unsettled", "a loop of direct terms has no solution at an end of the range")
 
     def difference(part, most):
-        proof = prove_column(*loop, search.along, part, len(drift.states) - len(drift.kept), operations=most)
+        proof = prove_column(*loop, search.along, part, len(drift.states) - len(drift.remaining), operations=most)
         return None if proof is None else _first_difference(list(_clipped(claims, part)), proof.intervals, part, least)
 
     problem = difference(span, operations)

@@ -39,7 +39,7 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float 
         loop = Loops(drawing, loop.values)
         with suppress(IllPosedLoopError):
             drift = drift_of(loop.changed({along: np.array(span)}))
-            proof = prove_column(*loop, along, span, len(drift.states) - len(drift.kept), operations=budget)
+            proof = prove_column(*loop, along, span, len(drift.states) - len(drift.remaining), operations=budget)
             if proof:
                 exact_ends = dict(zip(span, (low, high), strict=True))
                 rows = [(exact_ends.get(row[0], row[0]), exact_ends.get(row[1], row[1]), *row[2:]) for row in proof.intervals]

@@ -32,7 +32,7 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.domain import guards_at
 from wavesweep.engine.loops.from_drawing import OUTPUT
-from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import facts_of
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.monodromy.rounding import ROUNDING
@@ -163,7 +163,7 @@ class BoundedGain:
     along: str
     route: tuple[str, str]
     level: float
-    drift: TickDrift
+    drift: MarginalModes
     kept: np.ndarray
     inputs: int
     columns: np.ndarray

@@ -131,7 +131,7 @@ class _VariedLoops:
         """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
         drawn, drift = self.with_end(p, 1).drawn(), self._drift()
         labels = drawn.labels()
-        return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.kept]
+        return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.remaining]
 
 
 def _smooth(spec) -> list[str]:

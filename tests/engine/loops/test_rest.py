@@ -70,11 +70,11 @@ def test_no_tick_changes_what_a_shift_moves(seed):
 def _unchanged(spec):
     drift, drawn = drift_of(Loops(spec.drawing, spec.values)), twins(spec.drawing, spec.values)[0]
     E = frame_of(ticks_of(drawn, alone=True))
-    for lead, others in drift.moved:
+    for lead, others in drift.constant:
         shift = np.zeros(len(drift.states))
         shift[[lead, *(state for state, _ in others)]] = [1.0, *(factor for _, factor in others)]
         assert np.all(np.abs(E @ shift) <= 1e-11 * (np.abs(E) @ np.abs(shift)))
-    return len(drift.moved)
+    return len(drift.constant)
 
 
 WITH_WALL = {("dc", 0.0): 0, ("dc", 30.0): 0, ("dc-", 0.0): 0, ("dc-", 30.0): 0, ("pmw", 0.0): 1, ("pmw", 30.0): 1}

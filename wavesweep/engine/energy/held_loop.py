@@ -15,7 +15,7 @@ from wavesweep.engine.loops.from_drawing import assembled, twins
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.loops.values import values_of
-from wavesweep.engine.monodromy.drift import TickDrift, drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn
 from wavesweep.engine.response.port import Port, port_of
 
 
@@ -77,7 +77,7 @@ class HeldLoop:
         later = shares(self.drawing, known, values_of(self.drawing.tick_hz, known))[name]
         return {port: 1.0 - later, f"{port}{AT}{name}": later}
 
-    def drift(self, watched=()) -> TickDrift:
+    def drift(self, watched=()) -> MarginalModes:
         """Return the drift of the loops; watched: see `drift_of_drawn`."""
         with np.errstate(all="ignore"):
             return _drift(*twins(self.drawing, self.values), tuple(watched))

@@ -76,7 +76,7 @@ class MultirateLoop:
         object.__setattr__(self, "ticks", ticks)
 
     def labels(self) -> dict[str, str]:
-        """Readable labels of the states of blocks and of outputs that are held, by their names in `TickDrift`."""
+        """Readable labels of the states of blocks and of outputs that are held, by their names in `MarginalModes`."""
         found = {}
         for block in (each.block for each in self.placed):
             readable = block.labels or [f"{block.name} {state}" for state in block.states]

@@ -21,27 +21,28 @@ ROUNDED = 1e3  # roundings of the largest unknown or right side that any equatio
 
 
 @dataclass(frozen=True, slots=True)
-class TickDrift:
-    """The drift of a drawn loop, by structure.
+class MarginalModes:
+    """The marginal modes of a drawn loop by its structure: what drifts in it.
 
-    states: those of the frame. moved: pairs of a lead and the states that move with it by constant factors,
-    `(lead, ((state, factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that keep
-    their value, but for what others add to it, and that nothing reads. All are indices into `states`.
+    states: those of the frame. constant: modes whose shapes are the same for all numbers, as pairs of a lead and the states
+    that move with it by factors, `(lead, ((state, factor), ...))`. varying: leads of modes whose shapes depend on the numbers
+    of the loop. unobserved: states that keep their value, but for what others add to it, and that nothing reads. All are
+    indices into `states`.
     """
 
     states: tuple[str, ...]
-    moved: tuple
-    folded: tuple[int, ...]
-    unread: tuple[int, ...]
+    constant: tuple
+    varying: tuple[int, ...]
+    unobserved: tuple[int, ...]
 
     @property
-    def kept(self) -> list[int]:
+    def remaining(self) -> list[int]:
         """Indices of the states that remain."""
-        gone = {lead for lead, _ in self.moved} | set(self.folded) | set(self.unread)
+        gone = {lead for lead, _ in self.constant} | set(self.varying) | set(self.unobserved)
         return [index for index in range(len(self.states)) if index not in gone]
 
 
-def drift_of_drawn(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> TickDrift:
+def drift_of_drawn(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> MarginalModes:
     """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
 
     watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
@@ -54,14 +55,14 @@ def drift_of_drawn(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> Tic
         names += [f"{block.name}.{name}" for name in (*block.states, *(f"{port} held" for port in held[block.name]))]
         if block.name not in alive:
             idle += [f"{block.name}.{state}" for state in _idle(block)]
-    at, moved, folded = {name: i for i, name in enumerate(names)}, [], []
+    at, constant, varying = {name: i for i, name in enumerate(names)}, [], []
     for shift, other_shift in _shifts_of_both(drawn, twin, alive):
         lead, *rest = shift
         if shift.keys() == other_shift.keys() and all(_alike(shift[name], other_shift[name]) for name in shift):
-            moved.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
+            constant.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
         else:
-            folded.append(at[lead])
-    return TickDrift(tuple(names), tuple(moved), tuple(folded), tuple(at[name] for name in idle))
+            varying.append(at[lead])
+    return MarginalModes(tuple(names), tuple(constant), tuple(varying), tuple(at[name] for name in idle))
 
 
 def _shifts_of_both(drawn, twin, alive):
@@ -103,22 +104,22 @@ def _idle(block):
     return [state for i, state in enumerate(block.states) if i not in busy]
 
 
-def counted_ticks(ticks: Ticks, drift: TickDrift) -> tuple[Ticks, tuple]:
+def counted_ticks(ticks: Ticks, drift: MarginalModes) -> tuple[Ticks, tuple]:
     """Return the ticks with states counted from others: those that a drift moves from its lead, and copies from their source;
-    and which are counted from which, as `TickDrift.moved`.
+    and which are counted from which, as `MarginalModes.constant`.
 
     A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does. If
     both were kept, what they have in common would be cancelled in every tick, and its digits with it.
     """
-    drifting = {state for lead, followers in drift.moved for state in (lead, *(index for index, _ in followers))}
+    drifting = {state for lead, followers in drift.constant for state in (lead, *(index for index, _ in followers))}
     copies = [
         (source, tuple((state, 1.0) for state in states if state not in drifting)) for source, states in _copies(ticks).items()
     ]
     copies = [(source, followers) for source, followers in copies if followers]
-    groups = (*drift.moved, *copies)
+    groups = (*drift.constant, *copies)
     if not groups:
         return ticks, groups
-    leads = [lead for lead, _ in drift.moved]
+    leads = [lead for lead, _ in drift.constant]
     return replace(ticks, maps=tuple(_counted(block, groups, leads, dict(copies)) for block in ticks.maps)), groups
 
 
@@ -196,14 +197,14 @@ def _copied(state, rows):
 def counted_from_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
     """Return matrices whose rows are changes of states, those that leads move being counted from these; sign: 1 for sizes."""
     matrices = tuple(matrix.copy() for matrix in matrices)
-    for lead, followers in drift.moved:
+    for lead, followers in drift.constant:
         for index, factor in followers:
             for matrix in matrices:
                 matrix[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * matrix[..., lead, :]
     return matrices
 
 
-def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
+def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray:
     """Return the frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
 
     sizes: of errors of E; then those of the result are returned.
@@ -213,14 +214,14 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows
     from the others depends on the combination that the loop conserves, and a lead need not be a part of it.
     """
-    index = [i for i in range(len(drift.states)) if i in drift.folded or i in drift.kept]
+    index = [i for i in range(len(drift.states)) if i in drift.varying or i in drift.remaining]
     if len(index) < E.shape[-1]:
         at = np.ix_(index, index)
         E = counted_from_leads((E,), drift)[0][..., *at]
         sizes = None if sizes is None else counted_from_leads((sizes,), drift, 1)[0][..., *at]
-    if not drift.folded:
+    if not drift.varying:
         return E if sizes is None else sizes
-    leads = np.array([index.index(lead) for lead in drift.folded], int)
+    leads = np.array([index.index(lead) for lead in drift.varying], int)
     rest = np.array([i for i in range(len(index)) if i not in leads], int)
     V = consistent_solution(E[..., rest], -E[..., leads])
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
@@ -262,7 +263,7 @@ def consistent_solution(A, b) -> np.ndarray:
     return np.where(finite, x, np.nan)
 
 
-def closed_frame(drawn: MultirateLoop, drift: TickDrift) -> np.ndarray:
+def closed_frame(drawn: MultirateLoop, drift: MarginalModes) -> np.ndarray:
     """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where rounding leaves nothing of it.
 
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
@@ -272,7 +273,7 @@ def closed_frame(drawn: MultirateLoop, drift: TickDrift) -> np.ndarray:
     return known_frames(filled(without_drift(E, drift)), growth)
 
 
-def frame_with_reliability(drawn: MultirateLoop, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+def frame_with_reliability(drawn: MultirateLoop, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
     E, dE = errors_of_closed(ticks_of(drawn, alone=True, terms=True), drift)
     finite = np.isfinite(E).all((-1, -2))
@@ -283,12 +284,12 @@ def frame_with_reliability(drawn: MultirateLoop, drift: TickDrift) -> tuple[np.n
     return E, rough.reshape(finite.shape)
 
 
-def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
+def closed(ticks: Ticks, drift: MarginalModes) -> np.ndarray:
     """`closed_frame` for ticks that are connected already, whatever rounding leaves."""
     return filled(without_drift(frame_of(ticks), drift))
 
 
-def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+def errors_of_closed(ticks: Ticks, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms."""
     changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
     E, dE = product_with_errors(ticks.kind, changes, sizes, each=True)

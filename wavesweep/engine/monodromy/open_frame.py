@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.engine.loops.block import concatenated
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, LinearFractional
-from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks
+from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.engine.monodromy.product import blocks_of, product_with_errors
 from wavesweep.engine.monodromy.rounding import ALIKE, ENTRIES
@@ -40,7 +40,7 @@ class OpenFrame:
 
 def open_frame(
     drawn: MultirateLoop,
-    drift: TickDrift,
+    drift: MarginalModes,
     force: str,
     read: tuple[str, ...],
     hand: str = "",
@@ -125,19 +125,19 @@ def _with_moment(columns):
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a frame that overflows is for the caller to see
-def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1, *, conserved: bool = False) -> LinearFractional | None:
+def cut_of(frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: bool = False) -> LinearFractional | None:
     """Return the loop cut at the numbers of such a frame; None if its drift cannot be represented in a cut.
 
     drift: that of the open loop. read: 2 if another number multiplies the second signal in the same sum. conserved: whether the
     integrator that the number reads remains in the closed loop: then a combination of states, which no number changes, takes
     its place.
     """
-    leads = [lead for lead, _ in drift.moved]
+    leads = [lead for lead, _ in drift.constant]
     share = frame.C[..., 0, leads]
     moving = [at for at in range(len(leads)) if np.any(share[..., at])]
-    if drift.folded or len(moving) > 1 or (read > 1 and np.any(frame.C[..., 1:read, leads])):
+    if drift.varying or len(moving) > 1 or (read > 1 and np.any(frame.C[..., 1:read, leads])):
         return None
-    remaining = [i for i in range(len(drift.states)) if i not in leads and i not in drift.unread]
+    remaining = [i for i in range(len(drift.states)) if i not in leads and i not in drift.unobserved]
     system = StateSpace(frame.E, frame.B[..., :1], frame.C[..., :read, :], frame.D[..., :read, :1])
     errors = StateSpace(frame.dE, frame.dB[..., :1], frame.dC[..., :read, :], frame.dD[..., :read, :1])
     lead, factor = (leads[moving[0]], share[..., moving[0], None, None]) if moving else (None, None)

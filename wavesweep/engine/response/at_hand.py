@@ -42,12 +42,12 @@ def felt_of(loops: Loops, size: int) -> np.ndarray:
 def _fill_felt(felt, loops):
     """Write what is known of `felt_of` into the array."""
     ports, size, drawn, drift = hand_of(loops.drawing), felt.size, loops.drawn(), watched_drift(loops)
-    if not (drift.moved or drift.folded):
+    if not (drift.constant or drift.varying):
         with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
             felt[:] = tick_dcgain(drawn, ports).stiffness(np.arange(size), np.zeros(size))
     unknown = np.flatnonzero(np.isnan(felt))
     rates = _rates(loops)
-    if drift.folded and rates:  # what drifts may depend on the rate: the loops of each one by themselves
+    if drift.varying and rates:  # what drifts may depend on the rate: the loops of each one by themselves
         first, of = distinct_rows({path: rate[unknown] for path, rate in rates.items()}, unknown.size)
         for number, at in enumerate(unknown[first].tolist()):
             members, values = unknown[of == number], {path: rate[at].item() for path, rate in rates.items()}

@@ -6,19 +6,19 @@ import numpy as np
 
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.drift import MarginalModes
 
 DISPLACEMENT = "displacement"  # the output that a mass gets
 
 
-def with_displacements(drawn: MultirateLoop, drift: TickDrift) -> tuple[MultirateLoop, TickDrift]:
+def with_displacements(drawn: MultirateLoop, drift: MarginalModes) -> tuple[MultirateLoop, MarginalModes]:
     """Return the drawing, and its drift, with the differences of positions of masses as delays of their displacements.
 
     A block whose state only keeps the position x of a mass, and whose output is `c (x[k] - x[k-1])`, is one with the state
     `c (x[k] - x[k-1])`, which no drift moves. All runs in every tick. The states keep their names.
     """
     placed, sums = {scheduled.block.name: scheduled for scheduled in drawn.placed}, dict(drawn.sums)
-    leads, gone = {drift.states[lead] for lead, _ in drift.moved}, set()
+    leads, gone = {drift.states[lead] for lead, _ in drift.constant}, set()
     for name, scheduled in list(placed.items()):
         source = sums.get(f"{name}.u", {})
         mass, _, port = next(iter(source), "").rpartition(".")
@@ -31,8 +31,8 @@ def with_displacements(drawn: MultirateLoop, drift: TickDrift) -> tuple[Multirat
         placed[name] = replace(scheduled, block=Block(name, block.inputs, block.outputs, block.states, E, B, C, D))
         sums[f"{name}.u"] = {f"{mass}.{DISPLACEMENT}": next(iter(source.values()))}
         gone.add(drift.states.index(state))
-    moved = tuple((lead, tuple(pair for pair in moved if pair[0] not in gone)) for lead, moved in drift.moved)
-    return replace(drawn, placed=tuple(placed.values()), sums=sums), replace(drift, moved=moved)
+    constant = tuple((lead, tuple(pair for pair in followers if pair[0] not in gone)) for lead, followers in drift.constant)
+    return replace(drawn, placed=tuple(placed.values()), sums=sums), replace(drift, constant=constant)
 
 
 def _is_difference(scheduled):

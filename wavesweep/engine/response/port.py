@@ -8,7 +8,7 @@ from wavesweep.engine.drawing.conditions import OF_PLANT
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.engine.response.bounded_sums import long_sum
@@ -92,7 +92,7 @@ class Port:
         return replace(self, maps=maps, sizes=sizes, position=None if self.position is None else self.position[..., states])
 
 
-def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
+def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
     """Return the loops as they are seen from their port.
 
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
@@ -122,7 +122,7 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: TickDrift) -> Port:
     return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), drifts=drifts, moves=moves)
 
 
-def port_between(drawn: MultirateLoop, source: str, signal: str, drift: TickDrift) -> Port:
+def port_between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> Port:
     """Return the loops as they are seen from an input from outside and a signal, which may be any.
 
     The first output is the signal in each tick. If it moves with a drift, that share of it is left out there, and the change of
@@ -179,23 +179,23 @@ class _Shifts:
     dN: np.ndarray
 
     @staticmethod
-    def of(ticks: Ticks, drift: TickDrift, reads) -> "_Shifts":
-        moved = [*drift.moved, *(() if drift.folded else ((state, ()) for state in drift.unread))]
-        constant = np.zeros((len(drift.states), len(moved)))
-        for column, (_, followers) in enumerate(moved):
+    def of(ticks: Ticks, drift: MarginalModes, reads) -> "_Shifts":
+        modes = [*drift.constant, *(() if drift.varying else ((state, ()) for state in drift.unobserved))]
+        factors = np.zeros((len(drift.states), len(modes)))
+        for column, (_, followers) in enumerate(modes):
             for state, factor in followers:
-                constant[state, column] = factor
-        leads, folded = [lead for lead, _ in moved], list(drift.folded)
-        if folded:
-            folded = _best_leads(ticks, reads, folded, [state for state in range(len(drift.states)) if state not in leads])
-        leads += folded
+                factors[state, column] = factor
+        leads, varying = [lead for lead, _ in modes], list(drift.varying)
+        if varying:
+            varying = _best_leads(ticks, reads, varying, [state for state in range(len(drift.states)) if state not in leads])
+        leads += varying
         remaining = [state for state in range(len(drift.states)) if state not in leads]
-        if not folded:
-            return _Shifts(leads, remaining, constant, 0 * constant)
-        V, dV = _fixed(ticks, remaining, folded)
+        if not varying:
+            return _Shifts(leads, remaining, factors, 0 * factors)
+        V, dV = _fixed(ticks, remaining, varying)
         N, dN = np.zeros((2, *V.shape[:-2], len(drift.states), len(leads)))
-        N[..., : len(moved)] = constant
-        N[..., remaining, len(moved) :], dN[..., remaining, len(moved) :] = V, dV
+        N[..., : len(modes)] = factors
+        N[..., remaining, len(modes) :], dN[..., remaining, len(modes) :] = V, dV
         return _Shifts(leads, remaining, N, dN)
 
     def share_of(self, reads):

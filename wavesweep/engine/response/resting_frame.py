@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.drift import TickDrift, counted_row
+from wavesweep.engine.monodromy.drift import MarginalModes, counted_row
 from wavesweep.engine.monodromy.open_frame import OpenFrame
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.response.linear_systems import solved
@@ -28,7 +28,7 @@ def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> 
     )
 
 
-def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: TickDrift) -> DcGain | None:
+def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: MarginalModes) -> DcGain | None:
     """Return the loops at rest, free in the number that the frame is without; None if the frame does not determine them.
 
     frame: with the hand's force; its signals are first the one that the number multiplies, then perhaps the one that another
@@ -41,7 +41,7 @@ def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: Ti
     Accuracy: errors follow from the bounds on those of the frame's entries.
     """
     position = _position(drawn, ports.position, frame.ticks.states)
-    if drift.folded or position is None:
+    if drift.varying or position is None:
         return None
     position = counted_row(position, frame.counted)
     with np.errstate(all="ignore"):
@@ -81,7 +81,7 @@ class _Equations:
 
     @classmethod
     def of(cls, frame, drift, position):
-        n, leads = len(frame.ticks.states), [lead for lead, _ in drift.moved]
+        n, leads = len(frame.ticks.states), [lead for lead, _ in drift.constant]
         order = [state for state in range(n) if state not in leads] + leads
         sizes = frame.dE + ROUNDING * np.abs(frame.E), frame.dB + ROUNDING * np.abs(frame.B), frame.dC, frame.dD
         batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (frame.E, frame.B, frame.C, frame.D, position)))

@@ -14,7 +14,7 @@ from wavesweep.engine.loops.controllers import WALL
 from wavesweep.engine.loops.domain import bends_at_zero, domains, guards_at
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, rate_of, scalar_place
 from wavesweep.engine.loops.resolution import ResolvedAlong
-from wavesweep.engine.monodromy.drift import TickDrift, closed, errors_of_closed, filled, without_drift
+from wavesweep.engine.monodromy.drift import MarginalModes, closed, errors_of_closed, filled, without_drift
 from wavesweep.engine.monodromy.open_ticks import OpenTicks, facts_of
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.monodromy.radius import errors_within, within
@@ -108,7 +108,7 @@ def _meeting_one_at_zero(search, found, loops):
     if search.bound or not any(map(np.any, near.values())):
         return found
     held, free = (drift_of(loops.changed({search.along: value})) for value in (np.array(search.span), 0.0))
-    if len(free.moved) + len(free.folded) <= len(held.moved) + len(held.folded):
+    if len(free.constant) + len(free.varying) <= len(held.constant) + len(held.varying):
         return found
     changed = {}
     for end, at in near.items():
@@ -129,7 +129,7 @@ class FramesAlong:
 
     loops: Loops
     along: str
-    drift: TickDrift
+    drift: MarginalModes
     open_ticks: OpenTicks | None
     shared: str = ""
     radius: np.ndarray | None = None
@@ -187,7 +187,7 @@ class FramesAlong:
             ticks = self.open_ticks.closed(number, p, terms=True) if self.open_ticks else _ticks(at, terms=True)
         except IllPosedLoopError:
             if p.size == 1:
-                return (np.full((1, max(2, len(self.drift.kept)), max(2, len(self.drift.kept))), np.nan),) * 2
+                return (np.full((1, max(2, len(self.drift.remaining)), max(2, len(self.drift.remaining))), np.nan),) * 2
             ones = zip(*(part.reshape(-1, 1) for part in np.broadcast_arrays(number, p)), strict=True)
             return tuple(np.concatenate(part) for part in zip(*(self.errors(*one) for one in ones), strict=True))
         with np.errstate(all="ignore"):
@@ -211,7 +211,7 @@ def _ticks(loops, *, terms=False):
         return ticks_of(drawn, alone=True, terms=terms)
 
 
-def frames_where_solvable(loops: Loops, drift: TickDrift, shape: tuple[int, ...]) -> Frames:
+def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, ...]) -> Frames:
     """The frames of a batch of that shape, which the numbers broadcast to, one after the other.
 
     They are NaN for loops of direct terms without a solution, which a search may come across.
@@ -223,7 +223,7 @@ def frames_where_solvable(loops: Loops, drift: TickDrift, shape: tuple[int, ...]
             return _frames(closed(ticks, drift), facts_of(ticks.maps), shape)
     except IllPosedLoopError:
         if size == 1:
-            order = max(2, len(drift.kept))
+            order = max(2, len(drift.remaining))
             return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
     loops = loops.changed({path: np.broadcast_to(v, shape).ravel() for path, v in loops.values.items() if np.ndim(v)})
     halves = np.array_split(np.arange(size), 2)

@@ -180,7 +180,7 @@ def _resting(search, loops) -> "DcGain | None":
         return None
     with suppress(IllPosedLoopError):
         drift = watched_drift(loops.changed({search.along: np.array(search.span)}))
-        if not (drift.moved or drift.folded):
+        if not (drift.constant or drift.varying):
             from wavesweep.engine.response.resting import tick_dcgain
 
             one = loops.changed({search.along: 1.0})

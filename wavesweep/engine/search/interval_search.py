@@ -191,8 +191,8 @@ class Search:
         """
         over = loops.changed({self.along: np.array(self.span)})
         whole, *drifts = (drift_of(Loops(drawing, over.values)) for drawing in (loops.drawing, *parts))
-        unread, *others = ({each.states[state] for state in each.unread} for each in (whole, *drifts))
-        shifts, *own = (len(each.moved) + len(each.folded) for each in (whole, *drifts))
+        unread, *others = ({each.states[state] for state in each.unobserved} for each in (whole, *drifts))
+        shifts, *own = (len(each.constant) + len(each.varying) for each in (whole, *drifts))
         return shifts == sum(own) and unread >= set().union(*others)
 
     def connected(self, loops, size, opened) -> Intervals:

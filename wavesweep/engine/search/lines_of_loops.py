@@ -5,7 +5,7 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.from_drawing import PRODUCT
-from wavesweep.engine.monodromy.drift import TickDrift, counted_ticks
+from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
 from wavesweep.engine.monodromy.rounding import balance
@@ -31,8 +31,8 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
         return lines_of(np.ones((size, 1, 1)), s[:, 0], period)
     with named_loops(drawn), np.errstate(all="ignore"):
         ticks, _ = counted_ticks(ticks_of(drawn, alone=True, terms=True), drift)
-        n, leads = len(ticks.states), [lead for lead, _ in drift.moved]
-        inner = np.delete(np.arange(n), [*leads, *drift.unread])
+        n, leads = len(ticks.states), [lead for lead, _ in drift.constant]
+        inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
         own, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
         delta, _ = eigenvalues(own)
@@ -50,7 +50,7 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
         return lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
 
 
-def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: TickDrift, own) -> tuple[np.ndarray, np.ndarray]:
+def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, own) -> tuple[np.ndarray, np.ndarray]:
     """The states that a spectrum shows as rows over states that are counted from others, `(n, n)`, and which it shows of modes
     in which the states `own` take part, masks `(..., n)`.
 
@@ -60,7 +60,7 @@ def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: TickDrift, own) 
     starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
     starts += [f"{block.name}." for block in drawing.alone if block.plant]
     blocks, rows, own = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), own.copy()
-    for lead, others in drift.moved:
+    for lead, others in drift.constant:
         rows[[index for index, _ in others], lead] = [factor for _, factor in others]
         own[..., lead] = (own & (blocks == blocks[lead])).any(-1)
     plants = own & [name.startswith(tuple(starts)) for name in states]
@@ -89,7 +89,7 @@ def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: Require
     """
     loops, which, found = opened.loops, opened.which[at], np.abs(omega) / (2 * np.pi)
     frame, ticks, count = loops.frame, loops.frame.ticks, int(opened.which.max()) + 1
-    kinds, n, leads = ticks.kind.tolist(), len(ticks.states), [lead for lead, _ in loops.drift.moved]
+    kinds, n, leads = ticks.kind.tolist(), len(ticks.states), [lead for lead, _ in loops.drift.constant]
     if len(kinds) == 1:
         return found
     cut = loops.batch(count)

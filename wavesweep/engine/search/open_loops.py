@@ -18,7 +18,7 @@ from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports, feels, hand_of
 from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
-from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
 from wavesweep.engine.rows import different
 from wavesweep.engine.search.required_region import RequiredRegion
@@ -58,7 +58,7 @@ class OpenLoops:
 
     drawn: MultirateLoop
     frame: OpenFrame
-    drift: TickDrift
+    drift: MarginalModes
     hand: Ports | None = None
     beside: str = ""
     conserved: bool = False
@@ -93,14 +93,14 @@ def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = Fals
     both = dict.fromkeys((path, *([path_of(beside)] if beside else [])), ANY)
     closed, loops = drift_of(loops.changed(both)), loops.changed(dict.fromkeys(both, 0.0))
     drift = drift_of(loops, number, read, beside)
-    if drift.folded:
+    if drift.varying:
         return None
     if beside:
         whole = drift_of(loops.changed({path_of(beside): ANY}), number, read, beside)
-        if (whole.moved, whole.folded) != (drift.moved, drift.folded):
+        if (whole.constant, whole.varying) != (drift.constant, drift.varying):
             return None
-    conserved = bool(closed.folded)
-    if conserved and len(closed.moved) + len(closed.folded) != len(drift.moved):
+    conserved = bool(closed.varying)
+    if conserved and len(closed.constant) + len(closed.varying) != len(drift.constant):
         return None
     drawn = loops.drawn(number, beside)
     hand = hand_of(drawing) if felt and feels(drawing) else None

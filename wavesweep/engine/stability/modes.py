@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import TickDrift
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.stability.spectrum import NEIGHBOURHOOD, states_of_blocks
 
 
@@ -41,10 +41,10 @@ def modes_of(E) -> Modes:
     return Modes(delta[order], shares[order])
 
 
-def named_modes(E, drawn: MultirateLoop, drift: TickDrift) -> tuple[list[str], Modes]:
+def named_modes(E, drawn: MultirateLoop, drift: MarginalModes) -> tuple[list[str], Modes]:
     """Return the names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
-    labels, kept = drawn.labels(), len(drift.kept)
-    return [labels[drift.states[index]] for index in drift.kept], modes_of(E[:kept, :kept])
+    labels, kept = drawn.labels(), len(drift.remaining)
+    return [labels[drift.states[index]] for index in drift.remaining], modes_of(E[:kept, :kept])
 
 
 def certain_modes(delta, *, clear: bool) -> np.ndarray:

@@ -12,7 +12,7 @@ from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.from_drawing import twins
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import hand_of
-from wavesweep.engine.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, frame_with_reliability
+from wavesweep.engine.monodromy.drift import MarginalModes, closed_frame, drift_of_drawn, frame_with_reliability
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.stability.spectrum import radius_of
 
@@ -49,7 +49,7 @@ def blocks_without_solution(drawing, items):
     return None
 
 
-def drift_of(loops: Loops, out: str = "", watched=(), beside: str = "") -> TickDrift:
+def drift_of(loops: Loops, out: str = "", watched=(), beside: str = "") -> MarginalModes:
     """The drift of loops of a batch, whose numbers that vary are arrays; see `twins` and `drift_of_drawn`."""
     with np.errstate(all="ignore"):
         return _drift(*twins(*loops, out, beside), tuple(watched))
@@ -65,7 +65,7 @@ def held_loop(loops: Loops) -> "HeldLoop":
     return HeldLoop(*loops.read)
 
 
-def frames(loops: Loops, drift: TickDrift) -> np.ndarray:
+def frames(loops: Loops, drift: MarginalModes) -> np.ndarray:
     """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; see `closed_frame`."""
     drawn = loops.drawn()
     with named_loops(drawn), np.errstate(all="ignore"):
@@ -96,6 +96,6 @@ def frames_of(loops: Loops) -> int:
     return 1 if "rates.ratio" in loops.drawing.reads or isinstance(ratio, float) else ratio
 
 
-def watched_drift(loops: Loops) -> TickDrift:
+def watched_drift(loops: Loops) -> MarginalModes:
     """The drift as the hand's port sees it."""
     return drift_of(loops, watched=hand_of(loops.drawing).signals)

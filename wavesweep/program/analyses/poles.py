@@ -42,7 +42,7 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
 def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
     drawn, drift = loops.drawn(), drift_of(loops)
-    kept, period = len(drift.kept), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    kept, period = len(drift.remaining), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     E, hidden = frames_with_reliability(loops)
     E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
     finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
