@@ -114,14 +114,14 @@ def check(
         verdict |= further(loaded, verdict, report) | ({"frames": run} if run else {})
         lines = plan(loaded, estimated=whole or talk().as_json)
         lines += chain.from_iterable(asked("on_check", "plan", loaded))
-        own, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
+        unusual_lines, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
         judged = chain(_offered("frames").lines(run) if run else (), verdict_lines(loaded, verdict, late=not whole))
-        ranked = [*((1, f"  {line}") for line in own), *judged, *((4, f"  {line}") for line in within)]
+        ranked = [*((1, f"  {line}") for line in unusual_lines), *judged, *((4, f"  {line}") for line in within)]
         steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
         files = [str(path) for path in _drawn(loaded, places, poles)]
     if talk().as_json:
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": verdict["assumes"]}
-        summary |= {"verdict": verdict, "plan": lines, "notices": [*own, *within]}
+        summary |= {"verdict": verdict, "plan": lines, "notices": [*unusual_lines, *within]}
         show_json(summary | ({"files": files} if files else {}))
     if whole:
         show([*(line for _, line in ranked), *lines, *steps])
@@ -144,15 +144,15 @@ def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
     """Yield the lines of the lowest ranks, in their order: as many as there is room for, and all that NEEDED shows."""
     from wavesweep.check.on_check import DETAIL, NEEDED
 
-    kept = {}
+    foremost = {}
     for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
         rank, line = ranked[number]
         if rank > NEEDED and (rank >= DETAIL or most <= 0):
             continue
         if len(folded := _folded(line() if callable(line) else line)) <= most or rank <= NEEDED:
-            kept[number] = folded
+            foremost[number] = folded
             most -= len(folded)
-    yield from (line for number in sorted(kept) for line in kept[number])
+    yield from (line for number in sorted(foremost) for line in foremost[number])
 
 
 def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list[tuple[str, str]]:
@@ -163,17 +163,17 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
     from wavesweep.check.verdict import distance
 
     possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") and ": not possible" not in line}
-    doubts = [each["doubt"] for each in verdict["limits"] if each["doubt"] and each["doubt"] in DOUBTS]
+    doubts = [limit["doubt"] for limit in verdict["limits"] if limit["doubt"] and limit["doubt"] in DOUBTS]
     name, stable, drawing = shlex.quote(spec.source or spec.name), verdict["stable"], spec.drawing
     region = next((name for name in ("zwidth", "stability-region") if name in possible), "")
     steps = [(f"explain {doubts[0]}", "what this doubt means, and what helps")] if doubts else []
     if region and stable and not spec.require and len(verdict["limits"]) > 1:
         steps.append((f"why {name}", "what sets each limit"))
     if region:
-        what = "all stable walls" if region == "zwidth" else "all stable intervals"
+        subject = "all stable walls" if region == "zwidth" else "all stable intervals"
         members = "of [for_all]" if not drawing or (spec.for_all and spec.for_all.axes) else "that messages may do"
-        steps.append((f"{region} {name}", f"{what}, for all {members}" if spec.for_all else what))
-    elif limits := [each for each in verdict["limits"] if each["stable"] is not None]:
+        steps.append((f"{region} {name}", f"{subject}, for all {members}" if spec.for_all else subject))
+    elif limits := [limit for limit in verdict["limits"] if limit["stable"] is not None]:
         axis = min(limits, key=distance)
         span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"
         steps.append((f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""))

@@ -29,12 +29,12 @@ def facts(spec: Spec, own: Facts, report: Callable[[int, int], None] | None) -> 
     """limits: for each number of the loop the stable interval that its value lies in, see `ranges.limits`. delay: the number of
     ticks it may grow to; a drawn loop has no delay that a spec would name. hardware: see `hardware_of`.
     """
-    found = {"limits": ranges.limits(spec, report), "delay": ranges.delays(spec)}
+    facts_found = {"limits": ranges.limits(spec, report), "delay": ranges.delays(spec)}
     hardware = hardware_of(spec, stable=own["stable"])
     stiffness = (own["felt"] or {}).get("stiffness")
     if "max_force" in hardware and own["stable"]:  # the depth to which the wall can be pressed
         hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
-    return found | {"hardware": hardware}
+    return facts_found | {"hardware": hardware}
 
 
 def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
@@ -54,32 +54,36 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     """The range of each number in which the design stays as it is: that of the sweep is always shown, then the nearest end."""
     swept = spec.along and spec.names.find(spec.along).path
-    own = [each for each in found["limits"] if spec.names.find(each["name"]).path == swept]
-    bounded = [each for each in found["limits"] if each in own or _bounded(each)]
-    for each in bounded:
-        yield 0 if each in own else 2 + distance(each), _limit(spec, each)
-        if going_on := _going_on(spec, each):
+    swept_limits = [limit for limit in found["limits"] if spec.names.find(limit["name"]).path == swept]
+    bounded = [limit for limit in found["limits"] if limit in swept_limits or _bounded(limit)]
+    for limit in bounded:
+        yield 0 if limit in swept_limits else 2 + distance(limit), _limit(spec, limit)
+        if going_on := _going_on(spec, limit):
             yield DETAIL, f"  {going_on}"
     for state in ("stable", "unstable"):
         # By its intervals: at an end of one, as Kp = 0 is of a loop that drifts there, a value counts as not inside.
-        others = [each for each in found["limits"] if each not in bounded and bool(each["intervals"]) == (state == "stable")]
-        if not others:
+        other_limits = [
+            limit for limit in found["limits"] if limit not in bounded and bool(limit["intervals"]) == (state == "stable")
+        ]
+        if not other_limits:
             continue
-        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
+        spans = ", ".join(
+            f"{limit['name']} {limit['from']:g} to {limit['to']:g}{_unit(spec, limit['name'])}" for limit in other_limits
+        )
         yield 5, f"{state} at every value searched: {spans}"
 
 
 def _bounded(limit: Facts) -> bool:
     """Whether stability changes in the range searched, or is not known there."""
-    whole = [[limit["from"], limit["to"]]]
-    return limit["stopped"] or limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole)
+    whole_range = [[limit["from"], limit["to"]]]
+    return limit["stopped"] or limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole_range)
 
 
 def _limit(spec: Spec, limit: Facts) -> str:
     name, value, unit = limit["name"], limit["value"], _unit(spec, limit["name"])
     default = "" if spec.drawing or spec.names.find(name).path in spec.given else " (default)"
-    here = f"{name} = {value:g}{unit}{default}"
-    return f"{here}: {_stable_where(limit, unit if len(unit) < LONG_UNIT else '')}"
+    at_value = f"{name} = {value:g}{unit}{default}"
+    return f"{at_value}: {_stable_where(limit, unit if len(unit) < LONG_UNIT else '')}"
 
 
 def _going_on(spec: Spec, limit: Facts) -> str:
@@ -108,7 +112,7 @@ def _stable_where(limit: Facts, unit: str) -> str:
             return f"no stable value known in {searched} ({limit['doubt']})"
         return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
     low, high, open_ = limit["low"], limit["high"], limit["open"]
-    begins, ends = (OF_KEY if of_key else other for of_key, other in zip(limit["of_key"], (SEARCHED, ""), strict=True))
+    begins, ends = (OF_KEY if of_key else word for of_key, word in zip(limit["of_key"], (SEARCHED, ""), strict=True))
     start = f"from {low:.6g}" if low is not None else f"from {limit['from']:.6g}{begins if limit['from'] else ''}"
     end = f"to {high:.6g}{unit}" if high is not None else f"to {'' if ends else 'at least '}{limit['to']:.6g}{unit}{ends}"
     if open_:
@@ -142,8 +146,10 @@ def _span(limit: Facts, low: float, high: float) -> str:
 
 def _factors(limit: Facts) -> str:
     """The factors by which the value may shrink and grow."""
-    ways = [(way, 100 * limit[end] / limit["value"]) for way, end in (("fall to", "low"), ("rise to", "high")) if limit[end]]
-    said = [f"{way} {float(f'{share:.3g}'):g} %" for way, share in ways]
+    ways = [
+        (words, 100 * limit[end] / limit["value"]) for words, end in (("fall to", "low"), ("rise to", "high")) if limit[end]
+    ]
+    said = [f"{words} {float(f'{share:.3g}'):g} %" for words, share in ways]
     return f" (may {' and '.join(said)})" if said else ""
 
 
@@ -153,13 +159,13 @@ def _unit(spec: Spec, name: str) -> str:
 
 
 def _delay(delay: Facts) -> str:
-    here = f"delay = {delay['ticks']} of {delay['frame']} ticks"
+    at_delay = f"delay = {delay['ticks']} of {delay['frame']} ticks"
     if delay["most"] is None:
-        return f"{here}: unstable at this delay"
+        return f"{at_delay}: unstable at this delay"
     if delay["most"] == delay["frame"]:
-        return f"{here}: stable up to a whole frame"
+        return f"{at_delay}: stable up to a whole frame"
     least = "at least " if delay["most"] == delay["tried"] else ""
-    return f"{here}: stable up to {least}{delay['most']} ticks"
+    return f"{at_delay}: stable up to {least}{delay['most']} ticks"
 
 
 def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
@@ -168,14 +174,14 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
 
     stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
     if felt["rigid"] or (stiffness is None and damping is None):
-        yield 2.5, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not known'}"
+        yield 2.5, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not ways'}"
         return
     if band is None:
-        known = (
+        ways = (
             f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
             for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
         )
-        yield 2.5, f"felt at rest: {' and '.join(known)}"
+        yield 2.5, f"felt at rest: {' and '.join(ways)}"
         return
     holds = band["holds_to_hz"]
     holds = f"within a tenth {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz" if holds else ""
@@ -189,16 +195,16 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
     force, length, source = spec.at_port("N"), spec.at_port("m"), "Abbott and Okamura 2005"
     unit, exact = f"{force}/{length}", not spec.drawing and spec.values["device.velocity"] == "exact"
     if "chatter" in found:
-        known = "makes a force that is not known to be bounded"
+        text = "makes a force that is not known to be bounded"
         if found["chatter"] is not None:
             rounding = f"all rounding by at most {found['chatter']:.4g}"
-            known = f"moves the force by up to {found['step_force']:.4g} {force}, {rounding}"
-            known += "; the velocity is taken as exact, without steps" * exact
+            text = f"moves the force by up to {found['step_force']:.4g} {force}, {rounding}"
+            text += "; the velocity is taken as exact, without steps" * exact
         if found["step_force"] == 0:
-            known = "moves no force, since no block reads the position"
+            text = "moves no force, since no block reads the position"
             if exact:
-                known = 'moves no force, since the velocity is taken as exact; device.velocity = "difference" is of readings'
-        yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {known}"
+                text = 'moves no force, since the velocity is taken as exact; device.velocity = "difference" is of readings'
+        yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {text}"
     if "holds_to" in found:
         held = f"holds against the encoder's steps up to {found['holds_to']:.6g} {unit} felt"
         yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"

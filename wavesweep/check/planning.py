@@ -139,18 +139,20 @@ def _drawn_lines(spec):
     yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"
     yield f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms"
     inside = {block.name: plant.name for plant in drawing.plants for block in plant.members}
-    placed, when = {each.block.name: each for each in drawn.placed}, {}
+    placed, when = {placed_block.block.name: placed_block for placed_block in drawn.placed}, {}
     for block in drawing.blocks:
-        each = placed[inside.get(block.name, block.name)]
-        when.setdefault((each.every, each.phase), []).append(f"{block.name} ({block.type})")
+        block_placed = placed[inside.get(block.name, block.name)]
+        when.setdefault((block_placed.every, block_placed.phase), []).append(f"{block.name} ({block.type})")
     for (every, phase), blocks in sorted(when.items()):
         ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
         yield f"  runs {ticks}: {', '.join(blocks)}"
     yield from _plant_lines(drawing)
     yield from _dead_time_lines(drawing, spec.values)
-    terms = [some for _, some in (*drawing.wires, *drawing.couplings)] + [some for some in (drawing.hand or ())[1:] if some]
-    terms += [some for _, some, _ in drawing.outputs]
-    read = {signal.rpartition(".")[0] for some in terms for signal, _ in some}
+    terms = [terms_of for _, terms_of in (*drawing.wires, *drawing.couplings)] + [
+        hand_terms for hand_terms in (drawing.hand or ())[1:] if hand_terms
+    ]
+    terms += [terms_of for _, terms_of, _ in drawing.outputs]
+    read = {signal.rpartition(".")[0] for terms_of in terms for signal, _ in terms_of}
     if unread := [block.name for block in drawing.blocks if block.name not in read]:  # which may be a slip
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
     yield from _state_lines(drift, [labels[state] for state in drift.states])
@@ -159,7 +161,7 @@ def _drawn_lines(spec):
 
 def _plant_lines(drawing):
     """What acts continuously, and which forces of plants on themselves are computed from samples."""
-    for plant in (each for each in drawing.plants if each.couplings):
+    for plant in (plant for plant in drawing.plants if plant.couplings):
         names = [block.name for block in plant.members]
         yield f"  one plant, within which all acts continuously: {', '.join(names)}"
         yield from (f"    {port}: {sum_of(terms)}" for port, terms in plant.couplings)
@@ -174,15 +176,16 @@ def _dead_time_lines(drawing, values):
     """How long dead times are in ticks, and what they read or bring between two ticks."""
     for name, tree in drawing.dead_times.items():
         seconds, wires = value_of(tree, scalars(values)), dict(drawing.wires)
-        arriving = [port for plant in drawing.plants for port, each in plant.arriving if each == name]
-        sensed = [signal for plant in drawing.plants for signal, each in plant.sensed if each == name]
+        arriving = [port for plant in drawing.plants for port, dead_time in plant.arriving if dead_time == name]
+        sensed = [signal for plant in drawing.plants for signal, dead_time in plant.sensed if dead_time == name]
         held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
         readers = [port for port, terms in wires.items() if any(signal == f"{name}.y" for signal, _ in terms)]
         readers = [port for port in readers if sensed or port not in arriving]
-        parts = [f"reads {_listed(sensed)} between two ticks"] if sensed else []
-        parts += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
-        parts += [f"is read in ticks by {_listed(readers)}"] if readers else []
-        yield f"  {name}: {1e3 * seconds:.6g} ms, {_count(f'{seconds * drawing.rate(values):.6g}', 'tick')}; {', '.join(parts)}"
+        phrases = [f"reads {_listed(sensed)} between two ticks"] if sensed else []
+        phrases += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
+        phrases += [f"is read in ticks by {_listed(readers)}"] if readers else []
+        ticks = _count(f"{seconds * drawing.rate(values):.6g}", "tick")
+        yield f"  {name}: {1e3 * seconds:.6g} ms, {ticks}; {', '.join(phrases)}"
 
 
 def within_ticks(spec: Spec) -> Iterator[str]:
@@ -196,17 +199,17 @@ def within_ticks(spec: Spec) -> Iterator[str]:
     for ring in drawn.rings():
         from scipy.linalg import block_diag  # is slow to import, and most loops have no ring
 
-        blocks = [each.block for each in drawn.placed if each.block.name in ring]
+        blocks = [placed_block.block for placed_block in drawn.placed if placed_block.block.name in ring]
         ports, outputs = ([f"{b.name}.{port}" for b in blocks for port in getattr(b, side)] for side in ("inputs", "outputs"))
         through = block_diag(*(block.D for block in blocks))
         back = np.array([[float(drawn.sums.get(port, {}).get(name, 0.0)) for name in outputs] for port in ports])
         rest = float(np.linalg.det(np.eye(len(ports)) - back @ through))
         acting = {name for name, row in zip(outputs, through, strict=True) if row.any()}
-        read = {port: [each for each in wires.get(port, ()) if inside.get(each[0], each[0]) in acting] for port in ports}
+        read = {port: [term for term in wires.get(port, ()) if inside.get(term[0], term[0]) in acting] for port in ports}
         reads = ", ".join(f"{port} reads {sum_of(terms)}" for port, terms in read.items() if terms)
         gain = f"a gain on this way acts {1 / rest:.4g} times, 1/(1 - L) with L = {1 - rest:.4g} round the loop"
         yield f"solved within a tick: {_listed(ring)}: {reads} of the same tick; {gain}"
-        terms = [term for some in read.values() for term in some]
+        terms = [term for terms_of in read.values() for term in terms_of]
         implicit = [term for term in terms if term[0] in ahead]
         name, so = (implicit or terms)[0][0], f"so these act implicitly: {', '.join(sum_of([term]) for term in implicit)}; "
         yield f"  {so if implicit else ''}prev({name}) in a wire reads {name} as it was before the tick"
@@ -252,7 +255,7 @@ def _number_lines(spec):
         "panels": "slower method, because they act in more than one place, more than once a frame, or in the key of a block",
         "values": "as values only, since they decide how the loop is built",
     }
-    yield from (f"  intervals along {', '.join(names)}: {texts[way]}" for way, names in ways.items() if names)
+    yield from (f"  intervals along {', '.join(names)}: {texts[method]}" for method, names in ways.items() if names)
 
 
 def _count(number, noun):

@@ -39,19 +39,19 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
     """
     read = keys_of(spec) - (spec.drawing.of_losses if spec.drawing else set())
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
-    found = []
+    limits_found = []
     for done, (name, path) in enumerate(names.items(), start=1):
-        found.append(_limit(spec, name, path))
+        limits_found.append(_limit(spec, name, path))
         if report:
             report(done, len(names))
-    return found
+    return limits_found
 
 
 def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
     """span: to search, by default `searched`; again: whether it leaves out what is next to the range of the key."""
     value, span = spec.values[path], span or searched(spec, name, path)
-    found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
-    found |= {"stopped": False, "open": None, "of_key": list(of_key)}
+    limit = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
+    limit |= {"stopped": False, "open": None, "of_key": list(of_key)}
     try:
         near = _next_to(spec, path, value, span) if _poses(spec, path) else span
         rows, (start, stop) = _rows(_job(spec, name, path, near), value, near)
@@ -66,29 +66,29 @@ def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
             less = tuple(_reached(attempt, value, end, times) for end in span)
             if less != span and less[0] < less[1]:
                 return _limit(spec, name, path, less, tuple(map(or_, of_key, map(ne, less, span))))
-        return found | {"stable": None, "doubt": str(error), "certified": False}
+        return limit | {"stable": None, "doubt": str(error), "certified": False}
     of_key = tuple(key and end == reached for key, end, reached in zip(of_key, span, (start, stop), strict=True))
-    found |= {"from": start, "to": stop, "stopped": (start, stop) != span, "of_key": list(of_key)}
+    limit |= {"from": start, "to": stop, "stopped": (start, stop) != span, "of_key": list(of_key)}
     if rows is None:
-        return found | {"stable": None, "doubt": LATE, "certified": False}
-    beside = (rows["open_low"][0] == start, rows["open_high"][-1] == stop)  # a filter's cutoff is next to half its rate
-    if not again and any(moved := list(map(and_, of_key, beside))):
+        return limit | {"stable": None, "doubt": LATE, "certified": False}
+    at_range_end = (rows["open_low"][0] == start, rows["open_high"][-1] == stop)  # a filter's cutoff is next to half its rate
+    if not again and any(moved := list(map(and_, of_key, at_range_end))):
         inner = (end + NEXT * (value - end) * moves for end, moves in zip((start, stop), moved, strict=True))
         return _limit(spec, name, path, tuple(inner), of_key, again=True)
     at_ends = [(rows[end] == value) & ~np.isnan(rows[f"{end}_omega"]) for end in ("low", "high")]
     inside = (rows["low"] <= value) & (value <= rows["high"]) & ~np.logical_or(*at_ends)
     pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
-    found["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
-    found |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
+    limit["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
+    limit |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
     if not inside.any():
         unknown = ((rows["open_low"] <= value) & (value <= rows["open_high"])).any()
-        return found | ({"stable": None} if unknown else {})
+        return limit | ({"stable": None} if unknown else {})
     row = int(np.flatnonzero(inside)[0])
-    found["open"] = open_places(rows, row)
+    limit["open"] = open_places(rows, row)
     for end, of_range in (("low", start), ("high", stop)):  # one without a crossing may end where nothing is known
         if not np.isnan(rows[f"{end}_omega"][row]) or rows[end][row] != of_range:
-            found[end] = float(rows[end][row])
-    return found
+            limit[end] = float(rows[end][row])
+    return limit
 
 
 def _job(spec, name, path, span):
@@ -102,8 +102,8 @@ def _rows(job, value, span):
     if search.in_pieces:
         records, span = search.about(value, WORK)
         return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
-    cost, way = cost_of(job.grid.spec, job.asked.axis)
-    if cost > (SECONDS if way is Way.CUT else LONG):
+    cost, way_of = cost_of(job.grid.spec, job.asked.axis)
+    if cost > (SECONDS if way_of is Way.CUT else LONG):
         return None, (value, value)
     return in_memory(job), span
 

@@ -21,8 +21,8 @@ def verdict(spec: Spec) -> dict:
 
     The numbers of `own_design`, those that capabilities add to them, and those of `further`.
     """
-    own = own_design(spec) | numbers(spec)
-    return own | further(spec, own)
+    facts = own_design(spec) | numbers(spec)
+    return facts | further(spec, facts)
 
 
 def numbers(spec: Spec) -> dict:
@@ -48,8 +48,8 @@ def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Rank
     def indented(line):
         return f"  {line() if callable(line) else line}"
 
-    if own := of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]"):
-        yield 1, f"  for the spec's own {own}"
+    if design := of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]"):
+        yield 1, f"  for the spec's own {design}"
     for lines in asked("on_check", "lines", spec, found):
         yield from ((rank, partial(indented, line) if late and callable(line) else indented(line)) for rank, line in lines)
     if found["assumes"] and not is_first(spec, found):
@@ -62,4 +62,4 @@ def distance(limit: Facts) -> float:
     if not limit["stable"] or not value:
         return 0.0
     factors = [value / limit["low"] if limit["low"] else inf, limit["high"] / value if limit["high"] else inf]
-    return 1 - 1 / max(min(abs(each) for each in factors), 1.0)
+    return 1 - 1 / max(min(abs(factor) for factor in factors), 1.0)

@@ -75,9 +75,9 @@ def _completer(candidates: Callable[..., Iterable[CompletionItem]]) -> Callable:
 
 def _tables(context: click.Context) -> Iterator[dict]:
     """The tables of the specs that are typed already; a spec that is still written, or none at all, is left out."""
-    given = [context.params.get("spec"), *(context.params.get("specs") or ())]
+    specs = [context.params.get("spec"), *(context.params.get("specs") or ())]
     # Where an option has no value yet, click leaves arguments where they are.
-    for path in filter(None, [*given, *context.args]):
+    for path in filter(None, [*specs, *context.args]):
         with suppress(WavesweepError):
             yield read_file(path)[0]
 
@@ -85,7 +85,7 @@ def _tables(context: click.Context) -> Iterator[dict]:
 def _signals(context: click.Context) -> list[str]:
     """The outputs of blocks that some wire reads in the specs that are typed already."""
     wires = (tables.get("wire") for tables in _tables(context))
-    texts = (str(text) for each in wires if isinstance(each, dict) for text in each.values())
+    texts = (str(text) for table in wires if isinstance(table, dict) for text in table.values())
     return sorted({signal for text in texts for signal in re.findall(r"[A-Za-z_][\w.]*\.[A-Za-z_]\w*", text)})
 
 
@@ -94,21 +94,23 @@ def _drawn_keys(context: click.Context) -> dict[str, Key]:
 
     These are its rate, its numbers by their names and paths and as axes, and the keys of its blocks.
     """
-    found: dict[str, Key] = {}
+    keys_found: dict[str, Key] = {}
     for tables in _tables(context):
         if not any(mark in tables for mark in MARKS):
             continue
-        numbers, blocks = (each if isinstance(each, dict) else {} for each in map(tables.get, ("numbers", "block")))
-        found[RATE] = TICK_HZ
+        numbers, blocks = (table if isinstance(table, dict) else {} for table in map(tables.get, ("numbers", "block")))
+        keys_found[RATE] = TICK_HZ
         for name, number in ((name, number) for name, number in numbers.items() if is_name(name)):  # which no shell would run
             text = " ".join(str(number.get("description", "")).split()) if isinstance(number, dict) else ""
             key = Key(f"numbers.{name}", "number", None, "", text)
-            found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
+            keys_found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
         for name, block in ((name, block) for name, block in blocks.items() if is_dotted(name)):
-            known = isinstance(block, dict) and block.get("type") in TYPES
-            own = {f"block.{name}.{key}": row for key, row in (keys_of_block(block["type"]) if known else {}).items()}
-            found |= own | {f"{study}.{path}": row for path, row in own.items() if row.numeric for study in STUDIES}
-    return found
+            typed = isinstance(block, dict) and block.get("type") in TYPES
+            block_keys = {f"block.{name}.{key}": row for key, row in (keys_of_block(block["type"]) if typed else {}).items()}
+            keys_found |= block_keys | {
+                f"{study}.{path}": row for path, row in block_keys.items() if row.numeric for study in STUDIES
+            }
+    return keys_found
 
 
 def _items(known: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:
@@ -117,12 +119,12 @@ def _items(known: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem
 
 def keys(incomplete: str) -> Iterator[CompletionItem]:
     """Keys, symbols and axes that begin with `incomplete`; of the axes the symbols, or all behind `sweep.`."""
-    known = {**KEYS, **study_keys(), **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
+    keys_known = {**KEYS, **study_keys(), **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
     for study in STUDIES:
-        known |= {f"{study}.{name}": find_key(name) for name in (_axes() if incomplete.startswith(f"{study}.") else ())}
-    yield from _items(known, incomplete)
+        keys_known |= {f"{study}.{name}": find_key(name) for name in (_axes() if incomplete.startswith(f"{study}.") else ())}
+    yield from _items(keys_known, incomplete)
     if incomplete.startswith("block."):
-        yield from _among({f"block.{kind}": each.description for kind, each in TYPES.items()})(incomplete)
+        yield from _among({f"block.{kind}": block_type.description for kind, block_type in TYPES.items()})(incomplete)
 
 
 def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
@@ -165,8 +167,8 @@ def _among(meanings: dict[str, str]) -> Callable[[str], list[CompletionItem]]:
 def _loops(incomplete: str) -> list[CompletionItem]:
     from wavesweep.program.cli.init import drawn_loops
 
-    known = {kind: each.description for kind, each in CONTROLLERS.items()} | dict.fromkeys(drawn_loops(), "")
-    return _among(known)(incomplete)
+    kinds = {kind: controller.description for kind, controller in CONTROLLERS.items()} | dict.fromkeys(drawn_loops(), "")
+    return _among(kinds)(incomplete)
 
 
 def _files(incomplete: str) -> list[CompletionItem]:

@@ -38,8 +38,8 @@ class Entry(NamedTuple):
 def _completed(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """The words that begin with what is typed."""
     del context, parameter
-    known = {each.word: each.meaning for each in reversed(entries())}
-    return [CompletionItem(word, help=meaning) for word, meaning in known.items() if word.startswith(incomplete)]
+    meanings = {entry.word: entry.meaning for entry in reversed(entries())}
+    return [CompletionItem(word, help=meaning) for word, meaning in meanings.items() if word.startswith(incomplete)]
 
 
 @click.command("explain")
@@ -56,14 +56,14 @@ def explain(words: tuple[str, ...]) -> None:
       wavesweep explain felt_low
       wavesweep explain swept range ends
     """
-    found = explained(" ".join(words)) if words else entries()
+    matches = explained(" ".join(words)) if words else entries()
     if talk().as_json:
         listed: dict[str, list[dict[str, str]]] = {}
-        for each in found:
-            listed.setdefault(each.word, []).append(each._asdict())
+        for entry in matches:
+            listed.setdefault(entry.word, []).append(entry._asdict())
         click.echo(json.dumps(listed, indent=2))
     else:
-        click.echo("\n".join(line for each in found for line in _lines(each)) if words else "\n".join(_list(found)))
+        click.echo("\n".join(line for entry in matches for line in _lines(entry)) if words else "\n".join(_list(matches)))
 
 
 @cache
@@ -71,24 +71,26 @@ def entries() -> tuple[Entry, ...]:
     """All meanings of all words, those of one group together."""
     doubts = (Entry(word, "doubt", *doubt) for word, doubt in DOUBTS.items() if word)
     terms = (Entry(word, "term", meaning) for names, meaning in TERMS.items() for word in names.split(", "))
-    messages = (Entry(word, "message", *each) for names, each in MESSAGES.items() for word in names.split(", "))
+    messages = (Entry(word, "message", *text) for names, text in MESSAGES.items() for word in names.split(", "))
     columns = [(field, tables) for field, tables in _columns().items()]
-    own = (Entry(each.name, f"column of {_some(tables)}", _meaning(each), each.advice) for each, tables in columns)
+    columns_entries = (
+        Entry(field.name, f"column of {_some(tables)}", _meaning(field), field.advice) for field, tables in columns
+    )
     values = {
-        (word, meaning): Entry(word, "value", f"in the column {each.name}: {meaning}", each.advice)
-        for each, _ in columns
-        for word, meaning in each.values.items()
+        (word, meaning): Entry(word, "value", f"in the column {field.name}: {meaning}", field.advice)
+        for field, _ in columns
+        for word, meaning in field.values.items()
     }
-    return (*doubts, *terms, *messages, *own, *values.values())
+    return (*doubts, *terms, *messages, *columns_entries, *values.values())
 
 
 def _columns() -> dict[Field, list[str]]:
     """Each column with the tables that have it; the same column of several tables is one."""
-    found: dict[Field, list[str]] = {}
+    tables_of: dict[Field, list[str]] = {}
     for table, fields in all_columns().items():
-        for each in fields:
-            found.setdefault(replace(each, optional=False), []).append(table)
-    return found
+        for field in fields:
+            tables_of.setdefault(replace(field, optional=False), []).append(table)
+    return tables_of
 
 
 def _some(tables: list[str]) -> str:
@@ -100,15 +102,15 @@ def _meaning(field: Field) -> str:
     """The meaning of a column with its unit."""
     units = {OF_ALONG: "in the unit of the axis", OF_WALL: "in the unit of the wall's stiffness", "1": "", "": ""}
     kinds = {"boolean": "1 or 0", "integer": "a whole number"}
-    about = ", ".join(filter(None, (kinds.get(field.kind, ""), units.get(field.unit, field.unit))))
-    return f"{field.description} ({about})" if about else field.description
+    kind_and_unit = ", ".join(filter(None, (kinds.get(field.kind, ""), units.get(field.unit, field.unit))))
+    return f"{field.description} ({kind_and_unit})" if kind_and_unit else field.description
 
 
 def explained(word: str) -> tuple[Entry, ...]:
     """All meanings of a word. Errors: UsageError for an unknown one, with the nearest."""
     for alike in (str, _plain):
-        if found := tuple(each for each in entries() if alike(each.word) == alike(word)):
-            return found
+        if matches := tuple(entry for entry in entries() if alike(entry.word) == alike(word)):
+            return matches
     if word in COMMANDS:
         return (Entry(word, "command", COMMANDS[word], f"`wavesweep {word} --help` explains its options."),)
     if key := find_key(word):
@@ -117,7 +119,7 @@ def explained(word: str) -> tuple[Entry, ...]:
         return (
             Entry(word, "type of block", TYPES[word].description, f"`wavesweep keys block.{word}` has its ports and keys."),
         )
-    meant = nearest(word, [*(each.word for each in entries()), *COMMANDS, *EVERY_KEY, *SYMBOLS, *TYPES])
+    meant = nearest(word, [*(entry.word for entry in entries()), *COMMANDS, *EVERY_KEY, *SYMBOLS, *TYPES])
     hint = f"did you mean {meant}?" if meant else "`wavesweep explain` lists all words, `wavesweep keys` those of a spec"
     raise UsageError(f"{word}: expected a word that is explained, found another one; {hint}")
 
@@ -141,10 +143,10 @@ def _wrapped(text: str, indent: str) -> list[str]:
 def _list(found: tuple[Entry, ...]) -> Iterator[str]:
     """All words in groups, each once; a column stands with the first table that has it."""
     groups: dict[str, list[str]] = {}
-    for each in found:
-        name = GROUPS.get(each.group) or each.group.partition(",")[0].replace("column", "Columns")
-        if each.word not in (word for words in groups.values() for word in words):
-            groups.setdefault(name, []).append(each.word)
+    for entry in found:
+        name = GROUPS.get(entry.group) or entry.group.partition(",")[0].replace("column", "Columns")
+        if entry.word not in (word for words in groups.values() for word in words):
+            groups.setdefault(name, []).append(entry.word)
     for name, words in groups.items():
         yield from _wrapped(f"{name}: {', '.join(words)}", "  ")
     yield "`wavesweep explain WORD` explains one of them, `wavesweep keys KEY` a key of a spec."

@@ -19,8 +19,10 @@ def are_independent(lengths: np.ndarray, values: np.ndarray) -> bool:
     exact for runs of any length, which a chi-squared distribution of pairs that are rare is not.
     """
     rng = np.random.default_rng(0)
-    own = _dependence(pairs_of(lengths, values))
-    larger = sum(_dependence(pairs_of(rng.permutation(lengths), values)) >= own - 1e-9 * abs(own) for _ in range(SHUFFLES))
+    dependence = _dependence(pairs_of(lengths, values))
+    larger = sum(
+        _dependence(pairs_of(rng.permutation(lengths), values)) >= dependence - 1e-9 * abs(dependence) for _ in range(SHUFFLES)
+    )
     return bool((1 + larger) / (1 + SHUFFLES) > LEVEL)
 
 

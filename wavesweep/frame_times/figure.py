@@ -12,8 +12,8 @@ from wavesweep.program.plots.style import GRID, TWO_COLUMNS, distinct_colour, fi
 
 def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw an `identify-frames` table: the share of each length, and a disc for each pair, whose area is its share."""
-    ticks = np.array([each["ticks"] for each in facts["lengths"]])
-    shares = np.array([each["frames"] for each in facts["lengths"]]) / facts["frames"]
+    ticks = np.array([row["ticks"] for row in facts["lengths"]])
+    shares = np.array([row["frames"] for row in facts["lengths"]]) / facts["frames"]
     with figure(TWO_COLUMNS, 3.0) as canvas:
         left, right = canvas.subplots(1, 2)
         left.bar(ticks, 100 * shares, width=0.8 * facts["every"], color=distinct_colour(0))
@@ -28,6 +28,6 @@ def identify_frames(columns: Columns, facts: Mapping[str, Any]) -> Any:
         independent = "do not depend" if facts["independent"] else "depend"
         note_below(canvas, as_it_stands(f"{facts['frames']} frames; lengths {independent} on those before"))
         unfit = facts["unfit"]["frames"]
-        whole = "whole ticks" if facts["every"] == 1 else f"multiples of {facts['every']} ticks, and count as such"
-        warn_above(canvas, f"{unfit} of {facts['frames']} frames do not last {whole}" if unfit else "")
+        counted = "whole ticks" if facts["every"] == 1 else f"multiples of {facts['every']} ticks, and count as such"
+        warn_above(canvas, f"{unfit} of {facts['frames']} frames do not last {counted}" if unfit else "")
     return canvas

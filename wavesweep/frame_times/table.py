@@ -44,23 +44,23 @@ def identified(
     shortest, measured = int(run.values[0]), len(run.values)
     if every and every > shortest:
         raise UsageError(f"--every {every}: expected at most {shortest}, the ticks of the shortest frame, found {every}")
-    tried = (replace(run, every=each) for each in ((every,) if every else range(1, shortest + 1)))
-    run = next((each for each in tried if len(each.values) <= MOST), None)
+    tried = (replace(run, every=divisor) for divisor in ((every,) if every else range(1, shortest + 1)))
+    run = next((divided for divided in tried if len(divided.values) <= MOST), None)
     if run is None:
-        found = f"found {measured}, from {shortest} ticks on"
+        problem = f"found {measured}, from {shortest} ticks on"
         hint = "cut out the part of the recording that has such frames, or take slower ticks"
-        raise UsageError(f"{path}: expected at most {MOST} lengths of frames, which [for_all] takes, {found}; {hint}")
+        raise UsageError(f"{path}: expected at most {MOST} lengths of frames, which [for_all] takes, {problem}; {hint}")
     lengths, values = run.lengths, run.values
     pairs, unfit = pairs_of(lengths, values), np.flatnonzero(run.unfit)
-    asked = {"fast_hz": fast_hz, "number": number, "columns": dict(columns), "scales": dict(scales), "every": every}
+    arguments = {"fast_hz": fast_hz, "number": number, "columns": dict(columns), "scales": dict(scales), "every": every}
     off = np.abs(run.ticks - run.every * np.round(run.ticks / run.every))
     facts = {
         "schema_version": 1,
         **versions(),
         "spec_name": Path(path).stem,
-        "spec_sha256": sha256(f"{run.sha256} {sorted(asked.items(), key=str)}".encode()).hexdigest(),
+        "spec_sha256": sha256(f"{run.sha256} {sorted(arguments.items(), key=str)}".encode()).hexdigest(),
         "log_sha256": run.sha256,
-        "asked": asked,
+        "asked": arguments,
         "frames": len(lengths),
         "duration_s": float(run.ticks.sum() / fast_hz),
         "every": run.every,
@@ -78,8 +78,8 @@ def identified(
     }
     first, after = np.nonzero(pairs)
     counts = pairs[first, after]
-    found = {"ticks": values[first], "next_ticks": values[after], "pairs": counts, "share": counts / pairs.sum(1)[first]}
-    return Table.of("identify-frames", found, facts)
+    problem = {"ticks": values[first], "next_ticks": values[after], "pairs": counts, "share": counts / pairs.sum(1)[first]}
+    return Table.of("identify-frames", problem, facts)
 
 
 def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -90,23 +90,23 @@ def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
 def _lines(found: Numbers) -> Iterator[Line]:
     rows, tick, every = found["lengths"], 1e3 / found["fast_hz"], found["every"]
     mean = found["duration_s"] * found["fast_hz"] / found["frames"]
-    ticks = [each["ticks"] for each in rows]
+    ticks = [row["ticks"] for row in rows]
     span = f"{ticks[0]} to {ticks[-1]} ticks" if len(ticks) > 1 else count(ticks[0], "tick")
     yield (
         f"{count(found['frames'], 'frame')} in {found['duration_s']:.6g} s: {span} of {tick:.6g} ms, {mean:.6g} on average",
         False,
     )
-    shares = {each["ticks"]: 100 * each["frames"] / found["frames"] for each in rows}
+    shares = {row["ticks"]: 100 * row["frames"] / found["frames"] for row in rows}
     frequent = sorted(ticks, key=lambda length: -shares[length])
-    shown, others = sorted(frequent[:SHOWN]), sorted(frequent[SHOWN:])
-    for each in (each for each in rows if each["ticks"] in shown):
-        after = sorted(((-n, length) for n, length in zip(each["next"], ticks, strict=True) if n))
-        following = ", ".join(f"{length} ({100 * -n / sum(each['next']):.3g} %)" for n, length in after[:SHOWN])
-        more = f"; the next one: {following}{', ...' if len(after) > SHOWN else ''}" if after and len(ticks) > 1 else ""
-        yield f"  {count(each['ticks'], 'tick')}: {shares[each['ticks']]:.3g} % of frames{more}", False
-    if others:
-        most = max(shares[length] for length in others)
-        yield f"  {', '.join(map(str, others))} ticks: {'at most ' * (len(others) > 1)}{most:.3g} % of frames each", False
+    shown, rare = sorted(frequent[:SHOWN]), sorted(frequent[SHOWN:])
+    for row in (listed for listed in rows if listed["ticks"] in shown):
+        after = sorted(((-n, length) for n, length in zip(row["next"], ticks, strict=True) if n))
+        following = ", ".join(f"{length} ({100 * -n / sum(row['next']):.3g} %)" for n, length in after[:SHOWN])
+        further = f"; the next one: {following}{', ...' if len(after) > SHOWN else ''}" if after and len(ticks) > 1 else ""
+        yield f"  {count(row['ticks'], 'tick')}: {shares[row['ticks']]:.3g} % of frames{further}", False
+    if rare:
+        most = max(shares[length] for length in rare)
+        yield f"  {', '.join(map(str, rare))} ticks: {'at most ' * (len(rare) > 1)}{most:.3g} % of frames each", False
     if len(rows) > 1 and found["independent"]:
         yield "the length of a frame does not depend on that of the frame before, as far as this run shows", False
     elif len(rows) > 1:
@@ -119,24 +119,24 @@ def _lines(found: Numbers) -> Iterator[Line]:
         of, low = f"{unfit['frames']} of {count(found['frames'], 'frame')}", every * int(unfit["ticks"] // every)
         first = f"the first of {unfit['ticks']:.6g} ticks at {unfit['begins_s']:.6g} s"
         counted = f"the loop may count {low} or {low + every}, and both are in [for_all]"
-        whole = "whole ticks" if every == 1 else f"multiples of {every} ticks"
-        yield f"{of} do not last {whole}, but up to {unfit['worst']:.2g} more or less; {first}: {counted}", every == 1
+        multiples = "whole ticks" if every == 1 else f"multiples of {every} ticks"
+        yield f"{of} do not last {multiples}, but up to {unfit['worst']:.2g} more or less; {first}: {counted}", every == 1
 
 
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The table [for_all] with the lengths, as a piece of a spec."""
-    rows, asked, unfit, every = facts["lengths"], facts["asked"], facts["unfit"]["frames"], facts["every"]
-    whole = "whole ticks" if every == 1 else f"multiples of {every} ticks"
-    shares = [each["frames"] for each in rows]
+    rows, arguments, unfit, every = facts["lengths"], facts["asked"], facts["unfit"]["frames"], facts["every"]
+    counted = "whole ticks" if every == 1 else f"multiples of {every} ticks"
+    shares = [row["frames"] for row in rows]
     lines = [
-        f"# The frames of {facts['spec_name']}, as wavesweep identify found them, for a spec of {asked['fast_hz']:g} Hz.",
+        f"# The frames of {facts['spec_name']}, as wavesweep identify found them, for a spec of {arguments['fast_hz']:g} Hz.",
         f"# {count(facts['frames'], 'frame')} in {facts['duration_s']:.6g} s.",
-        *([f"# Of {count(unfit, 'frame')} that did not last {whole}, both neighbours are here."] if unfit else []),
+        *([f"# Of {count(unfit, 'frame')} that did not last {counted}, both neighbours are here."] if unfit else []),
     ]
     if every > 1:
         lines.append(f"# ASSUMED: the loop looks for a result in every {every} ticks and not in each; as measured there are")
         lines.append(f"# {facts['measured_lengths']} lengths.")
-    table: dict[str, Any] = {"values": [each["ticks"] for each in rows], "varying": True}
+    table: dict[str, Any] = {"values": [row["ticks"] for row in rows], "varying": True}
     if len(rows) > 1 and facts["independent"]:
         lines.append("# shares: how often each length occurred; without it, only answers for any order are given.")
         table["shares"] = shares
@@ -147,8 +147,8 @@ def spec_text(facts: Mapping[str, Any]) -> str:
         lines.append("# in mean square, so there is none here, and answers are for any order.")
     elif len(rows) > 1:
         lines.append("# next: how often each length followed each; without it, only answers for any order are given.")
-        table["next"] = [each["next"] if any(each["next"]) else shares for each in rows]
-    return "\n".join(lines) + "\n" + as_toml({"for_all": {asked["number"]: table}})
+        table["next"] = [row["next"] if any(row["next"]) else shares for row in rows]
+    return "\n".join(lines) + "\n" + as_toml({"for_all": {arguments["number"]: table}})
 
 
 KINDS = (whole_kind("identify-frames", _numbers, _lines, "wavesweep.frame_times.figure.identify_frames"),)

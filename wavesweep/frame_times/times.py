@@ -42,7 +42,7 @@ class MeasuredFrames:
         stamps lie between two ticks, which is not known; so with multiples of `every`.
         """
         counts = self.ticks / self.every
-        least, most = (np.where(self.unfit, whole(counts), np.round(counts)).astype(int) for whole in (np.floor, np.ceil))
+        least, most = (np.where(self.unfit, rounding(counts), np.round(counts)).astype(int) for rounding in (np.floor, np.ceil))
         return self.every * least, self.every * most
 
     @property
@@ -74,20 +74,22 @@ def read_run(
     """
     options, columns, scales = columns is not None, columns or {}, scales or {}
     file = read_csv(path, MOST_BYTES)
-    for option, given in (("--column", columns), ("--scale", scales)):
-        if wrong := [name for name in given if name not in ("time", "duration")]:
+    for option, readings in (("--column", columns), ("--scale", scales)):
+        if wrong := [name for name in readings if name not in ("time", "duration")]:
             raise UsageError(f"{option} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}")
     names = {name: [columns[name]] if name in columns else [name, f"{name}_s"] for name in ("time", "duration")}
-    found = {name: next((each for each in wanted if each in file.names), None) for name, wanted in names.items()}
-    name = next((name for name in (*columns, "time", "duration") if found[name]), None)
+    column_of = {
+        name: next((wanted_name for wanted_name in wanted if wanted_name in file.names), None) for name, wanted in names.items()
+    }
+    name = next((name for name in (*columns, "time", "duration") if column_of[name]), None)
     if name is None:
-        likely = (each for each in file.names if any(word in each.lower() for word in ("time", "stamp")))
+        likely = (column for column in file.names if any(word in column.lower() for word in ("time", "stamp")))
         meant = nearest("time", file.names) or next(likely, "NAME")
         hint = f"--column time={meant} names that of stamps" if options else "give the one of stamps (s) the name time"
         raise UsageError(f"{path}: expected a column {' or '.join(columns.values() or names)}, found {file.listed}; {hint}")
-    given = file.numbers([found[name]], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
-    durations = np.diff(given) if name == "time" else given
-    begins = given[:-1] if name == "time" else np.cumsum(given) - given
+    readings = file.numbers([column_of[name]], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
+    durations = np.diff(readings) if name == "time" else readings
+    begins = readings[:-1] if name == "time" else np.cumsum(readings) - readings
     if (median := float(np.median(durations))) > LONGEST:
         expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
         hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms" if options else "are they in ms?"

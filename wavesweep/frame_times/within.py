@@ -41,27 +41,32 @@ def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
     Errors: see `number_of`.
     """
     axes = spec.for_all.axes if spec.for_all else ()
-    axis = next((each for each in axes if (each in spec.for_all.changing if spec.drawing else each.path == RATIO)), None)
+    axis = next(
+        (candidate for candidate in axes if (candidate in spec.for_all.changing if spec.drawing else candidate.path == RATIO)),
+        None,
+    )
     values = axis and (axis.values or range(int(axis.start), int(axis.stop) + 1))
     varying = bool(axis and axis in spec.for_all.changing)
     if not spec.drawing:
         _refuse_built_in(spec)
         return tuple(values or (spec.values[RATIO],)), varying
-    known, name = scalars(spec.values), axis and name_of(axis.path)
-    found = set()
+    numbers, name = scalars(spec.values), axis and name_of(axis.path)
+    lengths = set()
     for block in spec.drawing.blocks:
         of_axis = (
-            [known | {name: each} for each in values] if any(each == name for each, _ in names_in(block.every)) else [known]
+            [numbers | {name: value} for value in values]
+            if any(each == name for each, _ in names_in(block.every))
+            else [numbers]
         )
-        ticks = tuple(int(value_of(block.every, each)) for each in of_axis)
+        ticks = tuple(int(value_of(block.every, values_of)) for values_of in of_axis)
         if {*ticks} != {1}:
-            found.add(ticks)
-    if len(found) != 1:
-        runs = " and ".join(f"{', '.join(map(str, each))} ticks" for each in sorted(found)) or "none"
+            lengths.add(ticks)
+    if len(lengths) != 1:
+        runs = " and ".join(f"{', '.join(map(str, lengths_of_block))} ticks" for lengths_of_block in sorted(lengths)) or "none"
         raise UsageError(
             f"{spec.name}: expected one length of frames, of all blocks that do not run in every tick, found {runs}"
         )
-    return found.pop(), varying
+    return lengths.pop(), varying
 
 
 def _refuse_built_in(spec: Spec) -> None:
@@ -84,7 +89,7 @@ def within(spec: Spec, path: str) -> dict[str, Any]:
     """
     expected, varying = lengths_of(spec)
     run = read_run(path, spec.tick_hz)
-    allowed = expected if varying else expected and tuple(each for each in expected if each == run.lengths[0])
+    allowed = expected if varying else expected and tuple(ticks for ticks in expected if ticks == run.lengths[0])
 
     def outside(each):
         return np.flatnonzero(~np.logical_and.reduce([np.isin(lengths, allowed) for lengths in each.possible]))
@@ -112,14 +117,14 @@ def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     expected, frames = found["expected"], found["frames"]
     several = expected[-1] - expected[0] + 1 == len(expected) > 2
     words = f"{expected[0]} to {expected[-1]}" if several else ", ".join(map(str, expected))
-    what = f"{words} ticks in any order" if found["varying"] else f"a constant length of {words} ticks"
+    order = f"{words} ticks in any order" if found["varying"] else f"a constant length of {words} ticks"
     start = f"  measured frames ({found['file']}):"
     if not found["left"]:
-        yield 1, f"{start} all {frames} are within {what}"
+        yield 1, f"{start} all {frames} are within {order}"
         return
     first = found["first"]
     where = f"begins at {first['begins_s']:.6g} s and lasts {first['ticks']:.6g} ticks"
-    yield 1, f"{start} {found['left']} of {frames} are NOT within {what}, so no answer here is for this run"
+    yield 1, f"{start} {found['left']} of {frames} are NOT within {order}, so no answer here is for this run"
     yield 1, f"    the first is frame {first['frame']}, which {where}"
     if found["every"] > 1:
         yield 1, f"    they are within them for a loop that looks for a result in every {found['every']} ticks and not in each"

@@ -28,11 +28,13 @@ def inspect(table: str) -> None:
     """
     from wavesweep.program.cli.messages import printable, show_json
 
-    found = {str(path): _facts_of(path) for path in _tables(table)}
+    facts = {str(path): _facts_of(path) for path in _tables(table)}
     if talk().as_json:
-        show_json({"command": "inspect", "tables": found})
+        show_json({"command": "inspect", "tables": facts})
     else:
-        click.echo(printable("\n".join(line for path, each in found.items() for line in _lines(path, each))))
+        click.echo(
+            printable("\n".join(line for path, facts_of_table in facts.items() for line in _lines(path, facts_of_table)))
+        )
 
 
 def _tables(name: str) -> list[Path]:
@@ -44,7 +46,7 @@ def _tables(name: str) -> list[Path]:
     packages = sorted(folder.glob("*.datapackage.json"))
     if not packages:
         raise UsageError(f"{name}: expected a table, a folder of results, or a spec's name in results/, found none")
-    return [each.with_suffix("").with_suffix(".parquet") for each in packages]
+    return [package.with_suffix("").with_suffix(".parquet") for package in packages]
 
 
 def _facts_of(path: Path) -> Mapping[str, Any]:
@@ -61,8 +63,8 @@ def _facts_of(path: Path) -> Mapping[str, Any]:
         **doubts,
         "facts": {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)},
         "columns": [
-            {name: getattr(each, name) for name in ("name", "unit", "kind", "description")} | _extent(columns[each.name])
-            for each in fields
+            {name: getattr(field, name) for name in ("name", "unit", "kind", "description")} | _extent(columns[field.name])
+            for field in fields
         ],
     }
 
@@ -74,9 +76,9 @@ def _extent(values: np.ndarray) -> dict[str, Any]:
         return {"different": len(set(words)), "missing": words.count("")}
     if values.dtype == np.bool_:
         return {"true": int(values.sum())}
-    known = values[~np.isnan(values)] if values.dtype == np.float64 else values
-    ends = {"least": known.min().item(), "largest": known.max().item()} if len(known) else {}
-    return {"missing": len(values) - len(known), **ends}
+    finite = values[~np.isnan(values)] if values.dtype == np.float64 else values
+    ends = {"least": finite.min().item(), "largest": finite.max().item()} if len(finite) else {}
+    return {"missing": len(values) - len(finite), **ends}
 
 
 def _lines(path: str, table: Mapping[str, Any]) -> Iterator[str]:
@@ -85,9 +87,9 @@ def _lines(path: str, table: Mapping[str, Any]) -> Iterator[str]:
     yield f"{path}: {table['kind']}, {table['rows']} rows{certified}"
     yield from (f"  {name}: {value}" for name, value in table["facts"].items())
     cells = [("column", "unit", "values", "meaning")]
-    for each in table["columns"]:
-        unit = "" if each["unit"] == "1" else each["unit"]
-        cells.append((each["name"], unit, _values(each), each["description"]))
+    for column in table["columns"]:
+        unit = "" if column["unit"] == "1" else column["unit"]
+        cells.append((column["name"], unit, _values(column), column["description"]))
     widths = [max(len(row[column]) for row in cells) for column in range(3)]
     yield from ("  " + "  ".join(f"{cell:{width}}" for cell, width in zip(row, (*widths, 0), strict=True)) for row in cells)
 

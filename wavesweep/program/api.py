@@ -109,10 +109,10 @@ class Loop:
         numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items())
         loop = own_loop(self.spec)
         drawn, drift = loop.drawn(), drift_of(loop)
-        what = f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
+        of_what = f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
         millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
         frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"
-        return f"<Loop {self.spec.name}: {what}, {len(drift.remaining)} states, {frame}; {numbers}>"
+        return f"<Loop {self.spec.name}: {of_what}, {len(drift.remaining)} states, {frame}; {numbers}>"
 
     def _repr_html_(self) -> str | None:
         """For notebooks: the question, its stable intervals and their figure. None, for the text alone, without an axis."""
@@ -231,9 +231,9 @@ class Loop:
         from wavesweep.program.analyses.spec_loops import radius_over
 
         spec = naming(self.spec, axes)
-        asked = axes_asked(spec, axes)
-        shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
-        return radius_over(spec, asked).reshape(shape)
+        asked_axes = axes_asked(spec, axes)
+        shape = tuple(len(axis.values) for axis, values in zip(asked_axes, axes.values(), strict=True) if np.ndim(values))
+        return radius_over(spec, asked_axes).reshape(shape)
 
     def response(
         self, frequency_hz: Numbers | None = None, *, from_: str | None = None, to: str | None = None, **axes: Numbers
@@ -284,9 +284,9 @@ class Loop:
 
         spec, frequency = naming(self.spec, axes, to), frequencies_asked(self.spec, frequency_hz)
         routes = responses.routes_of(spec) if from_ is None and to is None else spec.routes_between(from_, to)
-        asked = axes_asked(spec, axes)
-        found = joined([one_spec(spec, asked, frequency, self._read(spec), route) for route in routes])
-        return self._frame("bode-ports" if routes[0] else "bode", found)
+        asked_axes = axes_asked(spec, axes)
+        rows = joined([one_spec(spec, asked_axes, frequency, self._read(spec), route) for route in routes])
+        return self._frame("bode-ports" if routes[0] else "bode", rows)
 
     def plot_zwidth(
         self, along: str | None = None, span: Span | None = None, *, ax: Axes | None = None, **axes: Numbers
@@ -333,8 +333,8 @@ class Loop:
         -------
         matplotlib.figure.Figure
         """
-        found = self.response(frequency_hz, from_=from_, to=to, **axes)
-        return figure_from(ax, "bode-ports" if "from_input" in found else "bode", found, self.spec, nominal=True)
+        rows = self.response(frequency_hz, from_=from_, to=to, **axes)
+        return figure_from(ax, "bode-ports" if "from_input" in rows else "bode", rows, self.spec, nominal=True)
 
     def to_control(self, output: Literal["position", "displacement", "outputs"] | None = None) -> StateSpace:
         """The closed loop over a frame as a system of python-control.
@@ -383,9 +383,9 @@ class Loop:
                 raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
             drawn, names = own_loop(self.spec).drawn(), [name for name, _, _ in drawing.inputs]
             shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
-            parts = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
+            matrices = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
             period = float(np.asarray(drawn.period)) * drawn.ticks
-            return control.ss(*parts, period, inputs=names, outputs=list(shown.values()))
+            return control.ss(*matrices, period, inputs=names, outputs=list(shown.values()))
         port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
         E, B, C, D = over_frame(port, ticks, positions=output == "position")
@@ -412,7 +412,7 @@ class Loop:
 def _units(spec: Spec, kind: str, names: tuple[str, ...], along: str) -> dict[str, str]:
     """The units of the columns of a table of that kind. A controller's numbers have theirs from the schema."""
     columns: dict[str, tuple[str, ...]] = dict.fromkeys(names, ()) | ({"along": (along,)} if along else {})
-    return {each.name: each.unit for each in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
+    return {field.name: field.unit for field in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
 
 
 def figure_from(

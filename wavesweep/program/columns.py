@@ -13,15 +13,15 @@ def complex_columns(name: str, values) -> dict[str, np.ndarray]:
     A number that is not known, or beyond double precision, is NaN in all four.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        known = np.where(np.isfinite(np.abs(values)), values, complex(np.nan, np.nan))
-        parts = {"re": known.real, "im": known.imag, "abs": np.abs(known), "deg": np.degrees(np.angle(known))}
-    return {f"{name}_{part}": column for part, column in parts.items()}
+        finite = np.where(np.isfinite(np.abs(values)), values, complex(np.nan, np.nan))
+        arrays = {"re": finite.real, "im": finite.imag, "abs": np.abs(finite), "deg": np.degrees(np.angle(finite))}
+    return {f"{name}_{suffix}": column for suffix, column in arrays.items()}
 
 
 def joined(blocks: Iterable[Columns]) -> Columns:
     """Blocks of rows as one table."""
-    parts = list(blocks)
-    return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    listed = list(blocks)
+    return listed[0] if len(listed) == 1 else {name: np.concatenate([block[name] for block in listed]) for name in listed[0]}
 
 
 def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:

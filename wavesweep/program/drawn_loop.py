@@ -82,15 +82,15 @@ class DrawnLoop:
             raise UsageError(
                 f"response: expected a single loop with the input {force!r}, found inputs {drawn.inputs}, or a batch"
             )
-        given = real_numbers(frequency_hz)
-        frequency = np.array([np.nan]) if given is None else given.astype(float).ravel()
+        frequencies = real_numbers(frequency_hz)
+        frequency = np.array([np.nan]) if frequencies is None else frequencies.astype(float).ravel()
         half = 0.5 / float(np.ravel(drawn.period)[0])
         if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
             raise UsageError(
                 f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the tick's rate, found {frequency_hz!r:.60}"
             )
-        known = {f"{each.block.name}.{port}" for each in drawn.placed for port in each.block.outputs} | {*drawn.sums}
-        if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in known]:
+        signals = {f"{placed.block.name}.{port}" for placed in drawn.placed for port in placed.block.outputs} | {*drawn.sums}
+        if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in signals]:
             raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
         ports = Ports(force, position, reaction)
         response = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
@@ -99,18 +99,18 @@ class DrawnLoop:
 
 def refuse_infinite(drawn: MultirateLoop) -> None:
     """Raise UsageError for a block or a wire of a drawing with a number that is missing or not finite."""
-    for each in drawn.placed:
-        parts = (each.block.E, each.block.B, each.block.C, each.block.D)
-        if not all(np.isfinite(part).all() for part in parts):
-            raise UsageError(f"block {each.block.name}: expected finite numbers, found an entry that is not finite")
+    for placed in drawn.placed:
+        matrices = (placed.block.E, placed.block.B, placed.block.C, placed.block.D)
+        if not all(np.isfinite(matrix).all() for matrix in matrices):
+            raise UsageError(f"block {placed.block.name}: expected finite numbers, found an entry that is not finite")
     for port, terms in drawn.sums.items():
         for signal, gain in terms.items():
-            given = real_numbers(gain)
-            if given is None or not np.isfinite(given).all():
+            factor = real_numbers(gain)
+            if factor is None or not np.isfinite(factor).all():
                 raise UsageError(f"wire {port}: expected a finite gain of {signal}, found {gain!r:.60}")
 
 
 def is_batch(drawn: MultirateLoop) -> bool:
     """Whether a block or a gain has an array of values, for a batch of loops."""
     gains = (gain for terms in drawn.sums.values() for gain in terms.values())
-    return any(each.block.batch for each in drawn.placed) or any(np.ndim(gain) for gain in gains)
+    return any(placed.block.batch for placed in drawn.placed) or any(np.ndim(gain) for gain in gains)

@@ -21,8 +21,8 @@ def processors() -> int:
 
 def memory() -> float:
     """Bytes of memory that this machine has; infinite if it does not say."""
-    known = hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if known else float("inf")
+    has_sysconf = hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if has_sysconf else float("inf")
 
 
 def peer_user(own: tuple[str, int], peer: tuple[str, int]) -> int | None:

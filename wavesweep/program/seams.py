@@ -309,13 +309,13 @@ def refuse_other_hooks(capability: str, seam: str, module: ModuleType) -> None:
     hooks, public = hooks_of(SEAMS[seam]), [name for name in vars(module) if name[0] != "_"]
     if AsYouLike in SEAMS[seam].__mro__:
         functions = [name for name in public if getattr(vars(module)[name], "__module__", "") == module.__name__]
-        faults, known, said = [name for name in functions if name not in hooks], hooks, ""
+        faults, wanted, said = [name for name in functions if name not in hooks], hooks, ""
     else:
-        faults, known, said = [name for name in hooks if name not in public], public, "no "
+        faults, wanted, said = [name for name in hooks if name not in public], public, "no "
     if faults:
         from wavesweep.engine.keys.checking import nearest
 
-        meant = nearest(faults[0], known)
+        meant = nearest(faults[0], wanted)
         hint = f"; did you mean {meant}?" if meant and not said else f", but {meant}" if meant else ""
         expected = f"expected {'some of ' * (not said)}{', '.join(hooks)} in {module.__name__}"
         raise UsageError(f"capability {capability}: {expected}, found {said}{faults[0]}{hint}")

@@ -43,7 +43,9 @@ CORE = MappingProxyType(
         "keys": "Explain the keys of a spec: values, units and defaults.",
     }
 )
-COMMANDS = MappingProxyType({**CORE, **{name: said for each in CAPABILITIES for name, said in each.commands.items()}})
+COMMANDS = MappingProxyType(
+    {**CORE, **{name: said for capability in CAPABILITIES for name, said in capability.commands.items()}}
+)
 
 
 STUDIES = ("zwidth", "stability-region", "bode")
@@ -61,11 +63,11 @@ MOVED = MappingProxyType(
 
 def command_of(name: str) -> click.Command:
     """Import the command of that name."""
-    own = name.replace("-", "_")
+    function = name.replace("-", "_")
     if capability := home_of(name):
-        return getattr(capability.module("command"), own)
-    home = import_module(f"wavesweep.program.cli.{'study_commands' if name in STUDIES else own}")
-    return getattr(home, own if name in STUDIES else "command")
+        return getattr(capability.module("command"), function)
+    home = import_module(f"wavesweep.program.cli.{'study_commands' if name in STUDIES else function}")
+    return getattr(home, function if name in STUDIES else "command")
 
 
 class LazyGroup(click.Group):
@@ -109,8 +111,8 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by question, from the table, without importing their modules as click would."""
         del ctx
-        others = tuple(name for name in COMMANDS if not any(name in names for names in QUESTIONS.values()))
-        for question, names in (*QUESTIONS.items(), (OTHER_COMMANDS, others)):
+        unlisted = tuple(name for name in COMMANDS if not any(name in names for names in QUESTIONS.values()))
+        for question, names in (*QUESTIONS.items(), (OTHER_COMMANDS, unlisted)):
             if rows := [(name, COMMANDS[name]) for name in names if name in COMMANDS]:
                 with formatter.section(question):
                     formatter.write_dl(rows)

@@ -20,10 +20,10 @@ def own_folder(names: Iterable[str], overrides: Iterable[str]) -> Path:
     Characters other than letters, digits and . = , + - become _, for all file systems and shells. If something was changed
     or cut off, a digest distinguishes such names.
     """
-    own, said = "+".join(names), ",".join(overrides)
+    stems, said = "+".join(names), ",".join(overrides)
     plain = re.sub(r"[^\w.=,+-]+", "_", said, flags=re.ASCII)[:LONGEST].rstrip(".")
     digest = "" if plain == said else f"-{sha256(said.encode()).hexdigest()[:8]}"
-    return Path("results", f"{own},{plain}{digest}" if said else own)
+    return Path("results", f"{stems},{plain}{digest}" if said else stems)
 
 
 def refuse_other_things(*files: Path) -> None:
@@ -36,8 +36,8 @@ def refuse_other_things(*files: Path) -> None:
         except OSError as error:
             raise UsageError(f"{str(path)[:60]}: {error.strerror}; choose another name") from error
         if not stat.S_ISREG(mode):
-            found = "a link" if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
-            raise UsageError(f"{path}: expected a file or none, found {found}; move it away, or choose another name")
+            kind = "a link" if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
+            raise UsageError(f"{path}: expected a file or none, found {kind}; move it away, or choose another name")
 
 
 def refuse_inputs(read: Iterable[str | Path], *written: Path) -> None:
@@ -48,9 +48,9 @@ def refuse_inputs(read: Iterable[str | Path], *written: Path) -> None:
     places = [place for place in written if place.exists()]
     for source in (Path("/dev/stdin" if str(name) == "-" else name) for name in read if places):
         with suppress(OSError):
-            own = source.resolve(strict=True)
+            resolved = source.resolve(strict=True)
             for place in places:
-                if any(place.samefile(part) for part in (source, own, *own.parents)):
+                if any(place.samefile(file) for file in (source, resolved, *resolved.parents)):
                     raise UsageError(
                         f"{place}: expected a place for results, found {source}, which is read; choose another one"
                     )

@@ -116,8 +116,8 @@ def command(
 
 def drawn_loops() -> dict[str, Path]:
     """The files of drawn loops by name: templates first, and those recipes that one begins with."""
-    found = {path.stem: path for folder in DRAWN for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml"))}
-    return dict(sorted(found.items(), key=lambda item: item[1].parent.name != "templates" and item[0] not in STARTING_RECIPES))
+    loops = {path.stem: path for folder in DRAWN for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml"))}
+    return dict(sorted(loops.items(), key=lambda item: item[1].parent.name != "templates" and item[0] not in STARTING_RECIPES))
 
 
 def _listed() -> Iterator[str]:
@@ -125,11 +125,11 @@ def _listed() -> Iterator[str]:
     drawn = drawn_loops()
     width = max(map(len, drawn))
     yield "A hand, a wall and one of the built-in controllers:"
-    yield from (f"  {kind:{width}}  {each.description}" for kind, each in CONTROLLERS.items())
+    yield from (f"  {kind:{width}}  {controller.description}" for kind, controller in CONTROLLERS.items())
     yield from ("", "Its device by name, with --device NAME, or as device.preset in a spec of your own:")
     for name, device in DEVICES.items():
-        own = " and ".join(path.removeprefix("device.") for path in device.unknown())
-        yield f"  {name:{width}}  {device.title}{f'; nobody publishes its {own}: put your own' if own else ''}"
+        unknown = " and ".join(path.removeprefix("device.") for path in device.unknown())
+        yield f"  {name:{width}}  {device.title}{f'; nobody publishes its {unknown}: put your unknown' if unknown else ''}"
     for folder, heading in DRAWN.items():
         yield from ("", heading)
         for name, path in drawn.items():
@@ -182,12 +182,12 @@ def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = 
 
     values = {path: KEYS[path].default for path in VALUE_PATHS}
     read = keys_of_page(values | {"controller.kind": kind, "controller.Kp": 1.0})  # as if no gain were zero
-    given = {".".join(name): value for name, value, _ in map(read_override, settings)}
-    for name in given:
+    settings_by_path = {".".join(name): value for name, value, _ in map(read_override, settings)}
+    for name in settings_by_path:
         _known(name, read | {"rates.slow_hz"}, f"key that {kind} reads", "`wavesweep keys` lists all")
-    if {"rates.ratio", "rates.slow_hz", "rates.fast_hz"} & given.keys() and "environment.delay" in read:
-        given = {"environment.delay": "frame"} | given
-    text = "\n".join((*_head(kind, path), *_loop(kind, device, read, given), *_studies(device, read))) + "\n"
+    if {"rates.ratio", "rates.slow_hz", "rates.fast_hz"} & settings_by_path.keys() and "environment.delay" in read:
+        settings_by_path = {"environment.delay": "frame"} | settings_by_path
+    text = "\n".join((*_head(kind, path), *_loop(kind, device, read, settings_by_path), *_studies(device, read))) + "\n"
     load(tomllib.loads(text))
     return text
 
@@ -208,8 +208,8 @@ def _loop(kind: str, device: str | None, read: frozenset[str], given: Mapping[st
     """The tables of the loop: keys that a design begins with or that are given, and the others that it reads as comments."""
     numbers = DEVICES[device].numbers if device else {}
     active = {path: value for path, value in CHOSEN.items() if path not in numbers} | {"controller.kind": kind} | given
-    rate, other = ("rates.ratio", "rates.slow_hz")[:: 1 if "rates.ratio" in given else -1]
-    shown = read - {other} | ({rate} if "rates.ratio" in read else set())
+    rate, twin = ("rates.ratio", "rates.slow_hz")[:: 1 if "rates.ratio" in given else -1]
+    shown = read - {twin} | ({rate} if "rates.ratio" in read else set())
     notes = NOTES | _origins(device)
     if device:
         active["device.preset"], shown = device, shown | {"device.preset"}
@@ -238,9 +238,9 @@ def _studies(device: str | None, read: frozenset[str]) -> Iterator[str]:
         key = KEYS[SYMBOLS[symbol]]
         if key.path in read:
             yield from (*_prose(f"{key.unit}: {key.description}"), f"{symbol} = {axis}")
-    span = ", ".join(f"{part} = {show(value)}" for part, value in DEFAULT_FREQUENCIES.written().items())
+    span = ", ".join(f"{key} = {show(value)}" for key, value in DEFAULT_FREQUENCIES.written().items())
     yield from ("", "[bode]", *_prose(f"{frequency.unit}: {frequency.description}"), f"#frequency_hz = {{ {span} }}")
-    for table in (each for each in tables().values() if each.starts):
+    for table in (started for started in tables().values() if started.starts):
         yield from ("", f"[{table.path}]", *_defaults(device, table))
 
 
@@ -251,8 +251,8 @@ def _defaults(device: str | None, table: SpecTable) -> Iterator[str]:
     for path, default in defaults.items():
         if default is not None:
             yield from _entry(table.keys[path], None, default, notes.get(path, ""))
-    others = ", ".join(path.rpartition(".")[2] for path, default in defaults.items() if default is None)
-    yield from _prose(f"Without a default: {others}. See `wavesweep keys {table.path}`.")
+    absent = ", ".join(path.rpartition(".")[2] for path, default in defaults.items() if default is None)
+    yield from _prose(f"Without a default: {absent}. See `wavesweep keys {table.path}`.")
 
 
 def _entry(key: Key, value: object, default: object, note: str) -> Iterator[str]:

@@ -42,13 +42,13 @@ def command(name: str | None, schema: bool) -> None:
         click.echo(json.dumps(of_specs(), indent=1))
         return
     if name is None:
-        found = {path: describing.described(key, path) for path, key in describing.EVERY_KEY.items()}
-    elif not (found := describing.named(name)):
+        descriptions = {path: describing.described(key, path) for path, key in describing.EVERY_KEY.items()}
+    elif not (descriptions := describing.named(name)):
         meant = describing.meant(name)
         path = describing.SYMBOLS.get(meant, meant)
         hint = f"; did you mean {meant}{f' ({path})' * (path != meant)}?" if meant else "; `wavesweep keys` lists all"
         raise UsageError(f"{name} is no key, table or type of block of a spec{hint}")
-    click.echo(json.dumps(found, indent=2) if talk().as_json else "\n".join(_lines(found)))
+    click.echo(json.dumps(descriptions, indent=2) if talk().as_json else "\n".join(_lines(descriptions)))
 
 
 def _lines(found: Mapping[str, Description]) -> Iterator[str]:
@@ -72,7 +72,7 @@ def _table(keys: Mapping[str, Description]) -> Iterator[str]:
             yield from [""] * (table is not None)
             table = path.partition(".")[0]
             yield f"[{table}]"
-            if any(".AXIS." in other for other in keys if other.startswith(f"{table}.")):
+            if any(".AXIS." in path for path in keys if path.startswith(f"{table}.")):
                 yield EACH_AXIS
         words = wrap(meaning_of(key), room, break_on_hyphens=False)
         yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {words[0]}"
@@ -116,8 +116,8 @@ def _own_names(name: str, table: Description) -> Iterator[str]:
         unit = "without unit" if kind["unit"] == "1" else kind["unit"]
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
         yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
-    if taken := describing.TAKEN.get(name):
-        yield f"  names of columns of tables, which are taken: {', '.join(sorted(taken))}"
+    if reserved := describing.TAKEN.get(name):
+        yield f"  names of columns of tables, which are taken: {', '.join(sorted(reserved))}"
 
 
 def _types(types: Mapping[str, Description]) -> Iterator[str]:

@@ -151,9 +151,9 @@ class Watch:
         if done == before or reported - began < SHORT:
             return 0.0
         step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much
-        each = max((reported - began) / (done - before), (seconds - began) / (done - before + step))
-        rest = each * (self._total - done)
-        return max(rest - (seconds - reported), min(rest, each * step) / 2)
+        seconds_each = max((reported - began) / (done - before), (seconds - began) / (done - before + step))
+        rest = seconds_each * (self._total - done)
+        return max(rest - (seconds - reported), min(rest, seconds_each * step) / 2)
 
     def _line(self, seconds: float, left: float) -> str:
         after = f"after {_duration(seconds)}"
@@ -206,6 +206,6 @@ def _duration(seconds: float) -> str:
 
 def where(paths: Iterable[Path], seconds: float) -> str:
     """Message with the paths of the files written; the folder appears once."""
-    first, *others = paths
-    suffixes = ["".join(path.suffixes) for path in others]
+    first, *further = paths
+    suffixes = ["".join(path.suffixes) for path in further]
     return f"Wrote {', '.join([str(first), *suffixes])} in {seconds:.2f} s"

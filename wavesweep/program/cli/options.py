@@ -31,9 +31,9 @@ def _checked_out(context: click.Context, option: click.Parameter, out: str | Non
     if out is not None and not out.strip():
         raise click.UsageError("--out: expected a folder, found an empty text; leave the option out for the default")
     if out and re.fullmatch(r"\.[A-Za-z]\w{0,9}", PurePath(out).suffix) and not _is_file(out) and not Path(out).exists():
-        known = ", ".join(FILES)
+        endings = ", ".join(FILES)
         raise click.UsageError(
-            f"--out {out}: expected a folder, or a file whose name ends in one of {known}; make the folder first"
+            f"--out {out}: expected a folder, or a file whose name ends in one of {endings}; make the folder first"
         )
     return out
 
@@ -184,17 +184,17 @@ class Options:
 
 def run_options(*groups: str) -> Callable[..., Any]:
     """Add the options of a run to a command; its body receives them together as `options`. groups: besides those of all."""
-    declared = [each for each in fields(Options) if each.metadata and each.metadata["of"] in ("all", *groups)]
+    declared = [option for option in fields(Options) if option.metadata and option.metadata["of"] in ("all", *groups)]
 
     def add(body: Callable[..., None]) -> Callable[..., None]:
         @wraps(body)
         def gathered(**given: Any) -> None:
-            own = {each.name: given.pop(each.name) for each in declared}
-            body(options=_consistent(Options(**own, quiet=talk().quiet, as_json=talk().as_json)), **given)
+            chosen = {option.name: given.pop(option.name) for option in declared}
+            body(options=_consistent(Options(**chosen, quiet=talk().quiet, as_json=talk().as_json)), **given)
 
         command = gathered
-        for each in reversed(declared):
-            command = each.metadata["option"](command)
+        for option in reversed(declared):
+            command = option.metadata["option"](command)
         return command
 
     return add

@@ -55,13 +55,13 @@ def produce(
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
     written = [options.file] if options.file else [directory / name for kind in kinds for name in results.names_of(kind)]
-    refuse_inputs((file for each in specs for file in each.files), *(() if options.to_stdout else written))
+    refuse_inputs((file for spec in specs for file in spec.files), *(() if options.to_stdout else written))
     if options.formats:
         from wavesweep.program import plots
 
         plots.refuse_settings()
     marks = {}
-    if any(each.measured for each in specs):
+    if any(spec.measured for spec in specs):
         from wavesweep.program.plots.figure_marks import facts_of_marks
 
         marks = facts_of_marks(specs, kinds[0])
@@ -70,17 +70,17 @@ def produce(
         for kind in kinds if options.to_folder and not options.overwrite else ():
             results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
-        kept = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
+        checkpoint = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
         with progress(options.quiet, less=less) as report:
-            tables = compute(specs, **options.work, progress=report, checkpoint=kept)
+            tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
         before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
         run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": shlex.join(["wavesweep", *talk().words])}
         tables = [replace(table, facts={**table.facts, "spec_place": place, **marks, **run}) for table in tables]
         try:
             finished = _written(tables, directory, options)
         except BaseException as error:
-            if kept is not None and kept.is_file():
-                error.add_note(f"All that was computed is kept in {kept}; the same command goes on from there.")
+            if checkpoint is not None and checkpoint.is_file():
+                error.add_note(f"All that was computed is kept in {checkpoint}; the same command goes on from there.")
             raise
         for kind in set(kinds) - {table.kind for table in tables} if options.to_folder else ():
             results.discard(kind, directory)  # another spec's, which would pass for one of this run
@@ -121,17 +121,17 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
     if spec.drawing and spec.drawing.channels:
         if command not in (*FOR_ALL, "simulate"):
-            others = "zwidth, stability-region and check"
-            yield f"{spec.name}: {command} has all messages in time; {others} say what holds if some are late or lost"
+            commands = "zwidth, stability-region and check"
+            yield f"{spec.name}: {command} has all messages in time; {commands} say what holds if some are late or lost"
     elif spec.members and command not in (*FOR_ALL, "margins"):  # which says itself what it cannot hold for
-        others = "zwidth, stability-region, margins, check and design"
-        yield f"{spec.name}: {command} is of the spec's own numbers; {others} look at all of {spec.members}"
-    for each in overrides if command in (*INTERVALS, "bode", "passivity") else ():
-        name = each.partition("=")[0].strip()
+        commands = "zwidth, stability-region, margins, check and design"
+        yield f"{spec.name}: {command} is of the spec's own numbers; {commands} look at all of {spec.members}"
+    for override in overrides if command in (*INTERVALS, "bode", "passivity") else ():
+        name = override.partition("=")[0].strip()
         key = spec.names.find(name)
         if key is not None and key.path in swept:
             axis = swept[key.path]
-            yield f"--set {each} has no effect here: {axis} is swept; --set {table}.{axis}=... changes its values"
+            yield f"--set {override} has no effect here: {axis} is swept; --set {table}.{axis}=... changes its values"
 
 
 def _report(
@@ -147,8 +147,8 @@ def _report(
     from wavesweep.program.analyses.assumptions import unusual
     from wavesweep.program.store.checkpoint import SUFFIX
 
-    said = [line for each in specs for line in (*unusual(each), *_without_effect(command, each, options.overrides))]
-    notices = [*dict.fromkeys(said), *(notice for each in finished for notice in each.notices)]
+    said = [line for spec in specs for line in (*unusual(spec), *_without_effect(command, spec, options.overrides))]
+    notices = [*dict.fromkeys(said), *(notice for done in finished for notice in done.notices)]
     if options.as_json:
         show_json(
             {
@@ -157,8 +157,8 @@ def _report(
                 "spec_sha256": facts["spec_sha256"],
                 "assumes": facts.get("assumes", ""),
                 "notices": notices,
-                "tables": {each.kind: each.numbers for each in finished},
-                "files": [str(path) for each in finished for path in each.paths],
+                "tables": {done.kind: done.numbers for done in finished},
+                "files": [str(path) for done in finished for path in done.paths],
                 "changed": list(changed),
                 "seconds": round(seconds, 3),
             }
@@ -169,7 +169,7 @@ def _report(
 
     assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
     lines = [(line, False) for line in dict.fromkeys(said)]
-    lines += [line for each in finished for line in (*((notice, False) for notice in each.notices), *each.lines)]
+    lines += [line for done in finished for line in (*((notice, False) for notice in done.notices), *done.lines)]
     for line, warning in [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]:
         say(line, warning)
     for left in sorted(folder_of(specs, options).glob(f".{command}-*{SUFFIX}")) if not options.to_stdout else ():
@@ -177,9 +177,9 @@ def _report(
     if changed:
         shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
         say(f"replaced the results of this spec; changed: {', '.join(shown)}")
-    for each in finished:
-        if each.paths:
-            say(where(each.paths, seconds))
+    for done in finished:
+        if done.paths:
+            say(where(done.paths, seconds))
 
 
 def produce_intervals(
@@ -250,7 +250,7 @@ def folder_of(specs: Sequence[Spec], options: Options) -> Path:
     """Return the folder for the results, or that of the only file."""
     if options.file:
         return options.file.parent
-    return Path(options.out or own_folder((each.name for each in specs), options.overrides))
+    return Path(options.out or own_folder((spec.name for spec in specs), options.overrides))
 
 
 class Finished(NamedTuple):

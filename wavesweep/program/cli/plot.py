@@ -19,8 +19,8 @@ def _as_asked(context: click.Context, option: click.Parameter, text: str | None)
         from wavesweep.program.plots.figure_options import style_of, width_of
         from wavesweep.program.plots.style import as_asked
 
-        asked = {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
-        context.with_resource(as_asked(**asked))
+        chosen = {"width": width_of(text)} if option.name == "width" else {"settings": style_of(text)}
+        context.with_resource(as_asked(**chosen))
     return text
 
 
@@ -83,8 +83,8 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
         if by := facts.get("drawn_by"):
             expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
             raise UsageError(f"{path}: {expected}")
-        known = {*COMPUTED, *row_kinds()} if (whose := whose_column(columns)) in ("guarantee", "hand") else ()
-        if known and (foreign := set(columns[whose].tolist()) - known):
+        kinds_known = {*COMPUTED, *row_kinds()} if (whose := whose_column(columns)) in ("guarantee", "hand") else ()
+        if kinds_known and (foreign := set(columns[whose].tolist()) - kinds_known):
             expected = f"expected the capability that makes rows of {', '.join(sorted(foreign))}, found that it is not there"
             raise UsageError(f"{path}: {expected}; plot the table where it is")
         figure = plots.figure_of(kind)(columns, facts)

@@ -22,9 +22,9 @@ class Talk(NamedTuple):
         """Take these options out of a line; the words that are left are those of the group and of the command."""
         end = words.index("--") if "--" in words else len(words)
         spelt = {"quiet": ("-q", "--quiet"), "as_json": ("--json",), "debug": ("--debug",)}
-        asked = {name: any(word in spellings for word in words[:end]) for name, spellings in spelt.items()}
+        wanted = {name: any(word in spellings for word in words[:end]) for name, spellings in spelt.items()}
         left = [word for word in words[:end] if not any(word in spellings for spellings in spelt.values())]
-        return cls(tuple(words), **asked), [*left, *words[end:]]
+        return cls(tuple(words), **wanted), [*left, *words[end:]]
 
 
 def talk() -> Talk:

@@ -39,15 +39,15 @@ def command(directory: str, prove: int) -> int:
     from wavesweep.program.results.verification import verify
 
     with progress(talk().quiet, "computing rows again", "--prove with fewer slices takes less") as report:
-        found = verify(directory, prove=prove, progress=report)
+        verified = verify(directory, prove=prove, progress=report)
     if talk().as_json:
-        summary = {"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences}
-        show_json(summary | ({"proved": found.proved} if prove else {}))
+        summary = {"command": "verify", "folder": directory, "checked": verified.checked, "differences": verified.differences}
+        show_json(summary | ({"proved": verified.proved} if prove else {}))
     else:
-        if found.checked and not talk().quiet:
-            click.echo(printable("\n".join(found.checked)))
-        for difference in found.differences[:MOST_LINES]:
+        if verified.checked and not talk().quiet:
+            click.echo(printable("\n".join(verified.checked)))
+        for difference in verified.differences[:MOST_LINES]:
             say(f"differs: {difference}", warning=True)
-        if (more := len(found.differences) - MOST_LINES) > 0:
-            say(f"and {more} more differences", warning=True)
-    return 1 if found.differences else 0
+        if (unlisted := len(verified.differences) - MOST_LINES) > 0:
+            say(f"and {unlisted} more differences", warning=True)
+    return 1 if verified.differences else 0

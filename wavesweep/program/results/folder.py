@@ -51,10 +51,10 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str 
     sha256: the digest of the spec. place: that of its file, see `place_of`; results of the same file may be replaced, also
     if it was edited, and those of an equal spec in any case.
     """
-    found = existing_facts(kind, directory)
-    if found is None or found.get("spec_sha256") == sha256 or (place and found.get("spec_place") == place):
+    facts = existing_facts(kind, directory)
+    if facts is None or facts.get("spec_sha256") == sha256 or (place and facts.get("spec_place") == place):
         return
-    maker = f"another spec ({_name(found)}SHA-256 {found['spec_sha256'][:12]}…)" if found else "an unknown origin"
+    maker = f"another spec ({_name(facts)}SHA-256 {facts['spec_sha256'][:12]}…)" if facts else "an unknown origin"
     raise UsageError(
         f"{Path(directory) / kind}.*: found results of {maker}; give --overwrite to replace them, or another --out"
     )
@@ -67,11 +67,11 @@ def _name(facts: Mapping[str, Any]) -> str:
 
 def refuse_other_hands(kind: str, directory: str | Path, words: Sequence[str]) -> None:
     """Raise UsageError if the directory holds a table of this kind for other hands; words: see `Hands.facts`."""
-    found = packaged_facts(Path(directory) / f"{kind}{PACKAGE}")
-    if found and found.get("for_hands") != words:
-        other = f"other hands ({' '.join(map(str, found.get('for_hands') or ()))})"
+    facts = packaged_facts(Path(directory) / f"{kind}{PACKAGE}")
+    if facts and facts.get("for_hands") != words:
+        other_hands = f"other hands ({' '.join(map(str, facts.get('for_hands') or ()))})"
         raise UsageError(
-            f"{Path(directory) / kind}.*: found results for {other}; give --overwrite to replace them, or another --out"
+            f"{Path(directory) / kind}.*: found results for {other_hands}; give --overwrite to replace them, or another --out"
         )
 
 
@@ -101,8 +101,8 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 def _changed(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterator[str]:
     """Yield the change of a key; of an axis that has ends before and after, those of its parts."""
     if isinstance(old.get(key), Mapping) and isinstance(new.get(key), Mapping):
-        parts = [part for part in {**new[key], **old[key]} if old[key].get(part) != new[key].get(part)]
-        yield from (f"{key}.{part} {_shown(old[key], part)} -> {_shown(new[key], part)}" for part in parts)
+        keys = [name for name in {**new[key], **old[key]} if old[key].get(name) != new[key].get(name)]
+        yield from (f"{key}.{name} {_shown(old[key], name)} -> {_shown(new[key], name)}" for name in keys)
     else:
         yield f"{key} {_shown(old, key)} -> {_shown(new, key)}"
 
@@ -135,7 +135,7 @@ def _shown(values: Mapping[str, Any], key: str) -> str:
         return "not swept" if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key else "not given"
     value = values[key]
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{part} = {_text(each)}' for part, each in value.items())}}}"
+        return f"{{{', '.join(f'{name} = {_text(item)}' for name, item in value.items())}}}"
     if isinstance(value, list):
         text = f"[{', '.join(map(_text, value))}]"
         return text if len(text) <= LONGEST else f"{len(value)} values"
@@ -190,7 +190,7 @@ def refuse_unusable(directory: str | Path) -> None:
 
 
 def _refuse_unusable(directory, place):
-    if long := [part for part in place.parts if len(os.fsencode(part)) > LONGEST_NAME]:
+    if long := [segment for segment in place.parts if len(os.fsencode(segment)) > LONGEST_NAME]:
         raise UsageError(
             f"the folder {long[0][:40]}...: expected a name of at most {LONGEST_NAME} bytes; name another with --out"
         )

@@ -45,22 +45,22 @@ def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, 
     """The entries of the CSV and the Parquet file or, without a CSV, of each part of the folder of Parquet files."""
     # Taken for a table, frictionless looks for the bytes of a text stream and finds none.
     parquet = {"profile": "data-resource", "type": "file", "format": "parquet", "mediatype": "application/vnd.apache.parquet"}
-    whole = stem.with_suffix(".parquet")
-    if whole.is_dir():
+    single = stem.with_suffix(".parquet")
+    if single.is_dir():
         return [
             {
-                "name": f"{kind}-{part.stem}",
+                "name": f"{kind}-{file.stem}",
                 **parquet,
-                **file_facts(part),
-                "path": f"{whole.name}/{part.name}",
-                **({"schema": schema} if part.name == "part-00000.parquet" else {}),
+                **file_facts(file),
+                "path": f"{single.name}/{file.name}",
+                **({"schema": schema} if file.name == "part-00000.parquet" else {}),
             }
-            for part in sorted(whole.iterdir())
+            for file in sorted(single.iterdir())
         ]
     csv = {"profile": "tabular-data-resource", "format": "csv", "mediatype": "text/csv", "encoding": "utf-8"}
     return [
         {"name": f"{kind}-csv", **csv, "dialect": _DIALECT, **file_facts(stem.with_suffix(".csv")), "schema": schema},
-        {"name": f"{kind}-parquet", **parquet, **file_facts(whole), "schema": schema},
+        {"name": f"{kind}-parquet", **parquet, **file_facts(single), "schema": schema},
     ]
 
 
@@ -130,24 +130,24 @@ def packaged_facts(package: Path) -> dict[str, Any]:
 def packaged_fault(csv: Path, package: Path) -> str:
     """Give the reason why a CSV is not the table that the package beside it describes, empty if it is."""
     if not packaged_facts(package):
-        found = "a damaged one; use the Parquet file, or compute the table again" if package.is_file() else "none"
-        return f"expected the data package of wavesweep, {package.name}, beside the table, found {found}"
+        state = "a damaged one; use the Parquet file, or compute the table again" if package.is_file() else "none"
+        return f"expected the data package of wavesweep, {package.name}, beside the table, found {state}"
     described = loaded(package)["resources"][0]
-    here = file_facts(csv)
-    if here["hash"] == described.get("hash"):
+    facts = file_facts(csv)
+    if facts["hash"] == described.get("hash"):
         return ""
     expected = f"expected the {described.get('bytes')} bytes that {package.name} describes"
-    found = f"found {here['bytes']} other ones: the file is torn or was changed"
-    return f"{expected}, {found}; use the Parquet file, or compute the table again"
+    state = f"found {facts['bytes']} other ones: the file is torn or was changed"
+    return f"{expected}, {state}; use the Parquet file, or compute the table again"
 
 
 def same_but_for_the_run(one: Path, other: Path) -> bool:
     """Whether two packages are equal but for facts of the run that made them; false if one cannot be read."""
     try:
-        packages = [loaded(each) for each in (one, other)]
-        for each in packages:
-            each.pop("hash", None)
-            each["wavesweep"] = {name: fact for name, fact in each["wavesweep"].items() if name not in OF_RUN}
+        packages = [loaded(package_file) for package_file in (one, other)]
+        for content in packages:
+            content.pop("hash", None)
+            content["wavesweep"] = {name: fact for name, fact in content["wavesweep"].items() if name not in OF_RUN}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return False
     return packages[0] == packages[1] and not other.is_symlink()
@@ -160,16 +160,18 @@ def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
     """
     if not packaged_facts(package):
         return
-    known = loaded(package)
-    new = [figure_resource(kind, known["wavesweep"], figure) for figure in figures]
-    names = {each["name"] for each in new}
-    known["resources"] = [each for each in known["resources"] if each["name"] not in names] + new
-    write_file(package, _as_text(known).encode())
+    package_content = loaded(package)
+    new = [figure_resource(kind, package_content["wavesweep"], figure) for figure in figures]
+    names = {resource["name"] for resource in new}
+    package_content["resources"] = [
+        resource for resource in package_content["resources"] if resource["name"] not in names
+    ] + new
+    write_file(package, _as_text(package_content).encode())
 
 
 def _as_text(package: Mapping[str, Any]) -> str:
     """The text of a package, with a hash of what is in it."""
-    content = {name: each for name, each in package.items() if name != "hash"}
+    content = {name: value for name, value in package.items() if name != "hash"}
     digest = hashlib.sha256(json.dumps(content, indent=2, allow_nan=False).encode()).hexdigest()
     return json.dumps(content | {"hash": f"sha256:{digest}"}, indent=2, allow_nan=False) + "\n"
 
@@ -180,19 +182,19 @@ def package_differences(package: Path, kind: str, fields: tuple[Field, ...], fac
     fields, facts: those in the Parquet file; what such a file does not have is held against the hash in the package.
     Sizes and hashes of files are not compared. Raises OSError, ValueError, KeyError or TypeError if something cannot be read.
     """
-    found, stem = loaded(package), package.with_name(kind)
-    own = {name: found["wavesweep"][name] for name in OWN_FACTS if name in found["wavesweep"]}
-    figures = [package.parent / each["path"] for each in found["resources"] if each.get("format") in _MEDIA]
+    content, stem = loaded(package), package.with_name(kind)
+    own_facts = {name: content["wavesweep"][name] for name in OWN_FACTS if name in content["wavesweep"]}
+    figures = [package.parent / resource["path"] for resource in content["resources"] if resource.get("format") in _MEDIA]
     figures = [figure for figure in figures if figure in {stem.with_suffix(f".{form}") for form in _MEDIA}]
-    text = package_text(kind, fields, {**facts, **own}, stem, figures)
+    text = package_text(kind, fields, {**facts, **own_facts}, stem, figures)
     expected = json.loads(text)
-    for each, entry in zip(expected["resources"], found["resources"], strict=False):
-        each |= {name: entry[name] for name in ("bytes", "hash") if name in entry}
+    for resource, entry in zip(expected["resources"], content["resources"], strict=False):
+        resource |= {name: entry[name] for name in ("bytes", "hash") if name in entry}
     expected.pop("hash")
-    given = {name: each for name, each in found.items() if name != "hash"}
-    places = list(_differences(given, expected, ""))
+    entries = {name: value for name, value in content.items() if name != "hash"}
+    places = list(_differences(entries, expected, ""))
     yield from places[:MOST_DIFFERENCES]
-    if not places and package.read_text(encoding="utf-8") not in (_as_text(found), json.dumps(given, indent=2) + "\n"):
+    if not places and package.read_text(encoding="utf-8") not in (_as_text(content), json.dumps(entries, indent=2) + "\n"):
         yield "its text does not have the hash that it gives"
 
 
@@ -206,8 +208,8 @@ def _differences(found: Any, expected: Any, place: str) -> Iterator[str]:
             else:
                 yield from _differences(found[name], expected[name], at)
     elif isinstance(found, list) and isinstance(expected, list) and len(found) == len(expected):
-        for number, (one, other) in enumerate(zip(found, expected, strict=True)):
-            yield from _differences(one, other, f"{place}[{number}]")
+        for number, (item, wanted) in enumerate(zip(found, expected, strict=True)):
+            yield from _differences(item, wanted, f"{place}[{number}]")
     elif type(found) is not type(expected) or found != expected:
         yield f"{place} is {json.dumps(found)[:60]}, not {json.dumps(expected)[:60]}"
 

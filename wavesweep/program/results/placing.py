@@ -34,12 +34,12 @@ def abandon(folder: Path) -> None:
 
 def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
     """Move the files of a table to their places and give their paths; a figure or CSV that the package does not list goes."""
-    *others, package = (name for name in names_of(kind) if (folder / name).exists())
-    for name in (*others, package):
-        for part in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
-            sync(part)
+    *files, package = (name for name in names_of(kind) if (folder / name).exists())
+    for name in (*files, package):
+        for file in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
+            sync(file)
         sync(folder / name)
-    for name in sorted(others, key=lambda name: not name.endswith(".parquet")):  # it has the facts of the run as well
+    for name in sorted(files, key=lambda name: not name.endswith(".parquet")):  # it has the facts of the run as well
         new, place = folder / name, directory / name
         if is_folder(place) or (is_folder(new) and place.exists()):  # a rename cannot take its place
             place.rename(folder / f"{REPLACED}-{name}")
@@ -55,4 +55,4 @@ def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
     if not same_but_for_the_run(folder / package, directory / package):
         (folder / package).replace(directory / package)
         sync(directory)
-    return [directory / name for name in (*others, package) if name != BEST]
+    return [directory / name for name in (*files, package) if name != BEST]

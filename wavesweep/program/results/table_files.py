@@ -56,7 +56,9 @@ class ParquetFile:
         """Open the file for columns like those of the first group: numbers that repeat are kept once, in a dictionary."""
         import pyarrow.parquet
 
-        many = [name for name, each in columns.items() if each.dtype == np.float64 and different(each).size > len(each) // 2]
+        many = [
+            name for name, column in columns.items() if column.dtype == np.float64 and different(column).size > len(column) // 2
+        ]
         few = [name for name in columns if name not in many]
         self._file = _opened(self._path, "wb")
         self._writer = pyarrow.parquet.ParquetWriter(self._file, self._schema, compression="zstd", use_dictionary=few)
@@ -114,8 +116,8 @@ def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
     Numbers are the shortest decimals that read back to the same bits, always with a point or an exponent; booleans are 1 and 0;
     what is missing is an empty cell; texts have quotes if they need them. Arrow's own writer quotes all texts or none.
     """
-    *others, last = (_cells(column) for column in columns.values())
-    return _joined([*others, _joined([last, _text("")], "\n")], ",").buffers()[2]
+    *before_last, last = (_cells(column) for column in columns.values())
+    return _joined([*before_last, _joined([last, _text("")], "\n")], ",").buffers()[2]
 
 
 def _cells(column: np.ndarray) -> Any:
@@ -130,17 +132,17 @@ def _cells(column: np.ndarray) -> Any:
     if different(sample).size > len(sample) // 2:
         return _decimals(array)
     bits = _call("dictionary_encode", pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers()))  # 0 is not -0
-    each = pyarrow.Array.from_buffers(pyarrow.float64(), len(bits.dictionary), bits.dictionary.buffers())
-    return _call("take", _decimals(each), bits.indices)
+    chunk = pyarrow.Array.from_buffers(pyarrow.float64(), len(bits.dictionary), bits.dictionary.buffers())
+    return _call("take", _decimals(chunk), bits.indices)
 
 
 def _decimals(array: Any) -> Any:
     """Doubles as decimals; Arrow writes whole numbers below WHOLE without a point."""
     text, values = _cast(array), np.frombuffer(array.buffers()[1], np.float64, len(array))
-    whole = (values == np.trunc(values)) & (np.abs(values) < WHOLE)
-    if not whole.any():
+    integral = (values == np.trunc(values)) & (np.abs(values) < WHOLE)
+    if not integral.any():
         return text
-    mask = _array(whole)
+    mask = _array(integral)
     return _call("replace_with_mask", text, mask, _joined([_call("filter", text, mask), _text("0")], "."))
 
 
@@ -260,9 +262,9 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     """
     path = Path(path)
     if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
-        tables = sorted(each.with_suffix("").with_suffix(".parquet").name for each in path.glob("*.datapackage.json"))
-        found = f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
-        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {found}")
+        tables = sorted(package.with_suffix("").with_suffix(".parquet").name for package in path.glob("*.datapackage.json"))
+        problem = f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
+        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {problem}")
     package = path.with_suffix(".datapackage.json")
     try:
         fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
@@ -320,10 +322,10 @@ def schema_fields(path: Path) -> tuple[Field, ...]:
     kinds = {str(arrow): kind for kind, arrow in _types().items()}
     with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
         schema = pyarrow.parquet.read_schema(file)
-    texts = [{name.decode(): text.decode() for name, text in (each.metadata or {}).items()} for each in schema]
+    texts = [{name.decode(): text.decode() for name, text in (member.metadata or {}).items()} for member in schema]
     return tuple(
-        Field(each.name, kinds[str(each.type)], text["unit"], text["description"])
-        for each, text in zip(schema, texts, strict=True)
+        Field(field.name, kinds[str(field.type)], text["unit"], text["description"])
+        for field, text in zip(schema, texts, strict=True)
     )
 
 
@@ -334,18 +336,18 @@ def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[
     """
     import pyarrow.parquet
 
-    found: list[dict[str, np.ndarray]] = []
+    blocks: list[dict[str, np.ndarray]] = []
     before = 0
-    for part in parts_of(path):
-        with _as_table(part), _opened(part, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
+    for block_file in parts_of(path):
+        with _as_table(block_file), _opened(block_file, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
             rows = file.metadata.num_rows
             start, stop = max(first - before, 0), rows if end is None else min(end - before, rows)
-            if start < stop or not found:  # of the first part at least the columns
-                found.append(_rows_of(file, start, max(start, stop), columns))
+            if start < stop or not blocks:  # of the first part at least the columns
+                blocks.append(_rows_of(file, start, max(start, stop), columns))
         before += rows
         if end is not None and before >= end:
             break
-    return _columns(pyarrow.concat_tables(found))
+    return _columns(pyarrow.concat_tables(blocks))
 
 
 def _rows_of(file: Any, first: int, end: int, columns: list[str] | None) -> Any:
@@ -364,8 +366,8 @@ def rows_in(path: Path) -> int:
     import pyarrow.parquet
 
     rows = 0
-    for part in parts_of(path):
-        with _as_table(part), _opened(part, "rb") as file:
+    for block_file in parts_of(path):
+        with _as_table(block_file), _opened(block_file, "rb") as file:
             rows += pyarrow.parquet.ParquetFile(file).metadata.num_rows
     return rows
 
@@ -382,7 +384,7 @@ def parts_of(path: Path) -> list[Path]:
     """
     if not path.is_dir():
         return [path]
-    names = sorted(part.name for part in path.iterdir() if re.fullmatch(PART, part.name))
+    names = sorted(file.name for file in path.iterdir() if re.fullmatch(PART, file.name))
     package = path.with_suffix(".datapackage.json")
     expected = packaged_parts(package) if package.exists() else len(names)
     if not names or names != [part_name(number) for number in range(max(expected, len(names)))]:
@@ -393,16 +395,16 @@ def parts_of(path: Path) -> list[Path]:
 def _read_parquet(path: Path) -> dict[str, np.ndarray]:
     import pyarrow.parquet
 
-    found, cells = [], 0
-    for part in parts_of(path):
-        with _as_table(part), _opened(part, "rb") as file:  # `read_table` would import pandas
-            whole = pyarrow.parquet.ParquetFile(file)
-            rows = whole.metadata.num_rows
-            cells += rows * whole.metadata.num_columns
+    tables, cells = [], 0
+    for file_part in parts_of(path):
+        with _as_table(file_part), _opened(file_part, "rb") as file:  # `read_table` would import pandas
+            opened = pyarrow.parquet.ParquetFile(file)
+            rows = opened.metadata.num_rows
+            cells += rows * opened.metadata.num_columns
             if 8 * cells > memory():
-                raise UsageError(f"{path}: expected a table that fits into memory, found {rows:,} rows in {part.name}")
-            found.append(whole.read())
-    return _columns(pyarrow.concat_tables(found))
+                raise UsageError(f"{path}: expected a table that fits into memory, found {rows:,} rows in {file_part.name}")
+            tables.append(opened.read())
+    return _columns(pyarrow.concat_tables(tables))
 
 
 def csv_blocks(path: Path) -> Iterator[dict[str, np.ndarray]]:
@@ -446,7 +448,7 @@ def _numpy(column: Any) -> np.ndarray:
         column = _call("coalesce", column, _made("float64", 1, None, np.array([np.nan]))[0])
     held: Any = np.uint8 if kind == "bool" else _NUMPY[kind]
     chunks: Any = (
-        np.frombuffer(each.buffers()[1], held, each.offset + len(each))[each.offset :] for each in column.chunks if each
+        np.frombuffer(chunk.buffers()[1], held, chunk.offset + len(chunk))[chunk.offset :] for chunk in column.chunks if chunk
     )
     return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
 

@@ -77,8 +77,8 @@ def publish(
 
 def _of_folder(error: OSError, directory: Path) -> OSError:
     """The error with the folder in place of a temporary file's name, or of none; Arrow has the number in its text alone."""
-    found = re.search(r"\[errno (\d+)\] ([^\n]+)", str(error))
-    number, text = (int(found[1]), found[2]) if found else (error.errno, error.strerror or str(error))
+    matched = re.search(r"\[errno (\d+)\] ([^\n]+)", str(error))
+    number, text = (int(matched[1]), matched[2]) if matched else (error.errno, error.strerror or str(error))
     return OSError(number, text, str(directory))
 
 
@@ -123,9 +123,9 @@ def save(table: Table, path: Path) -> Path:
     try:
         with scratch(path.parent) as folder:
             _write_all(folder / table.kind, table, fields, blocks, [suffix[1:]] if suffix in FIGURES else (), None, suffix)
-            whole = folder / f"{table.kind}{suffix}"
-            sync(whole)
-            put(whole, path)
+            target = folder / f"{table.kind}{suffix}"
+            sync(target)
+            put(target, path)
         sync(path.parent)
     except OSError as error:
         raise _of_folder(error, path) from error
@@ -138,11 +138,11 @@ def stream(table: Table, out: BinaryIO) -> None:
     Raises WavesweepError before the first byte if rows are unfit.
     """
     fields, blocks = _opened(table)
-    with SpooledTemporaryFile(IN_MEMORY) as whole:
-        whole.write(csv_header(fields))
-        whole.writelines(csv_rows(group) for group in _groups(fields, blocks))
-        whole.seek(0)
-        copyfileobj(whole, out)
+    with SpooledTemporaryFile(IN_MEMORY) as spooled:
+        spooled.write(csv_header(fields))
+        spooled.writelines(csv_rows(group) for group in _groups(fields, blocks))
+        spooled.seek(0)
+        copyfileobj(spooled, out)
     out.flush()
 
 
@@ -169,9 +169,9 @@ def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts |
     """Write the groups to the open files, the CSV in this thread and Parquet in another one: Arrow lets both run at once."""
     from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(1) as other:
+    with ThreadPoolExecutor(1) as second:
         for group in groups:
-            written = other.submit(parquet.append, group) if parquet else None
+            written = second.submit(parquet.append, group) if parquet else None
             if csv:
                 csv.write(csv_rows(group))
             if written:
@@ -187,11 +187,11 @@ def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int
         rows, waiting = rows + length, waiting + length
         if waiting < _rows_after(rows - waiting, partition):
             continue
-        whole, start = joined(pending), 0
+        group, start = joined(pending), 0
         while waiting - start >= (size := _rows_after(rows - waiting + start, partition)):
-            yield {name: column[start : start + size] for name, column in whole.items()}
+            yield {name: column[start : start + size] for name, column in group.items()}
             start += size
-        pending, waiting = [{name: column[start:] for name, column in whole.items()}], waiting - start
+        pending, waiting = [{name: column[start:] for name, column in group.items()}], waiting - start
     if waiting:
         yield joined(pending)
 
@@ -205,5 +205,5 @@ def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:
     """The figures of the table: the new ones, and those of the same spec that stay."""
     same = (existing_facts(stem.name, directory) or {}).get("spec_sha256") == sha256
     new, old = ([place.with_suffix(suffix) for suffix in FIGURES] for place in (stem, directory / stem.name))
-    found = [each if each.exists() else kept for each, kept in zip(new, old, strict=True) if each.exists() or same]
-    return [each for each in found if each.exists()]
+    figures = [fresh if fresh.exists() else former for fresh, former in zip(new, old, strict=True) if fresh.exists() or same]
+    return [figure for figure in figures if figure.exists()]

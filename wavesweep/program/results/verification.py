@@ -127,31 +127,31 @@ def _files(package: Path) -> Iterator[str]:
     """Yield the differences of the files from their entries in the package."""
     try:
         entries = loaded(package)["resources"]
-        known = {str(entry["path"]): (entry["bytes"], entry["hash"]) for entry in entries}
+        expected_files = {str(entry["path"]): (entry["bytes"], entry["hash"]) for entry in entries}
     except (ValueError, KeyError, TypeError):
         yield f"{package}: its list of files cannot be read"
         return
-    if len(known) < len(entries):
-        yield f"{package}: {len(entries) - len(known)} of its files are listed again"
+    if len(expected_files) < len(entries):
+        yield f"{package}: {len(entries) - len(expected_files)} of its files are listed again"
     stem = package.name.removesuffix(PACKAGE)
-    parts, here = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
-    if parts.is_dir():
-        here = {f"{parts.name}/{path.name}" for path in parts.iterdir()}
-    for name in sorted(here - set(known)):
+    folder, present = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
+    if folder.is_dir():
+        present = {f"{folder.name}/{path.name}" for path in folder.iterdir()}
+    for name in sorted(present - set(expected_files)):
         yield f"{package}: {name} is not in its list of files"
-    for name, (size, digest) in known.items():
-        own = name.removeprefix(f"{parts.name}/").removeprefix(f"{BEST}/" if stem == "design" else "")
-        if own != Path(own).name:
+    for name, (size, digest) in expected_files.items():
+        relative = name.removeprefix(f"{folder.name}/").removeprefix(f"{BEST}/" if stem == "design" else "")
+        if relative != Path(relative).name:
             yield f"{package}: {name} in its list of files is in another folder"
             continue
         path = package.parent / name
         try:
-            found = file_facts(path)
+            facts = file_facts(path)
         except OSError as error:
             yield f"{path}: {error.strerror}"
             continue
-        if (found["bytes"], found["hash"]) != (size, digest):
-            bytes_, hash_ = found["bytes"], found["hash"]
+        if (facts["bytes"], facts["hash"]) != (size, digest):
+            bytes_, hash_ = facts["bytes"], facts["hash"]
             yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
 
 
@@ -208,8 +208,8 @@ def _rows(
     if exact and again.some is not None:
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
     try:
-        if again.rows not in (0, there := rows_in(parquet)):  # before a foreign package has millions of them computed
-            difference, extent = f"{there} rows and not {again.rows}", ""
+        if again.rows not in (0, rows_there := rows_in(parquet)):  # before a foreign package has millions of them computed
+            difference, extent = f"{rows_there} rows and not {again.rows}", ""
         elif again.some is None:
             difference = _compared(parquet, again.whole(), exact)
             extent = "all rows"
@@ -265,13 +265,13 @@ def _sampled(
 
 def _starts(parquet: Path) -> np.ndarray | None:
     """The first row of every combination, in which the column `interval` is 0; None if there is no such column."""
-    found = []
+    starts = []
     for first in range(0, rows_in(parquet), GROUP_ROWS):
         numbers = read_rows(parquet, first, first + GROUP_ROWS, ["interval"]).get("interval")
         if numbers is None:
             return None
-        found.append(first + np.flatnonzero(numbers == 0))
-    return np.concatenate(found)
+        starts.append(first + np.flatnonzero(numbers == 0))
+    return np.concatenate(starts)
 
 
 def _proved_again(
@@ -290,16 +290,16 @@ def _proved_again(
     except (WavesweepError, KeyError, ValueError, OSError) as error:
         yield f"{parquet}: its rows cannot be proved again: {error}", True
         return
-    counts = {name: sum(each.verdict == name for each in verdicts) for name in ("whole", "ends", "unsettled", "refuted")}
+    counts = {name: sum(result.verdict == name for result in verdicts) for name in ("whole", "ends", "unsettled", "refuted")}
     proved.append({"table": str(parquet), "certified": len(certified), "proved_again": len(picked), **counts})
-    reasons = "; ".join(dict.fromkeys(each.why for each in verdicts if each.verdict == "unsettled"))
+    reasons = "; ".join(dict.fromkeys(result.why for result in verdicts if result.verdict == "unsettled"))
     text = f"{parquet}: {len(picked)} of {len(certified)} certified slices proved again in ball arithmetic: {counts['whole']} "
     text += f"confirmed on the whole range, {counts['ends']} at their ends and between them, {counts['refuted']} refuted, "
     yield f"{text}{counts['unsettled']} not settled{f' ({reasons})' if reasons else ''}", False
     fault = "unless the file was changed, this is a fault of wavesweep: please report it with the spec"
-    for number, each in zip(picked, verdicts, strict=True):
-        if each.verdict == "refuted":
-            yield f"{parquet}: row {ends[number] + 1} is certified, but ball arithmetic refutes it, {each.why}; {fault}", True
+    for number, result in zip(picked, verdicts, strict=True):
+        if result.verdict == "refuted":
+            yield f"{parquet}: row {ends[number] + 1} is certified, but ball arithmetic refutes it, {result.why}; {fault}", True
 
 
 def first_difference(found: Columns, expected: Columns, exact: bool = True, first_row: int = 0) -> str:
@@ -311,13 +311,13 @@ def first_difference(found: Columns, expected: Columns, exact: bool = True, firs
     if sorted(found) != sorted(expected):
         return f"columns {', '.join(found)} and not {', '.join(expected)}"
     for name, column in found.items():
-        other = np.asarray(expected[name])
-        if len(column) != len(other):
-            return f"{len(column)} rows and not {len(other)}"
-        different = np.flatnonzero(~_equal(np.asarray(column), other, exact))
+        wanted = np.asarray(expected[name])
+        if len(column) != len(wanted):
+            return f"{len(column)} rows and not {len(wanted)}"
+        different = np.flatnonzero(~_equal(np.asarray(column), wanted, exact))
         if different.size and (exact or name not in NOISE):
             row = int(different[0])
-            return f"row {first_row + row + 1}, column {name}: {column[row]!s} and not {other[row]!s}"
+            return f"row {first_row + row + 1}, column {name}: {column[row]!s} and not {wanted[row]!s}"
     return ""
 
 
