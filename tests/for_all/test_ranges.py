@@ -283,3 +283,36 @@ def test_forms_are_found_where_frames_shrink_and_their_fastest_word_hardly():
     frames, follows = Polynomials(np.stack([A, 0 * A, 0 * A, 0 * A]), np.zeros_like(A), 1, 3), np.ones((2, 2), bool)
     found, _ = ranges._forms(frames, follows, None, 4e9, [(0, 1)])
     assert ranges._judged(frames, found, follows)[0]
+
+
+TWO_CHANNELS = """
+rates.tick_hz = 1000
+numbers = { k = 5.0, m = 1.0 }
+block.mass = { type = "inertia", inertia = "m", damping = 2.0 }
+block.up = { type = "channel", lost = 2, every = 10 }
+block.gain = { type = "gain", k = "k", every = 10 }
+block.down = { type = "channel", lost = 2, every = 10 }
+wire = { "up.u" = "mass.x", "gain.u" = "-up.y", "down.u" = "gain.y", "mass.f" = "down.y" }
+for_all.m = { start = 0.5, stop = 1.5 }
+sweep = { along = "k", k = { start = 0, stop = 200 } }
+"""
+
+
+@pytest.mark.slow
+def test_a_mass_that_is_not_known_beside_two_channels_is_settled(tmp_path):
+    """The pattern that refutes: the position is sampled every third time, and acts two times later, for three."""
+    (tmp_path / "spec.toml").write_text(TWO_CHANNELS)
+    table = intervals(load(tmp_path / "spec.toml"), jobs=1, along="k").columns
+    row = {name: column[1] for name, column in table.items()}
+    assert row["certified"]
+    assert row["settled"]
+    assert row["low"] < 0.3
+
+    def radius(k):
+        move = expm(0.01 * np.array([[-2 / 1.5, 0, 1 / 1.5, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]))
+        sample = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, -k, 0, 0]])
+        act = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1], [0, 0, 0, 1]])
+        return np.abs(np.linalg.eigvals(move @ act @ move @ move @ sample)).max()
+
+    assert radius(1.0001 * row["fails_from"]) > 1
+    assert radius(row["high"]) < 1

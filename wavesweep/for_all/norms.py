@@ -81,12 +81,14 @@ def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
     return centre, 0.5 / max(np.linalg.norm(centre.in_basis(A), 2, axis=(-2, -1)).max(), 0.5)
 
 
-def find_norms(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work: float = WORK) -> tuple[Centre, float]:
+def find_norms(
+    A: np.ndarray, follows: np.ndarray, start: Centre | None = None, work: float = WORK, enough: float = 1.0
+) -> tuple[Centre, float]:
     """Search for forms in which the matrices A `(symbols, n, n)` shrink. Return the forms and a factor: 1 if they were found,
     otherwise the largest factor below 1 for which the scaled matrices shrink.
 
-    The matrices grow from a small multiple of themselves; when the growth stalls, nodes of the graph are split. start: forms to
-    begin with, such as those of similar matrices. work: operations after which the search ends.
+    The matrices grow from a small multiple of themselves; when the growth stalls below the factor `enough`, nodes of the graph
+    are split. start: forms to begin with, such as those of similar matrices. work: operations after which the search ends.
     """
     centre, factor = (replace(start, work=0.0), _largest_factor(start, A)) if start else (None, 0.0)
     if not factor:
@@ -98,6 +100,8 @@ def find_norms(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, 
             centre, factor = advanced(centre, lambda t: t * A, factor, 1.0)
             centre = centre.rounded()
             if factor < 1 and factor - before < min(STALLED, OF_REST * (1 - factor)):
+                if factor >= enough:
+                    break
                 more = finer(centre, factor * A, follows)
                 if more is None:
                     break
@@ -107,7 +111,7 @@ def find_norms(A: np.ndarray, follows: np.ndarray, start: Centre | None = None, 
             centre = more if more.shrinks(A) else centre
     except np.linalg.LinAlgError:  # singular to rounding
         if start and factor < 1:
-            return find_norms(A, follows, None, work - centre.work)
+            return find_norms(A, follows, None, work - centre.work, enough)
     return centre, factor
 
 

@@ -21,13 +21,14 @@ from wavesweep.for_all.patterns import Word, growing, growth
 from wavesweep.for_all.polynomials import Polynomials, monomials
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
-# the spectral radii of frames and words leave, first the one and then the other.
-MARGIN, SHARES = 3e-4, (0.2, 0.03)
+# the spectral radii of frames and words leave. A graph is made finer up to the second share, and used up to the first one.
+MARGIN, SHARES = 1e-3, (0.5, 0.1)
+BACK = 0.5  # of the margin that norms have, with which they are centred
 SEARCH = 4e9  # operations of one search for norms in the middle of a box, or more where these are fewer than
 NEWTON = 200  # steps on the smallest graph
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
-FEWEST = 12  # parts of parts without norms, at whose middles words are searched
+HOPELESS = 4  # times the number of sides: parts of parts without norms, after which a proof ends
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROW = 1e-6  # of a side, below which a box is not divided along it
 
@@ -74,18 +75,25 @@ def cover(
     word is met that grows. work: operations after which it ends. words: those that grow fastest beyond the box.
     """
     number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
+    divided = set()  # stretches of the first side in whose middle there were no norms: they are divided for all other numbers
     while queue and used < work:
         part = queue[0][-1]
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
-            parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]), words)
-        used += spent
-        if parts is None:
-            break
+        stretch = tuple(part.box[:, 0].tolist())
+        if stretch in divided:
+            parts = [replace(part, box=half) for half in _halves(part.box, 0)[::-1]]
+        else:
+            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
+                parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]), words)
+            used += spent
+            if parts is None:
+                break
+            if parts and parts[0].barren and parts[0].box[0, 0] > part.box[0, 0]:
+                divided.add(stretch)
         heappop(queue)
-        for each in parts:
-            heappush(queue, (each.box[0, 0] if up else -each.box[1, 0], -next(number), each))
+        for half in parts:
+            heappush(queue, (half.box[0, 0] if up else -half.box[1, 0], -next(number), half))
     end = float(queue[0][-1].box[1 - up, 0] if queue else box[int(up), 0])
-    return Covering(tuple(each.box for *_, each in queue), end, used, part.box.mean(0) if word else None, word)
+    return Covering(tuple(rest.box for *_, rest in queue), end, used, part.box.mean(0) if word else None, word)
 
 
 def _tried(frames_at, part, follows, work, narrow, words):
@@ -116,9 +124,13 @@ def _tried(frames_at, part, follows, work, narrow, words):
             return None, used, (0,)
         basis = part.start.basis if part.start else np.eye(A.terms.shape[-1])
         known = np.isfinite(A.terms).all()  # no pole was met on a rim
-        if known and part.barren < FEWEST and (words := growing(A.terms[0], follows, basis)):
+        if known and (words := growing(A.terms[0], follows, basis)):
             return None, used, words[0]
+        if part.barren > HOPELESS * wide.size:
+            return None, used, ()
         moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
+        if part.barren % 2 == 0 and wide.size and wide[0] == 0:  # norms exist further from the end of the proof
+            moves[0] = np.inf
         part = replace(part, barren=part.barren + 1)
     else:
         proved, moves, keep, spent = _judged(A, found, rule)
@@ -129,8 +141,12 @@ def _tried(frames_at, part, follows, work, narrow, words):
     moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
     if not wide.size or moves.max() < 0:
         return None, used, ()
+    side, starts = int(np.argmax(moves)), [part.start, part.start]
+    if found is not None:  # where the slopes lead in the middles of the halves
+        starts = [replace(found[0], P=found[0].P + move * found[1][side]) for move in (-0.5, 0.5)]
     part = replace(part, known=(part.known or (box, A)) if keep else None)
-    return [replace(part, box=half) for half in _halves(box, int(wide[np.argmax(moves)]))[::-1]], used, ()
+    halves = zip(_halves(box, int(wide[side])), starts, strict=True)
+    return [replace(part, box=half, start=start) for half, start in halves][::-1], used, ()
 
 
 def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage) -> np.ndarray | None:
@@ -166,25 +182,27 @@ def _forms(A, follows, start, work, words=()):
     """Norms for the middle of a box and their slopes, None if none are found; and the work. follows: or a chain."""
     if isinstance(follows, tuple):
         return forms_on_average(A, *follows)
-    at_middle, spent = A.terms[0], 0.0
+    at_middle = A.terms[0]
     repeated = at_middle[np.diagonal(follows)]  # a message that may not be lost twice in a row keeps what it was meanwhile
     rates = [growth(at_middle, word) ** (1 / len(word)) for word in words]
     radius = max(np.abs(np.linalg.eigvals(repeated)).max(initial=0.5), *rates, 0.5)
     if not radius < 1:
-        return None, spent
+        return None, 0.0
     size = len(np.unique(follows, axis=0)) * at_middle.shape[-1] * (at_middle.shape[-1] + 1) / 2
     most = max(SEARCH, NEWTON * (size**3 / 3 + CALLS))
-    for margin in dict.fromkeys(min(MARGIN, share * (1 / radius - 1)) for share in SHARES):
-        grown = (1 + margin) * at_middle
-        if start is not None and start.shrinks(grown):
-            centre, factor = recentred(replace(start, work=0.0), grown, STEPS), 1
-        else:
-            centre, factor = find_norms(grown, follows, start, min(work - spent, most))
-        spent += centre.work
-        if factor == 1:
-            centre, slopes = sloped(centre.rounded(), (1 + margin) * A.terms[: 1 + A.numbers])
-            return (centre, slopes), spent + centre.work
-    return None, spent
+    most_room, least_room = (min(MARGIN, share * (1 / radius - 1)) for share in SHARES)
+    grown, enough = (1 + most_room) * at_middle, (1 + least_room) / (1 + most_room)
+    if start is not None and start.shrinks((1 + BACK * most_room) * at_middle):
+        centre, factor = replace(start, work=0.0), 1.0
+    else:
+        centre, factor = find_norms(grown, follows, start, min(work, most), enough)
+    if factor < enough:
+        return None, centre.work
+    room = factor * (1 + most_room) - 1
+    centre = recentred(centre, (1 + BACK * room) * at_middle, STEPS)
+    spent = centre.work
+    centre, slopes = sloped(centre.rounded(), (1 + BACK * room) * A.terms[: 1 + A.numbers])
+    return (centre, slopes), spent + centre.work
 
 
 def _judged(A, found, follows):
