@@ -9,8 +9,9 @@ from support.tables import same
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.spec import load
 from wavesweep.program.tables.hand_rows import hands_of
+from wavesweep.program.tables.interval_sentences import interval_lines
+from wavesweep.program.tables.interval_summary import IntervalSummary
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.program.tables.interval_tally import Tallies, interval_lines
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}
@@ -133,7 +134,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     run = intervals(spec_of("dc-slow"), hands=hands_of(worded(BOX)))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()
-    tally = Tallies()
+    tally = IntervalSummary()
     tally.add(rows)
     assert ("1 row of the box not proved (settled 0): a hand that the search missed may be unstable", True) in list(
         interval_lines(tally.numbers({"slices": {}}))

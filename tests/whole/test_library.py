@@ -152,7 +152,7 @@ REFUSED = [
     (lambda spec: wavesweep.zwidth(spec, jobs=True), "found True"),
     (lambda spec: wavesweep.zwidth(spec, workers=2), "expected one of the arguments jobs, backend, scheduler,"),
     (lambda spec: wavesweep.zwidth(spec, scheduler="tcp://there:8786"), "backend"),
-    (lambda spec: wavesweep.zwidth(spec, for_hands="nope"), "expected passive, box, port or box:RANGES, found 'nope'"),
+    (lambda spec: wavesweep.zwidth(spec, for_hands="nope"), "expected one of box, passive, port, found 'nope'"),
     (lambda spec: wavesweep.zwidth(spec, for_hands="box:x=0..1"), "(mass, damping, stiffness), found 'x=0..1'"),
     (lambda spec: wavesweep.zwidth(spec, for_hands="box:mass=nan..1"), "found"),
     (lambda spec: wavesweep.zwidth(spec, force="no"), "force: expected True or False, found 'no'"),

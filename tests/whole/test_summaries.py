@@ -7,8 +7,9 @@ from wavesweep.passive.table import passivity
 from wavesweep.program.plots.figure_layout import best_of, best_row
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
+from wavesweep.program.tables.interval_sentences import Sentences
+from wavesweep.program.tables.interval_summary import Extreme, LoopSummary
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.program.tables.interval_tally import Extreme, IntervalTally, Words
 from wavesweep.program.tables.response_table import responses
 
 AXES = {"b": [10.0, 40.0], "K_LM": [100.0, 200.0]}
@@ -62,19 +63,19 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
         "felt_low": np.zeros(3),
         "felt_high": np.array([5.0, 9.0, 9.0]),
     } | known(3)
-    tally = IntervalTally()
+    tally = LoopSummary()
     tally.add(columns)
     largest = tally.numbers()["largest"]
     assert (largest["from"], largest["at"], largest["equal_rows"]) == (0.0, {"b": 2.0}, 2)
-    assert Words(tally.numbers()).extremes()[1:] == []
+    assert Sentences(tally.numbers()).extremes()[1:] == []
     tally.add({name: column[:2] for name, column in columns.items()} | {"high": np.array([500.0, 2000.0])})
-    whole, largest = Words(tally.numbers()).extremes()
+    whole, largest = Sentences(tally.numbers()).extremes()
     assert "2000 N/m (stable from 700 on) at b = 1" in largest
     assert whole.startswith("stable for every K_VE from 0 up to 1000 N/m at b = 2")
     felt = "stiffest wall as the hand feels it at rest"
-    assert Words(tally.numbers()).stiffest_felt().startswith(f"{felt}: 9 N/m with K_VE = 1000 N/m")
+    assert Sentences(tally.numbers()).stiffest_felt().startswith(f"{felt}: 9 N/m with K_VE = 1000 N/m")
     tally.add(columns | {"felt_high": np.array([-5.0, 9.0, 9.0])})  # what is felt has a pole between
-    assert Words(tally.numbers()).stiffest_felt().startswith(f"{felt}, at an end of an interval: 9 N/m")
+    assert Sentences(tally.numbers()).stiffest_felt().startswith(f"{felt}, at an end of an interval: 9 N/m")
 
 
 @pytest.mark.parametrize(
@@ -98,9 +99,9 @@ def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
             "doubt": np.array([doubt], object),
         }
     )
-    tally = IntervalTally()
+    tally = LoopSummary()
     tally.add(columns)
-    assert Words(tally.numbers()).extremes() == [said]
+    assert Sentences(tally.numbers()).extremes() == [said]
 
 
 @pytest.mark.parametrize("size", [5, 2, 1])
@@ -146,13 +147,13 @@ def test_the_least_stable_value_is_named_where_the_range_begins_below_it():
         "felt_low": np.full(2, np.nan),
         "felt_high": np.full(2, np.nan),
     } | known(2)
-    tally = IntervalTally()
+    tally = LoopSummary()
     tally.add(columns)
     least = "least stable K_VE: 100 N/m at b = 2 N*s/m"
-    assert Words(tally.numbers()).extremes() == [f"{least}; every interval goes on to 20000, where the swept range ends"]
-    below = IntervalTally()
+    assert Sentences(tally.numbers()).extremes() == [f"{least}; every interval goes on to 20000, where the swept range ends"]
+    below = LoopSummary()
     below.add(columns | {"high": np.array([1e6, 2000.0])})
-    largest, said = Words(below.numbers()).extremes()
+    largest, said = Sentences(below.numbers()).extremes()
     assert largest.startswith("largest stable K_VE: 1e+06 N/m (stable from 300 on) at b = 1 N*s/m")
     assert said == least
     tally.add(columns | {"low": np.zeros(2)})

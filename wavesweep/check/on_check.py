@@ -125,7 +125,7 @@ def _stable_where(limit: Facts, unit: str) -> str:
 
 def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) -> str:
     """The part of a range in doubt in which the design is known to be stable, the open places, and what is beyond them."""
-    from wavesweep.program.tables.interval_tally import open_in_words
+    from wavesweep.program.tables.interval_sentences import open_in_words
 
     low = limit["from"] if limit["low"] is None else limit["low"]
     high, places = limit["to"] if limit["high"] is None else limit["high"], open_in_words(open_, unit)

@@ -175,6 +175,12 @@ def _files(incomplete: str) -> list[CompletionItem]:
     return [CompletionItem(incomplete, type="file")]
 
 
+def _hands(incomplete: str) -> list[CompletionItem]:
+    from wavesweep.program.tables.row_kinds import hands_offered
+
+    return _among(hands_offered())(incomplete)
+
+
 # Name of a parameter of any command -> its candidates.
 COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     **dict.fromkeys(("spec", "specs", "log", "table", "tables", "out", "directory", "save"), _files),
@@ -185,11 +191,5 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "name": keys,
     "device": _among({name: device.title for name, device in DEVICES.items()}),
     "backend": _among({"loky": "processes of this machine", "threading": "threads", "dask": "with --scheduler"}),
-    "for_hands": _among(
-        {
-            "passive": "stable with every passive hand",
-            "box": "stable with every hand of ranges, e.g. box:mass=0.1..0.4",
-            "port": "the hand's port is passive for held forces",
-        }
-    ),
+    "for_hands": _hands,
 }

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from wavesweep.program.analyses.interval_jobs import Guarantee
     from wavesweep.program.sweep.job import Job
 
+_UNSETTLED = "{rows} of {words} not settled: between what is proved and what is refuted more than 1 % is not known"
 ROWS = {
     "box": RowKind(
         "every hand between a fingertip and an arm, or in the ranges that --for-hands box:... gives",
@@ -20,6 +21,8 @@ ROWS = {
         2,
         nowhere="nowhere stable with every hand of the box",
         searched=True,
+        unsettled="{rows} of the box not proved (settled 0): a hand that the search missed may be unstable",
+        settled="every row of the box is proved (settled 1)",
     ),
     "for_all": RowKind(
         "all numbers of [for_all], or all that messages may do",
@@ -32,6 +35,11 @@ ROWS = {
         "largest proved for all",
         proved=True,
         column="guarantee",
+        unsettled=_UNSETTLED,
+        of_messages={
+            "title": "proved for all that messages may do",
+            "nowhere": "nowhere stable for all that messages may do",
+        },
     ),
     "mean_square": RowKind(
         "messages lost at random, or frames at random",
@@ -44,7 +52,12 @@ ROWS = {
         "largest proved in mean square",
         proved=True,
         column="guarantee",
+        unsettled=_UNSETTLED,
     ),
+}
+HANDS = {
+    "box": "stable with every hand between a fingertip and an arm, or with ranges of your own, e.g. "
+    "box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m)"
 }
 
 
@@ -77,7 +90,7 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
         raise UsageError(f"{said}, found {', '.join(kinds)}; write --for-hands passive, or leave [for_all] and channels out")
     if kinds:
         refuse_unsuitable_ranges(spec, along, cut=False)
-        refuse_velocity(own)
+        refuse_velocity("passive", own)
         every_hand.refuse(spec, Rules.of(spec), along)
         return [every_hand.EveryHandGuarantee(Rules.of(spec))]
     spec.refuse_require("[for_all]")

@@ -156,6 +156,7 @@ TABLE = SpecTable(
     build=build,
     sections={"for_all": Section(("lost", "loss"), ("start", "stop", "values", "varying", *CHANCES))},
     always=True,
+    members=True,
     described={
         "for_all": {
             "description": "what every answer has to hold for: NAME = { start, stop } or { values = [...] } of a number that "

@@ -26,7 +26,7 @@ from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
-from wavesweep.program.tables.row_kinds import counterexample_in_words
+from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range
 MOST_UNKNOWN = 5  # ranges
@@ -293,12 +293,7 @@ def is_near(one: float, other: float) -> bool:
 
 def text_of_part(part: Part) -> str:
     """What refutes the ends of a part."""
-    ends = [("below", part.low_by), ("from", part.high_by)]
-    texts = [(end, numbers_in_words(by)) for end, by in ends if by is not None]
-    if len(texts) == 1:
-        return shorten(texts[0][1], TEXT, placeholder=" ...")
-    most = TEXT // 2 - len("; below: ")
-    return "; ".join(f"{end}: {shorten(text, most, placeholder=' ...')}" for end, text in texts)
+    return Refuters(*(numbers_in_words(by or {}) for by in (part.low_by, part.high_by))).written(TEXT)
 
 
 def numbers_in_words(by: Mapping[str, object]) -> str:
@@ -336,7 +331,7 @@ def in_words(found: Mapping[str, str]) -> str:
         else "not known, neither proved nor refuted: see what `wavesweep stability-region` proves"
     )
     words = {"proved": f"proved {stable}", "unknown": unknown}
-    refuted = unstable.format(counterexample_in_words(found["counterexample"]))
+    refuted = unstable.format(in_a_sentence(found["counterexample"]))
     return f"{about}: {words.get(found['verdict'], refuted)}"
 
 

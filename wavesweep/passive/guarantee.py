@@ -51,6 +51,10 @@ ROWS = {
         "nowhere passive",
     ),
 }
+HANDS = {
+    "passive": "stable with every passive hand, of any mass and stiffness, also if it moves within a tick",
+    "port": "the hand's port is passive if forces are held over a tick",
+}
 
 
 def of_word(kind: str, tolerance: str | None) -> Guarantee | None:
@@ -67,5 +71,5 @@ def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
     from wavesweep.program.tables.hand_rows import refuse_velocity
 
     if any(guarantee.kind == "passive" for guarantee in asked):
-        refuse_velocity(own)
+        refuse_velocity("passive", own)
     return asked

@@ -13,7 +13,8 @@ from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, whose_column
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.tables.columns import fields_of
-from wavesweep.program.tables.interval_tally import open_in_words
+from wavesweep.program.tables.interval_sentences import open_in_words
+from wavesweep.program.tables.refuters import Refuters
 from wavesweep.program.tables.row_kinds import row_kinds
 
 if TYPE_CHECKING:
@@ -134,9 +135,8 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
             if whose in OWN and not np.isnan(row[f"{end}_omega"]):
                 rows_found += [[at, *beyond] for beyond in _beyond(spec, row["along"], axes, row[end], side)]
             elif not np.isnan(row.get(fails, np.nan)):
-                ways = row["counterexample"].partition("; from: ")  # where both ends have one, each is named
-                path_words = ways[2] if end == "high" and ways[2] else ways[0].removeprefix("below: ")
-                rows_found.append([at, f"{row['along']} = {row[fails]:.6g}", path_words])
+                refuter = getattr(Refuters.read(row["counterexample"]), end)
+                rows_found.append([at, f"{row['along']} = {row[fails]:.6g}", refuter])
             elif not np.isnan(row.get(f"{end}_hand_mass", np.nan)):
                 hand = "a hand of {:.4g} kg, {:.4g} N*s/m and {:.4g} N/m"
                 hand_words = hand.format(*(row[f"{end}_hand_{key}"] for key in ("mass", "damping", "stiffness")))

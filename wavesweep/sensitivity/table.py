@@ -15,7 +15,7 @@ from wavesweep.program.columns import Columns, axes_of
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.spec.loading import naming
-from wavesweep.program.tables.interval_tally import open_in_words
+from wavesweep.program.tables.interval_sentences import open_in_words
 from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, plain, whole_kind
 from wavesweep.program.tables.table import Table, facts_of, held
 

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.tables.row_kinds import hands_offered
 
 one_spec = click.argument("spec")
 several_specs = click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
@@ -20,11 +21,9 @@ for_hands = click.option(
     "for_hands",
     multiple=True,
     metavar="WORD",
-    help="Add the intervals that are guaranteed for hands, in a table of its own. passive: stable with every passive hand, "
-    "of any mass and stiffness, also if it moves within a tick. box: stable with every hand between a fingertip and an "
-    "arm, or with ranges of your own, e.g. box:mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). port: the hand's "
-    "port is passive if forces are held over a tick. May be repeated. A slice takes from tenths of a second to some ten "
-    "seconds.",
+    help="Add the intervals that are guaranteed for hands, in a table of its own. "
+    + "".join(f"{word}: {text}. " for word, text in hands_offered().items())
+    + "May be repeated. A slice takes from tenths of a second to some ten seconds.",
 )
 
 
@@ -56,8 +55,8 @@ def zwidth(specs: tuple[str, ...], options: Options, for_hands: tuple[str, ...])
     column doubt gives the reason.
 
     With --for-hands the rows go to zwidth-hands.*, beside zwidth.*, with a column hand that says for whom each is: free, the
-    device alone; operator, the spec's own; passive, box or port. The column settled is 1 if a row for a box is proved but for a
-    thousandth of the interval at each end, and 0 if a search found no unstable hand.
+    device alone; operator, the spec's own; or a word of --for-hands. The column settled is 1 if a row for a box is proved but
+    for a thousandth of the interval at each end, and 0 if a search found no unstable hand.
 
     Of several specs the table is zwidth-specs.*, with the column spec, and the figure has a colour for each.
 

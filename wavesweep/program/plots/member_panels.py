@@ -59,16 +59,13 @@ def members_of(
             if len(rows[name]["spec"])
         ]
     if whose:
-        rows = {hand: where(columns, columns[whose] == hand) for hand in row_kinds()}
-        present = {hand: as_drawn(hand, each) for hand, each in rows.items() if len(each["along"])}
-        members = []
-        for hand, each in present.items():
-            kind = row_kinds()[hand]
-            name = kind.legend + " (operator)" * (kind.of_operator and "operator" in present)
-            if kind.searched and "settled" in columns:
-                name += " (settled)" if each["settled"].all() else " (searched)"
-            members.append(Member(name, look_of(kind), each, facts, hand))
-        return members
+        rows = {word: where(columns, columns[whose] == word) for word in row_kinds()}
+        present = {word: row_kinds()[word].as_drawn(block) for word, block in rows.items() if len(block["along"])}
+        return [
+            Member(kind.name_beside(present, block), look_of(kind), block, facts, word)
+            for word, block in present.items()
+            for kind in [row_kinds()[word]]
+        ]
     members = []
     for look, values in zip(family_looks(len(bars)), bars, strict=True):
         name = ", ".join(valued(name, value, facts) for name, value in values.items())
@@ -80,21 +77,6 @@ def members_of(
 def look_of(kind: RowKind) -> Look:
     """The look of the rows of a kind, the same whichever are there."""
     return Look(kind.colour, LINES[kind.line])
-
-
-def as_drawn(hand: str, rows: Columns) -> Columns:
-    """The rows of a hand. What is proved for all has an end wherever a counterexample or nothing is known beyond it; what is
-    searched for is as good as certified where it is settled.
-    """
-    if row_kinds()[hand].searched and "settled" in rows:
-        return {**rows, "certified": rows["settled"]}
-    if not row_kinds()[hand].proved:
-        return rows
-    ends = {
-        omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
-        for omega, fails in (("low_omega", "fails_below"), ("high_omega", "fails_from"))
-    }
-    return {**rows, **ends}
 
 
 def over_one_damping(columns: Columns, facts: Mapping[str, Any]) -> Columns:

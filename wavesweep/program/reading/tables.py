@@ -67,6 +67,7 @@ class SpecTable:
     signals of a drawn loop. always: whether the table is part of every request; otherwise `demand` raises the mistakes that
     keep it from being part of one, see `Spec.asking`. starts: whether `init` shows its keys. described: its tables with names
     of the user's own, see `describing.named`. hint: a line about them. schema: from `schema.Shapes` to its JSON Schema.
+    members: whether it has numbers for all of which answers can hold.
     """
 
     path: str
@@ -82,6 +83,7 @@ class SpecTable:
     described: Mapping[str, dict[str, Any]] = field(default_factory=dict)
     hint: str = ""
     schema: Callable[[Any], dict] | None = None
+    members: bool = False
 
     @property
     def name(self) -> str:
@@ -108,6 +110,11 @@ def table_at(path: str) -> SpecTable:
             f"[{path}]: expected a table of what is installed, found one of the capability {TABLES[path]}, which is not"
         )
     return tables()[path]
+
+
+def members_of(written: Mapping[str, Any]) -> str:
+    """Return the table of a written spec for all of whose numbers answers can hold, in brackets; empty without one."""
+    return next((f"[{path}]" for path, table in tables().items() if table.members and written.get(path)), "")
 
 
 @cache

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.program.columns import Columns
+from wavesweep.program.reading.tables import members_of
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.columns import fields_of
 
@@ -48,7 +49,7 @@ def framed(table: Table) -> DataFrame:
     columns = table.watched(tally.add).columns
     fields = table.fields or fields_of(table.kind, columns, table.facts)
     specs = (table.facts.get("specs") or {"": table.facts.get("spec") or {}}).values()
-    members = "[for_all]" if table.kind != "design" and any("for_all" in each for each in specs) else ""
+    members = "" if table.kind == "design" else next(filter(None, map(members_of, specs)), "")
     found = frame(columns, {field.name: field.unit for field in fields}, members)
     found.attrs |= {"facts": Shared(table.facts), "summary": Shared(tally.numbers(table.facts))}
     return found

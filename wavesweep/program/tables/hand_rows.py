@@ -12,6 +12,7 @@ from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.sweep.job import Job
+from wavesweep.program.tables.row_kinds import hands_offered
 
 if TYPE_CHECKING:
     from wavesweep.engine.energy.held_loop import HeldLoop
@@ -65,8 +66,8 @@ def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:
 def hands_of(words: str | Iterable[str]) -> Hands | None:
     """Hands from the words of `--for-hands`; None without any.
 
-    words: "passive", "port", "box", and a box with ranges in place of those of the literature, such as
-    "box:mass=0.1..0.4,damping=2..5". Raises UsageError for another word, one that is there twice, or a range that is empty.
+    words: those of `hands_offered`, some with more behind a colon, such as "box:mass=0.1..0.4,damping=2..5". Raises UsageError
+    for another word, one that is there twice, or a range that is empty.
     """
     words, found = (words,) if isinstance(words, str) else words, {}
     for word in words if isinstance(words, Iterable) else (words,):
@@ -76,10 +77,10 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
             guarantee = next(filter(None, offered), None)
         except ValueError as error:
             raise UsageError(str(error)) from error
-        if guarantee is None and kind in HANDS and not any(kind in each.ROWS for each in modules("guarantee")):
+        if guarantee is None and kind in HANDS and kind not in hands_offered():
             raise UsageError(f"hands: expected the capability {HANDS[kind]} for {kind}, found that it is not there")
         if guarantee is None:
-            raise UsageError(f"hands: expected passive, box, port or box:RANGES, found {word!r:.60}")
+            raise UsageError(f"hands: expected one of {', '.join(hands_offered())}, found {word!r:.60}")
         if kind in found:
             raise UsageError(f"hands: expected {kind} once, found it twice")
         found[kind] = guarantee
@@ -97,14 +98,14 @@ def device_held(kind: str, own: Job) -> "HeldLoop":
     return loop
 
 
-def refuse_velocity(own: Job) -> None:
-    """Raise UsageError if the spec's own loop reads the velocity of the device, or no passive hand can hold it."""
-    loop, spec = device_held("passive", own), own.grid.spec
+def refuse_velocity(kind: str, own: Job) -> None:
+    """Raise UsageError if the spec's own loop reads the velocity of the device, or no hand of that kind can hold it."""
+    loop, spec = device_held(kind, own), own.grid.spec
     if loop.reads_velocity:
         raise UsageError(
-            'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
+            f'hand {kind}: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
             "anything at no cost in energy, so no damping answers for what its feedback does"
             if spec.drawing is None
-            else f"hand passive: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
+            else f"hand {kind}: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
             "the velocity can be anything at no cost in energy; take a block difference of the position"
         )

@@ -13,7 +13,8 @@ from wavesweep.capabilities import modules
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.tables.interval_tally import Tallies, interval_lines
+from wavesweep.program.tables.interval_sentences import interval_lines
+from wavesweep.program.tables.interval_summary import IntervalSummary
 from wavesweep.program.tables.kind import Kind, ProvedAgain, Recompute
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
@@ -209,7 +210,7 @@ def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:
         | more
         | ({} if along == "" else {"again": partial(_again, along)})
     )
-    return Kind(name, lambda table: Tallies(table.axes, table.facts), interval_lines, **more)
+    return Kind(name, lambda table: IntervalSummary(table.axes, table.facts), interval_lines, **more)
 
 
 KINDS = (

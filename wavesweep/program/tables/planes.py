@@ -101,9 +101,9 @@ class View:
 def incomplete(columns: Columns) -> np.ndarray:
     """Flags of the rows of slices that are known in part only; figures hatch them outside the known stable intervals."""
     whose = columns.get("hand", columns.get("guarantee"))
-    known = [word for word, kind in row_kinds().items() if kind.searched or kind.proved]
-    searched = False if whose is None else np.isin(whose.astype(str), known)
-    return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
+    guaranteed = [word for word, kind in row_kinds().items() if kind.guaranteed]
+    at_values = False if whose is None else np.isin(whose.astype(str), guaranteed)
+    return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(at_values)
 
 
 def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) -> list[PlaneCurve]:

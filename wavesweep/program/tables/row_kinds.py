@@ -3,11 +3,17 @@
 Those of single loops stand here; a capability offers more in the mapping `ROWS` of its module `guarantee`.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules
+
+if TYPE_CHECKING:
+    from wavesweep.program.columns import Columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +24,8 @@ class RowKind:
     figure; line: place in `style.LINES`. good: adjective of their intervals. nowhere: the sentence without any. largest: title
     of the largest value in a figure. proved: whether they are what is proved, with columns of what refutes more. searched:
     whether some are not proved, and no counterexample is found. of_operator: whether they are of the spec's own loop, which its
-    operator holds.
+    operator holds. unsettled: the warning about rows of which some are not settled, with {rows} and the {words} of their kinds;
+    settled: the line if all are. of_messages: other words of the kind, for a spec that has channels alone.
     """
 
     meaning: str = ""
@@ -33,6 +40,43 @@ class RowKind:
     searched: bool = False
     of_operator: bool = False
     column: str = "hand"
+    unsettled: str = ""
+    settled: str = ""
+    of_messages: Mapping[str, str] | None = None
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether the rows hold for more than one loop and are proved or searched as such."""
+        return self.proved or self.searched
+
+    def worded_for(self, numbers: Mapping[str, Any]) -> RowKind:
+        """The kind with its words for the spec of a summary."""
+        return replace(self, **self.of_messages) if self.of_messages and numbers["of_messages"] else self
+
+    def name_beside(self, kinds: Collection[str], rows: Columns) -> str:
+        """The name of its rows in a legend beside rows of these kinds."""
+        name = self.legend + " (operator)" * (self.of_operator and "operator" in kinds)
+        if not (self.searched and "settled" in rows):
+            return name
+        return f"{name} ({'settled' if rows['settled'].all() else 'searched'})"
+
+    def as_drawn(self, rows: Columns) -> Columns:
+        """The rows as a figure takes them.
+
+        What is searched for is as good as certified where it is settled. What is proved for all has an end wherever a
+        counterexample or nothing is known beyond it.
+        """
+        import numpy as np
+
+        if self.searched and "settled" in rows:
+            return {**rows, "certified": rows["settled"]}
+        if not self.proved:
+            return rows
+        ends = {
+            omega: np.where(np.isfinite(rows[fails]) | ~rows["settled"], 0.0, np.nan)
+            for omega, fails in (("low_omega", "fails_below"), ("high_omega", "fails_from"))
+        }
+        return {**rows, **ends}
 
 
 COMPUTED: Mapping[str, RowKind] = {
@@ -50,27 +94,11 @@ def row_kinds() -> Mapping[str, RowKind]:
     return {"": RowKind(), **COMPUTED, **offered}
 
 
-def counterexample_in_words(text: str) -> str:
-    """What a column `counterexample` has, for a sentence: messages of a pattern by what happens to them."""
-    numbers, found, messages = text.partition("messages ")
-    if not found:
-        return text
-    channels = [channel.partition(": ") for channel in messages.split("; ")]
-    said = [f"{name}: {', '.join(map(_message, pattern.split(', ')))}" for name, _, pattern in channels]
-    return f"{numbers}this pattern of messages, repeated: {'; '.join(said)}"
-
-
-def _message(late: str) -> str:
-    if not late.isdigit():
-        return late
-    return f"{late} tick{'s' * (late != '1')} late" if int(late) else "in time"
-
-
 def words_of(column: str) -> dict[str, str]:
     """The words that a column, `hand` or `guarantee`, can have, with their meanings."""
     return {word: kind.meaning for word, kind in row_kinds().items() if kind.meaning and kind.column == column}
 
 
-def proved_kinds() -> tuple[str, ...]:
-    """The words of rows that are what is proved."""
-    return tuple(word for word, kind in row_kinds().items() if kind.proved)
+def hands_offered() -> dict[str, str]:
+    """The words of --for-hands that the installed capabilities read, and what is guaranteed with each."""
+    return {word: text for module in modules("guarantee") for word, text in module.HANDS.items()}

@@ -1,0 +1,241 @@
+"""The summary of a table of stable intervals, counted while its rows are written."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.doubts import DOUBTS
+from wavesweep.engine.search.interval_records import open_places
+from wavesweep.engine.stability.certificate import FELT_ALIKE
+from wavesweep.program.analyses.required_words import required_in_words
+from wavesweep.program.columns import Columns, axes_of, whose_column
+from wavesweep.program.reading.tables import members_of
+from wavesweep.program.spec import find_key
+from wavesweep.program.tables.columns import felt_unit, numbers_of, swept_range
+from wavesweep.program.tables.refuters import Refuters
+from wavesweep.program.tables.row_kinds import row_kinds
+
+Axes = Mapping[str, Sequence[float]]
+
+MOST_SHOWN = 12  # slices whose intervals are shown one by one
+NEXT = 2e-3  # of the largest value, up to where what is proved begins next to 0
+
+
+class Extreme:
+    """The largest value seen so far, the row that has it, and the number of rows that have it.
+
+    rounding: share of a value by which one has to be larger than another one, to be so by more than rounding.
+    """
+
+    def __init__(self, rounding: float = 0.0) -> None:
+        self.value, self.ties, self._rounding = -np.inf, 0, rounding
+        self.row: dict[str, Any] = {}
+
+    def add(self, values: np.ndarray, columns: Columns) -> None:
+        """Take the values of a block of rows; missing ones are passed over."""
+        alike = self.value - self._rounding * abs(self.value) if self.row else self.value
+        if not (values >= alike).any():
+            return
+        most = np.nanmax(values)
+        if most > self.value + (self._rounding * abs(self.value) if self.row else 0.0):
+            row = int(np.argmax(values >= most - self._rounding * abs(most)))
+            self.value, self.ties = float(values[row]), 0
+            self.row = {
+                name: column[row].item() if hasattr(column[row], "item") else column[row] for name, column in columns.items()
+            }
+        self.ties += int(np.sum(np.abs(values - self.value) <= self._rounding * abs(self.value)))
+
+    def place(self) -> dict[str, float]:
+        """The axes' values in that row, without those that the loop does not read."""
+        return {name: self.row[name] for name in axes_of(self.row) if not np.isnan(self.row[name])}
+
+
+class LoopSummary:
+    """Counts the rows of a table of intervals for one loop.
+
+    hand: the word of its rows in the column `hand` or `guarantee`, empty if there is none. axes: name -> values of the other
+    axes. facts: those of the run, from which the end of the swept range and the units of a drawn loop's numbers follow.
+    """
+
+    def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
+        self.kind, self._axes, self._facts = row_kinds()[hand], axes or {}, facts or {}
+        self._rows = self._intervals = self._split = self._open = 0
+        self._doubts: Counter[str] = Counter()
+        self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
+        self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
+        self._least = Extreme()  # of the values with the other sign
+        self._ends_within = False  # whether an interval ends before the swept range does
+        self._slices: list[dict[str, Any]] = []  # axes' values, intervals and open places of the first few
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows."""
+        if not len(columns["along"]):
+            return
+        stable = columns["intervals"] > 0
+        self._along = str(columns["along"][0])
+        self._range = swept_range(self._facts, self._along)
+        self._list(columns)
+        self._rows += len(stable)
+        self._intervals += int(stable.sum())
+        # Every slice has exactly one row numbered 0.
+        self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
+        new, open_ = np.append(True, columns["interval"][1:] == 0), columns["open_places"] > 0
+        self._open += int(np.logical_or.reduceat(open_, np.flatnonzero(new)).sum())
+        self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
+        self._largest.add(columns["high"], columns)
+        self._least.add(-columns["low"], columns)
+        self._ends_within |= bool((columns["high"] < self._range[1]).any())
+        begins = columns["low"] == self._range[0]
+        self._without_gap.add(np.where(begins, np.fmin(columns["high"], columns["open_low"]), np.nan), columns)
+        low, high = columns["felt_low"], columns["felt_high"]
+        stiffer = np.isnan(low) | np.isnan(high) | (high > low + FELT_ALIKE * np.abs(low))
+        ends = np.where(stiffer, columns["high"], columns["low"])
+        self._falls |= bool((~stiffer & (high < low - FELT_ALIKE * np.abs(low))).any())
+        self._felt.add(np.where(stiffer, high, low), {**columns, "value": ends})
+
+    def _list(self, columns: Columns) -> None:
+        """Keep the intervals of up to one slice more than are shown."""
+        names = [name for name in axes_of(columns) if len(self._axes.get(name, ())) > 1]
+        for row, first in enumerate((columns["interval"] == 0).tolist()):
+            if first and len(self._slices) > MOST_SHOWN:
+                return
+            if first:
+                place = {name: float(columns[name][row]) for name in names if not np.isnan(columns[name][row])}
+                self._slices.append({"at": place, "intervals": [], "open": []})
+            if columns["intervals"][row]:
+                self._slices[-1]["intervals"].append([float(columns["low"][row]), float(columns["high"][row])])
+            self._slices[-1]["open"] += filter(None, [open_places(columns, row)])
+
+    def numbers(self) -> dict[str, Any]:
+        """The summary as numbers and words that JSON can hold."""
+        require, few = self._facts.get("require"), len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
+        names = [self._along, *self._axes, *(self._largest.place() if self._largest.row else ())]
+        return {
+            "along": self._along,
+            "unit": self._unit(self._along),
+            "units": {name: self._unit(name) for name in dict.fromkeys(names)},
+            "range": [end if np.isfinite(end) else None for end in self._range],
+            "required": required_in_words(require) if require else "",
+            "drawn": bool(numbers_of(self._facts)),
+            "of_messages": not members_of(self._facts.get("spec", {})),
+            "stable_intervals": self._intervals,
+            "slices_with_a_hole": self._split,
+            "slices_with_open_places": self._open,
+            "rows": self._rows,
+            "certified_rows": self._rows - self._doubts.total(),
+            "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
+            "largest": self._largest_numbers(),
+            "largest_without_gap": self._extreme(self._without_gap),
+            "stiffest_felt": self._felt_numbers(),
+            "least": self._least_numbers(),
+            "few_slices": self._slices if few else [],
+        }
+
+    def _extreme(self, extreme: Extreme, **facts: Any) -> dict[str, Any] | None:
+        """An extreme value and its place; None without one."""
+        if not extreme.row:
+            return None
+        place = extreme.place()
+        swept = {name: values for name in place if len(values := self._axes.get(name, ())) > 1}
+        edges = [name for name, values in swept.items() if place[name] in (min(values), max(values))]
+        facts |= {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties}
+        return {"value": extreme.value} | facts | {"certified": bool(extreme.row["certified"])}
+
+    def _largest_numbers(self) -> dict[str, Any] | None:
+        # Of rows with the same value, one without a gap below it is named.
+        first = self._without_gap if self._without_gap.value == self._largest.value else self._largest
+        if not first.row:
+            return None
+        row, places = first.row, {name: np.array([value]) for name, value in first.row.items()}
+        facts = {"from": row["low"], "ended_by": self._ended_by(row), "open": open_places(places, 0)}
+        hand = {number: row.get(f"high_hand_{number}", np.nan) for number in ("mass", "damping", "stiffness")}
+        if refuter := _refuters(row).high:
+            facts |= {"refuted_from": row["fails_from"], "refuted_by": refuter}
+        elif not np.isnan(hand["mass"]):
+            facts |= {"ended_by_hand": hand}
+        return {**(self._extreme(first, **facts) or {}), "equal_rows": self._largest.ties}
+
+    def _ended_by(self, row: Mapping[str, Any]) -> str:
+        """What ends the interval of a row: stability, the swept range, or nothing that is known."""
+        if self.kind.guaranteed:
+            return "range" if row["high"] == self._range[1] else "stability"
+        if np.isnan(row["high_omega"]):
+            return "unknown" if row["open_high"] > row["high"] else "range"
+        return "stability"
+
+    def _least_numbers(self) -> dict[str, Any] | None:
+        """The least stable value, if it is not where the swept range begins; `upwards` if none ends within the range."""
+        least, largest, row = self._extreme(self._least), self._largest_numbers(), self._least.row
+        if not least or -self._least.value <= self._range[0]:
+            return None
+        if self.kind.proved and -self._least.value <= NEXT * self._largest.value:
+            return None  # what is proved begins there, next to 0
+        upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
+        least |= {"value": -self._least.value, "upwards": upwards, "unknown_below": bool(row["open_low"] < row["low"])}
+        if refuter := _refuters(row).low:
+            least |= {"refuted_below": row["fails_below"], "refuted_by": refuter}
+        return least
+
+    def _felt_numbers(self) -> dict[str, Any] | None:
+        felt = self._felt
+        if not felt.row:
+            return None
+        more = {"unit": felt_unit(self._facts), "with": felt.row["value"], "from": felt.row["low"], "falls": self._falls}
+        return self._extreme(felt, **more)
+
+    def _unit(self, name: str) -> str:
+        """The unit of an axis; empty if it has none."""
+        key = numbers_of(self._facts).get(name) or find_key(name)
+        return key.unit if key is not None and key.unit != "1" else ""
+
+
+def _refuters(row: Mapping[str, Any]) -> Refuters:
+    """What refutes the values beyond both ends of the interval of a row."""
+    refuters, fails = Refuters.read(str(row.get("counterexample", ""))), (row.get("fails_below"), row.get("fails_from"))
+    return Refuters(*("" if end is None or np.isnan(end) else text for end, text in zip(fails, refuters, strict=True)))
+
+
+class IntervalSummary:
+    """Counts the rows of a table of intervals, for each hand, each guarantee or each spec by itself if it has such a column.
+
+    axes, facts: as for `LoopSummary`; each spec of a comparison has a range, axes and units of its own.
+    """
+
+    def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
+        self._axes, self._facts = axes, facts or {}
+        self._summaries: dict[str, LoopSummary] = {}
+        self._whose, self._unsettled = "", 0
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows; of a spec that is compared, all of its rows."""
+        self._whose = whose = whose_column(columns)
+        words = list(dict.fromkeys(columns[whose].tolist())) if whose else [""]
+        for word in words if len(columns["along"]) else ():
+            rows = {name: column for name, column in columns.items() if name != whose}
+            if len(words) > 1:
+                rows = {name: column[columns[whose] == word] for name, column in rows.items()}
+            if whose == "spec":
+                axes = {name: np.unique(rows[name]).tolist() for name in axes_of(rows)}
+                specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
+                self._summaries[word] = LoopSummary(axes=axes, facts={"spec": specs[word]})
+            elif word not in self._summaries:
+                self._summaries[word] = LoopSummary(word, self._axes, self._facts)
+            summary = self._summaries[word]
+            summary.add(rows)
+            if "settled" in rows and summary.kind.guaranteed:
+                self._unsettled += int((~rows["settled"]).sum())
+
+    def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
+        """The summary as numbers and words that JSON can hold, of each hand, guarantee or spec if there are several."""
+        slices = {"slices": dict(facts["slices"])}
+        numbers = {word: summary.numbers() for word, summary in self._summaries.items()}
+        match self._whose:
+            case "hand":
+                return slices | {"hands": numbers, "rows_of_the_box_not_proved": self._unsettled}
+            case "guarantee":
+                return slices | {"guarantees": numbers, "rows_not_settled": self._unsettled}
+            case "spec":
+                return slices | {"specs": numbers}
+        return slices | numbers[""]
