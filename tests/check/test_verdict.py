@@ -11,6 +11,7 @@ import wavesweep
 from wavesweep.check import on_check
 from wavesweep.check import room_of_numbers as judging
 from wavesweep.check.verdict import verdict_lines
+from wavesweep.program.analyses.assumptions import of_axes
 from wavesweep.program.spec import SYMBOLS, load
 
 ROOT = Path(__file__).parents[2]
@@ -339,3 +340,9 @@ def test_a_number_that_a_pose_depends_on_is_searched_next_to_its_value(name, hal
     said = on_check._stable_where(limit, " m")
     assert said == f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g} m, searched no further"
     assert on_check._going_on(spec, limit) == ""
+
+
+def test_a_slow_rate_that_is_swept_is_held_against_that_of_the_ratio():
+    spec = load(ROOT / "sweeps" / "examples" / "rates.toml")
+    said = of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]")
+    assert said.endswith("rates.slow_hz = 50 Hz, of [sweep] 20, 50, 100, 200, 500, 1000")

@@ -97,7 +97,9 @@ def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
     """The spec's own value of each number for which the axes of a table have others, in words."""
     said = []
     for axis in axes:
-        value, unit = spec.values[axis.path], spec.names.keys[axis.path].unit
+        value, unit = spec.own(axis.path), spec.names.keys[axis.path].unit
+        if value is None:  # the edge of a band, which the spec does not have
+            continue
         inside = value in axis.values if axis.values else axis.start <= value <= axis.stop
         many = f"{len(axis.values)} values from {axis.start:g} to {axis.stop:g}"
         values = many if len(axis.values) > LISTED else _values(axis)
