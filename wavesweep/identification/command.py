@@ -135,9 +135,9 @@ def identify(
         if log is None or any(given[name] is not None for name in ("fast_hz", "spec", "every")):
             expected = "LOG, or --frames TIMES" if log is None else "--frames with --fast-hz, --spec or --every"
             raise click.UsageError(f"identify: expected {expected}, found none")
-        asked = named | ({"motor_constant": _bounds(motor_constant)} if motor_constant else {})
-        asked |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
-        source, find, text = log, partial(identify, log, **asked), spec_text
+        requested = named | ({"motor_constant": _bounds(motor_constant)} if motor_constant else {})
+        requested |= {name: given[name] for name in ("resolution", "spring", "friction", "two_masses", "delay", "rate_hz")}
+        source, find, text = log, partial(identify, log, **requested), spec_text
     directory = Path("results", Path(source).stem)
     target = Path(out) if out else directory / ("device.toml" if frames is None else "frames.toml")
     results.refuse_unusable(directory)
@@ -165,8 +165,8 @@ def identify(
     numbers = tally.numbers(table.facts)
     lines = list(kind.lines(numbers))
     if talk().as_json:
-        about = {"command": "identify", "log": Path(source).name, "notices": table.facts["notices"]}
-        show_json({**about, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})
+        origin = {"command": "identify", "log": Path(source).name, "notices": table.facts["notices"]}
+        show_json({**origin, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})
     elif not talk().quiet:
         for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
             say(line, warning)
@@ -177,14 +177,16 @@ def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[st
     """What finds the frames of a file, and what makes the text of their spec. Errors: UsageError."""
     if log is not None:
         raise click.UsageError(f"--frames: expected no LOG beside it, found {log}")
-    if others := [name for name in given if name not in OF_FRAMES and is_given(name)]:
-        option = f"--{others[0].removesuffix('_hz').replace('_', '-')}"
+    if unfitting := [name for name in given if name not in OF_FRAMES and is_given(name)]:
+        option = f"--{unfitting[0].removesuffix('_hz').replace('_', '-')}"
         raise click.UsageError(
             f"{option}: expected none beside --frames, which takes --fast-hz or --spec, --every, --column and --scale"
         )
     if (given["fast_hz"] is None) == (given["spec"] is None):
-        found = "neither" if given["spec"] is None else "both"
-        raise click.UsageError(f"--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found {found}")
+        number_found = "neither" if given["spec"] is None else "both"
+        raise click.UsageError(
+            f"--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found {number_found}"
+        )
     module = next(modules("frames"), None)
     if module is None:
         raise click.UsageError("--frames: expected the capability frame_times, found that it is not there")
@@ -201,24 +203,24 @@ def _bounds(text: str) -> tuple[float, float]:
     """The two numbers of LOW..HIGH, or one twice."""
     low, dots, high = text.partition("..")
     try:
-        found = float(low), float(high if dots else low)
+        bounds = float(low), float(high if dots else low)
     except ValueError:
-        found = (0.0, 0.0)
-    if not 0 < found[0] <= found[1] < float("inf"):
+        bounds = (0.0, 0.0)
+    if not 0 < bounds[0] <= bounds[1] < float("inf"):
         raise UsageError(f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}")
-    return found
+    return bounds
 
 
 def _factors(given: dict[str, str]) -> dict[str, float]:
-    found = {}
+    factors = {}
     for name, text in given.items():
         try:
-            found[name] = float(text)
+            factors[name] = float(text)
         except ValueError:
             raise UsageError(f"--scale {name}={text}: expected a number, found {text}") from None
-        if not 0 < abs(found[name]) < float("inf"):
+        if not 0 < abs(factors[name]) < float("inf"):
             raise UsageError(f"--scale {name}={text}: expected a finite number that is not 0")
-    return found
+    return factors
 
 
 def _refuse_foreign(target: Path, overwrite: bool) -> None:

@@ -48,7 +48,7 @@ def negative(parameters: Mapping[str, Any]) -> Iterator[str]:
 
 def spoken(each: Mapping[str, Any]) -> str:
     """A number with its interval, to the digits that it has."""
-    value, low, high, unit = (each[part] for part in ("value", "low", "high", "unit"))
+    value, low, high, unit = (each[name] for name in ("value", "low", "high", "unit"))
     if low == high:
         return f"{value:g} {unit}, given"
     digits = min(max(int(np.ceil(np.log10(max(abs(value), abs(low), abs(high)) / (high - low)))) + 2, 2), 12)
@@ -72,21 +72,21 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     parameters = facts["parameters"]
     if "load_mass" in parameters:
         return "\n".join([*_comments(facts), _two_masses(facts)])
-    known = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
+    fitted = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
     ranges: dict[str, Any] = {}
     tables: dict[str, dict[str, Any]] = {
         "controller": {"kind": "dc"},
         "rates": {"fast_hz": float(f"{1 / facts['period_s']:.9g}")},
     }
-    for path, each in known.items():
+    for path, fitted_number in fitted.items():
         room, name = path.split(".")
-        tables.setdefault(room, {})[name] = max(each["value"], 0.0)
+        tables.setdefault(room, {})[name] = max(fitted_number["value"], 0.0)
     name = late(facts)
     if name == "delay":
         tables["device"]["delay"] = whole(parameters["delay"])
     elif name:
-        ticks = (min(max(parameters["delay"][each], 0.0), LONGEST_DELAY) for each in ("low", "value", "high"))
-        low, tables["device"]["dead_time"], high = (float(f"{each * facts['period_s']:.9g}") for each in ticks)
+        ticks = (min(max(parameters["delay"][end], 0.0), LONGEST_DELAY) for end in ("low", "value", "high"))
+        low, tables["device"]["dead_time"], high = (float(f"{tick * facts['period_s']:.9g}") for tick in ticks)
         ranges = {"device.dead_time": {"start": low, "stop": high}} if low < high else {}
     if _of_positions(facts):
         tables["device"]["velocity"] = "difference"
@@ -96,7 +96,9 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     if "friction" in parameters:
         effects["friction"] = max(parameters["friction"]["value"], 0.0)
     tables["simulate"] = effects
-    tables["for_all"] = {path: {"start": max(each["low"], 0.0), "stop": max(each["high"], 0.0)} for path, each in known.items()}
+    tables["for_all"] = {
+        path: {"start": max(estimate["low"], 0.0), "stop": max(estimate["high"], 0.0)} for path, estimate in fitted.items()
+    }
     tables["for_all"] |= ranges
     return "\n".join([*_comments(facts), as_toml(tables)])
 
@@ -115,7 +117,7 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
     template = (bundled("sweeps/templates") / "two-mass.toml").read_text(encoding="utf-8")
     text = "[rates]" + template.partition("[rates]")[2].partition("[sweep]")[0]
     parameters, period = facts["parameters"], facts["period_s"]
-    numbers = {name: max(parameters[found]["value"], 0.0) for found, name in DRAWN.items()}
+    numbers = {name: max(parameters[parameter]["value"], 0.0) for parameter, name in DRAWN.items()}
     numbers["tau"] = max(parameters["delay"]["value"], 0.0) * period
     resonance = float(np.sqrt(numbers["k"] * (1 / numbers["Jm"] + 1 / numbers["Jl"])))
     bandwidth = min(resonance / 10, 0.1 / (numbers["tau"] + period))
@@ -127,7 +129,7 @@ def _two_masses(facts: Mapping[str, Any]) -> str:
     for turning, straight in STRAIGHT if not facts["turns"] else ():
         text = text.replace(turning, straight)
     sweep = {"along": "kp", "kp": {"start": 0.0, "stop": 20 * gain}}
-    ends = {name: [max(parameters[found][end], 0.0) for end in ("low", "high")] for found, name in DRAWN.items()}
+    ends = {name: [max(parameters[parameter][end], 0.0) for end in ("low", "high")] for parameter, name in DRAWN.items()}
     ranges: dict[str, Any] = {name: {"start": low, "stop": high} for name, (low, high) in ends.items()}
     return text + as_toml({"sweep": sweep, "for_all": ranges | {"Dl": {"values": sorted({*ends["Dl"]})}}})
 
@@ -138,7 +140,7 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     lines = [
         f"# The device of {facts['spec_name']}, as wavesweep identify found it; the controller is a first one, put your own.",
         "# Intervals of 95 %, in [for_all]:",
-        *(f"#     {name} {spoken(each)}" for name, each in facts["parameters"].items()),
+        *(f"#     {name} {spoken(estimate)}" for name, estimate in facts["parameters"].items()),
         f"# The delay is {delay['value'] * millis:.4g} ms, in ticks of {millis:.6g} ms. It is {place}.",
     ]
     if _of_positions(facts) and not two:

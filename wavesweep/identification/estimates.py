@@ -116,11 +116,11 @@ def _likeliest(basis, residual, resolution):
     if square >= (SMOOTH**2 + 1 / 12) * resolution**2:
         return change, float(np.sqrt(square - resolution**2 / 12))
     every = -(-len(left) // SEARCHED)
-    few, part, best = basis[::every], residual[::every], change
+    few, residual_part, best = basis[::every], residual[::every], change
 
     def unlikely(logarithm):
         nonlocal best
-        best, value = _climbed(few, part, resolution, np.exp(logarithm) * resolution, best)
+        best, value = _climbed(few, residual_part, resolution, np.exp(logarithm) * resolution, best)
         return -value
 
     noise = float(np.exp(minimize_scalar(unlikely, bounds=NOISE, method="bounded", options={"xatol": 0.05}).x)) * resolution
@@ -154,9 +154,9 @@ def _readings(left, resolution, noise):
     near, far = (np.abs(left) - resolution / 2) / noise, (np.abs(left) + resolution / 2) / noise
     above, beyond = log_ndtr(-near), log_ndtr(-far)
     value = above + np.log1p(-np.exp(beyond - above))
-    one, two = (np.exp(-(at**2) / 2 - value) / np.sqrt(2 * np.pi) for at in (near, far))
-    score = (one - two) / noise
-    return value, np.sign(left) * score, score**2 + (far * two - near * one) / noise**2
+    near_share, two = (np.exp(-(at**2) / 2 - value) / np.sqrt(2 * np.pi) for at in (near, far))
+    score = (near_share - two) / noise
+    return value, np.sign(left) * score, score**2 + (far * two - near * near_share) / noise**2
 
 
 def _autoregression(series):
@@ -168,7 +168,7 @@ def _autoregression(series):
     most = min(ORDER, rows // ROWS_PER_ORDER)
     past, power = np.eye(1, most + 1).repeat(count, axis=0), np.mean(series**2, axis=1)
     ahead, behind, best = series[:, 1:], series[:, :-1], rows * np.log(power)
-    kept, powers = past.copy(), power.copy()
+    past_kept, powers = past.copy(), power.copy()
     for order in range(1, most + 1):
         mirror = -2 * np.sum(ahead * behind, axis=1) / np.sum(ahead**2 + behind**2, axis=1)
         past[:, : order + 1] += mirror[:, None] * past[:, order::-1]
@@ -177,8 +177,8 @@ def _autoregression(series):
         bic = rows * np.log(power) + order * np.log(rows)
         better = bic < best
         best, powers = np.where(better, bic, best), np.where(better, power, powers)
-        kept[better] = past[better]
-    return kept[:, : np.flatnonzero(np.any(kept, axis=0))[-1] + 1], powers
+        past_kept[better] = past[better]
+    return past_kept[:, : np.flatnonzero(np.any(past_kept, axis=0))[-1] + 1], powers
 
 
 def _coloured(inverse, curved, basis, weight, score):
@@ -187,12 +187,12 @@ def _coloured(inverse, curved, basis, weight, score):
     if past.shape[1] == 1:
         return None
     lean, size = inverse @ curved, 1 << (2 * rows - 1).bit_length()
-    taken = np.stack([np.abs(np.fft.rfft(basis @ each, size)) ** 2 for each in lean], axis=1) / size
-    taken[1:-1] *= 2
+    spectra = np.stack([np.abs(np.fft.rfft(basis @ direction, size)) ** 2 for direction in lean], axis=1) / size
+    spectra[1:-1] *= 2
 
     def deviations(past, power):
         spectrum = (power * rows / (rows - numbers))[:, None] / np.abs(np.fft.rfft(past, size)) ** 2
-        return np.sqrt(spectrum @ taken), spectrum[:, 0]
+        return np.sqrt(spectrum @ spectra), spectrum[:, 0]
 
     deviation, slow = deviations(past, power)
     if rows > SHORT:
@@ -200,6 +200,6 @@ def _coloured(inverse, curved, basis, weight, score):
         return deviation[0] * np.sqrt(1 + numbers / many) * stdtrit(many, 0.975)
     drawn = lfilter(np.sqrt(power), past[0], np.random.default_rng(0).standard_normal((DRAWS, WARM + rows)))[:, WARM:]
     along = drawn @ basis
-    others = deviations(*_autoregression(drawn - weight * (along @ curved @ basis.T)))[0]
-    odds = np.sort(np.abs(along @ lean.T) / np.maximum(others, 1e-300), axis=0)
+    other_deviations = deviations(*_autoregression(drawn - weight * (along @ curved @ basis.T)))[0]
+    odds = np.sort(np.abs(along @ lean.T) / np.maximum(other_deviations, 1e-300), axis=0)
     return deviation[0] * np.maximum(odds[int(np.ceil(0.95 * (DRAWS + 1))) - 1], stdtrit(np.inf, 0.975))

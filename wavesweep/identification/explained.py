@@ -68,34 +68,34 @@ def judged(fit: Fit) -> Verdict:
     edges = np.unique(np.round(np.geomspace(1, len(left) // 2 + 1, BANDS + 1)).astype(int))
     powers = np.add.reduceat(np.abs(np.fft.rfft(left))[: edges[-1]] ** 2, edges[:-1])
     odds = gammaincc(np.diff(edges), powers / np.sum(left**2))
-    seen, tone, taken, shown = False, float("nan"), 0.0, []
+    is_resonance, tone, tone_share, shown = False, float("nan"), 0.0, []
     for frequency, changes in _effects(fit):
         directions = (root * rows.used)[:, None] * changes
-        beside = _orthogonal(basis, directions)
-        along = left @ beside
-        seen |= bool((np.abs(along) > SIGMAS * np.linalg.norm(left[:, None] * beside, axis=0)).any())
+        residual_beside = _orthogonal(basis, directions)
+        along = left @ residual_beside
+        is_resonance |= bool((np.abs(along) > SIGMAS * np.linalg.norm(left[:, None] * residual_beside, axis=0)).any())
         share = float(np.sum(along**2) / np.sum(left**2))
         if frequency:
-            shown.append((frequency, bool((np.abs(directions[:, 0] @ beside) > SURE).any())))
-        if frequency and share > taken:
-            tone, taken = frequency, share
+            shown.append((frequency, bool((np.abs(directions[:, 0] @ residual_beside) > SURE).any())))
+        if frequency and share > tone_share:
+            tone, tone_share = frequency, share
     residual, step = fit.residual[rows.skip :], rows.resolution
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
     exact = estimate.rounded or rms < EXACT * np.ptp(rows.reading)
-    alike, remains = _like_friction(fit), not exact and (seen or float(odds.min()) < RARE)
+    alike, remains = _like_friction(fit), not exact and (is_resonance or float(odds.min()) < RARE)
     stretch = [*takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))]  # in which a resonance would be seen
     band = (stretch[0][0], stretch[-1][0]) if stretch else None
     unseen = band is None and not fit.model.load
     explained = not (remains or alike or unseen)
     named = ("one-way" if alike else "unseen" if unseen else "", float("nan"), 0.0)
     if remains:
-        named = max([("resonance", tone, taken), *_tried(fit)], key=lambda each: each[2])
+        named = max([("resonance", tone, tone_share), *_tried(fit)], key=lambda each: each[2])
         if named[2] < CLEAR:
             worst = int(np.argmin(odds))
             named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period), named[2])
-    places = [fit.readings[rows.skip :] / (step or 1.0) + part / SHOWN for part in range(SHOWN)]
-    rounding = [step * (np.round(each) - each) for each in places]
-    square, usual = np.mean([(np.mean(each**2), _neighbours(each)) for each in rounding], axis=0).tolist()
+    places = [fit.readings[rows.skip :] / (step or 1.0) + shift / SHOWN for shift in range(SHOWN)]
+    rounding = [step * (np.round(shifted) - shifted) for shifted in places]
+    square, usual = np.mean([(np.mean(error**2), _neighbours(error)) for error in rounding], axis=0).tolist()
     return Verdict(explained, *named, rms, square**0.5, _neighbours(residual), usual, band)
 
 
@@ -104,9 +104,9 @@ def _like_friction(fit: Fit) -> bool:
     if fit.model.friction or fit.model.spring or fit.model.load or fit.model.measured == "acceleration":
         return False
     moved = moves(fit.model, fit.readings[fit.rows.skip :])
-    way = float(np.mean(np.sign(moved[moved != 0])))
+    direction = float(np.mean(np.sign(moved[moved != 0])))
     offset, half = fit.numbers["offset"], fit.half[fit.model.names.index("offset")]
-    return abs(way) > ONE_WAY and offset * way < 0 and abs(offset) > 2 * half
+    return abs(direction) > ONE_WAY and offset * direction < 0 and abs(offset) > 2 * half
 
 
 def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
@@ -120,11 +120,11 @@ def _tried(fit: Fit) -> Iterator[tuple[str, float, float]]:
         "delay": None if model.delay is None else replace(model, delay=None),
     }
     before = _left(model, fit.theta, rows)
-    for name, more in effects.items():
-        if more is not None:
-            known = fit.numbers | {"log_mass": np.log(fit.numbers["mass"])}
-            known |= {"friction": 0.05 * float(np.std(rows.force))} if name == "friction" else {}
-            after = _left(more, np.array([known[each] for each in more.names]), rows)
+    for name, effect in effects.items():
+        if effect is not None:
+            numbers = fit.numbers | {"log_mass": np.log(fit.numbers["mass"])}
+            numbers |= {"friction": 0.05 * float(np.std(rows.force))} if name == "friction" else {}
+            after = _left(effect, np.array([numbers[name_of] for name_of in effect.names]), rows)
             yield name, float("nan"), 1 - after / before
 
 
@@ -156,9 +156,9 @@ def _neighbours(errors):
 
 def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     """Yield the changes of the readings by each effect that the model lacks; for a resonance with its frequency, else 0."""
-    found, (force, period, skip) = fit.numbers | {"friction": 0.0}, (fit.rows.force, fit.rows.period, fit.rows.skip)
-    places = measured(found, "position", force, period, skip)
-    at_rest = found | dict.fromkeys((*OWN, "delay"), 0.0)
+    numbers, (force, period, skip) = fit.numbers | {"friction": 0.0}, (fit.rows.force, fit.rows.period, fit.rows.skip)
+    places = measured(numbers, "position", force, period, skip)
+    at_rest = numbers | dict.fromkeys((*OWN, "delay"), 0.0)
     for by in (
         *([] if fit.model.friction else [np.sign(np.gradient(places))]),
         *([] if fit.model.spring else [places]),
@@ -166,11 +166,11 @@ def _effects(fit: Fit) -> Iterator[tuple[float, np.ndarray]]:
     ):
         yield 0.0, _as_read(fit.model, measured(at_rest, "position", by, period)[:, None], period)
     lowest, highest = 3 / (len(force) * period), 0.4 / period
-    pushing = late(force, round(found["delay"]))[skip:]
+    pushing = late(force, round(numbers["delay"]))[skip:]
     pushing = pushing - pushing[0]
     for tone in np.geomspace(lowest, highest, TONES):
         # With two masses m (1 - q) and m q, the first one has the admittance 1/(m s^2) + q/(1 - q)/m/(s^2 + 2 z w s + w^2).
-        mode = SWINGING / (1 - SWINGING) / found["mass"] * resonance(pushing, tone, RINGING, period, 0.0, "position")
+        mode = SWINGING / (1 - SWINGING) / numbers["mass"] * resonance(pushing, tone, RINGING, period, 0.0, "position")
         yield float(tone), _as_read(fit.model, np.stack([mode, np.gradient(mode)], axis=1), period)
 
 

@@ -84,7 +84,7 @@ def _title(canvas: Any, facts: Mapping[str, Any], what: str) -> None:
     from wavesweep.identification.device_spec import spoken
 
     names = ("mass", "load_mass", "coupling_stiffness") if "load_mass" in facts["parameters"] else ("mass", "damping")
-    numbers = (f"{name} {spoken(each)}" for name, each in facts["parameters"].items() if name in names)
+    numbers = (f"{name} {spoken(estimate)}" for name, estimate in facts["parameters"].items() if name in names)
     note_below(canvas, as_it_stands(", ".join(numbers).replace("*", "·")))
     warn_above(canvas, "" if facts["explained"] else f"the model does not explain the {what}")
 

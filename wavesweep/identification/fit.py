@@ -40,7 +40,7 @@ SETTLED = 0.05  # half-widths; smaller changes end the rounds
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LogRows:
     """A log as it is fitted: force (N), held over each tick, and what was read, both of all rows; period (s).
 
     resolution: step of the readings, 0 for none. skip: rows at the start that are left out; used: false for outliers
@@ -56,13 +56,13 @@ class Rows:
 
     def residual(self, model: Model, theta: np.ndarray) -> np.ndarray:
         """Reading minus that of the model, 0 for an outlier."""
-        found = readings(model, theta, self.force, self.period, self.skip)
-        return (self.reading[self.skip :] - found) * self.used
+        fitted_readings = readings(model, theta, self.force, self.period, self.skip)
+        return (self.reading[self.skip :] - fitted_readings) * self.used
 
     def slopes(self, model: Model, theta: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Derivatives of the model's readings with respect to its numbers, 0 for an outlier."""
-        found = sensitivities(model, theta, self.force, self.period, steps, self.skip)
-        return found * np.broadcast_to(self.used, len(found))[:, None]
+        slopes = sensitivities(model, theta, self.force, self.period, steps, self.skip)
+        return slopes * np.broadcast_to(self.used, len(slopes))[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Fit:
 
     model: Model
     theta: np.ndarray
-    rows: Rows
+    rows: LogRows
     readings: np.ndarray
     residual: np.ndarray
     estimate: Estimate
@@ -97,7 +97,7 @@ def fitted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
 
     period: s. resolution: step of the readings.
     """
-    rows = Rows(force, reading, period, resolution, min(LATE[-1] + 2, len(force) // 8))
+    rows = LogRows(force, reading, period, resolution, min(LATE[-1] + 2, len(force) // 8))
     begun = replace(model, without=_hidden(model, reading[rows.skip :], moves(model, reading)))
     model, theta, rows = _later(begun, _begun(begun, rows), rows)
     for _ in range(ROUNDS):
@@ -114,16 +114,16 @@ def fitted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
             J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
         if not (np.linalg.norm(J, axis=0) > 0).all() or not np.isfinite([J.sum(), left.sum()]).all():
             raise UsageError(NO_RESONANCE if model.load else NO_MASS)
-        found = estimated(J, left, resolution)
-        theta = theta + found.step
+        estimates = estimated(J, left, resolution)
+        theta = theta + estimates.step
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
             raise UsageError(NO_RESONANCE if model.load else NO_MASS)
-        steps = np.minimum(found.half, widest) if model.friction else steps
-        if (np.abs(found.step) < SETTLED * found.half).all():
+        steps = np.minimum(estimates.half, widest) if model.friction else steps
+        if (np.abs(estimates.step) < SETTLED * estimates.half).all():
             break
     theta = np.where([name == "friction" for name in model.names], np.abs(theta), theta)  # the model takes its size
     places = np.append(np.full(rows.skip, np.nan), readings(model, theta, force, period, rows.skip))
-    return Fit(model, theta, rows, places, reading - places, found)
+    return Fit(model, theta, rows, places, reading - places, estimates)
 
 
 def moves(model: Model, readings: np.ndarray) -> np.ndarray:
@@ -170,39 +170,39 @@ def _later(model, theta, rows):
     """Model, numbers and rows of the least squares from the first row on that the force before the log does not move."""
     most = len(rows.force) // 2
     while True:
-        known = model.numbers(theta)
+        numbers = model.numbers(theta)
         later = 1 + (model.measured == "acceleration")  # rows that a force of before the log moves in any case
-        skip = int(np.clip(np.ceil(known["delay"] + 0.5) + later, 0, most))
+        skip = int(np.clip(np.ceil(numbers["delay"] + 0.5) + later, 0, most))
         place = rows.reading[skip:]
-        way = moves(model, readings(model, theta, rows.force, rows.period, rows.skip))
-        model, rows = replace(model, without=_hidden(model, place, way)), replace(rows, skip=skip)
+        direction = moves(model, readings(model, theta, rows.force, rows.period, rows.skip))
+        model, rows = replace(model, without=_hidden(model, place, direction)), replace(rows, skip=skip)
         if not model.friction:
-            known |= _own(model, known, rows)
+            numbers |= _own(model, numbers, rows)
         elif model.measured == "position":
-            known |= {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
+            numbers |= {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
         else:
-            known |= {"velocity": float(np.median(place[: START + 1])) * (model.measured == "velocity")}
+            numbers |= {"velocity": float(np.median(place[: START + 1])) * (model.measured == "velocity")}
         if "offset" in model.without:  # friction has taken it
-            known["friction"] = abs(known["friction"] - np.sign(way.sum()) * known["offset"])
-        theta = refined(model, np.array([known[name] for name in model.names]), rows)
+            numbers["friction"] = abs(numbers["friction"] - np.sign(direction.sum()) * numbers["offset"])
+        theta = refined(model, np.array([numbers[name] for name in model.names]), rows)
         if model.numbers(theta)["delay"] + later <= skip or skip == most:
             return model, theta, replace(rows, used=np.ones(len(place), bool))
 
 
 def _own(model, known, rows):
     """The numbers of the log alone that fit best to given ones of a device without friction."""
-    own = [name for name in model.own if name not in model.without]
-    A, still = _columns(model, known, own, rows.force, rows.period, rows.skip)
+    linear_names = [name for name in model.own if name not in model.without]
+    A, still = _columns(model, known, linear_names, rows.force, rows.period, rows.skip)
     size = np.linalg.norm(A, axis=0)
-    return dict(zip(own, np.linalg.lstsq(A / size, rows.reading[rows.skip :] - still)[0] / size, strict=True))
+    return dict(zip(linear_names, np.linalg.lstsq(A / size, rows.reading[rows.skip :] - still)[0] / size, strict=True))
 
 
 def _columns(model, known, own, force, period, skip):
     """What a unit of each number of the log alone adds to the readings, `(rows, own)`, and the readings without these."""
     none, still = np.zeros(len(force)), known | dict.fromkeys(OWN, 0.0)
     forces = [(none, {name: 1.0}) for name in own] + [(force, {})]
-    found = [measured(still | one, model.measured, push, period, skip) for push, one in forces]
-    return np.stack(found[:-1], axis=1), found[-1]
+    fitted_columns = [measured(still | unit_force, model.measured, push, period, skip) for push, unit_force in forces]
+    return np.stack(fitted_columns[:-1], axis=1), fitted_columns[-1]
 
 
 def _inliers(model, theta, rows):
@@ -219,21 +219,21 @@ def _inliers(model, theta, rows):
     return used if np.mean(~used) < FEW else np.ones(len(used), bool)
 
 
-def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
+def scales(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
     """Changes of the numbers that move the device by about as much as it moves in the log."""
-    found, reach, rms = model.numbers(theta), float(np.ptp(rows.reading)), float(np.std(rows.force))
-    mass, seconds = found["mass"], rows.period * len(rows.force)
+    numbers, reach, rms = model.numbers(theta), float(np.ptp(rows.reading)), float(np.std(rows.force))
+    mass, seconds = numbers["mass"], rows.period * len(rows.force)
     fast = min(seconds, 0.3) ** (ORDER[model.measured] - 1)  # s, from what is measured to a velocity
     sizes = {
         "log_mass": 1.0,
-        "damping": max(abs(found["damping"]), mass / min(seconds, 0.3)),
-        "stiffness": max(abs(found["stiffness"]), mass * 40.0),
-        "friction": max(abs(found["friction"]), 0.3 * rms),
+        "damping": max(abs(numbers["damping"]), mass / min(seconds, 0.3)),
+        "stiffness": max(abs(numbers["stiffness"]), mass * 40.0),
+        "friction": max(abs(numbers["friction"]), 0.3 * rms),
         "delay": 1.0,
         "log_load": 1.0,
-        "load_damping": max(abs(found.get("load_damping", 0.0)), mass / min(seconds, 0.3)),
+        "load_damping": max(abs(numbers.get("load_damping", 0.0)), mass / min(seconds, 0.3)),
         "log_coupling": 1.0,
-        "coupling_damping": max(abs(found.get("coupling_damping", 0.0)), mass / min(seconds, 0.3)),
+        "coupling_damping": max(abs(numbers.get("coupling_damping", 0.0)), mass / min(seconds, 0.3)),
         "twist": reach * fast * min(seconds, 0.3),
         "slip": reach * fast,
         "start": reach,
@@ -244,7 +244,7 @@ def scales(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
     return np.array([sizes[name] for name in model.names])
 
 
-def refined(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
+def refined(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
     """The numbers of the least squares, from numbers close to them."""
     size = scales(model, theta, rows)
     reach = float(np.ptp(rows.reading))
@@ -256,8 +256,8 @@ def refined(model: Model, theta: np.ndarray, rows: Rows) -> np.ndarray:
 
     def slopes(part):
         with np.errstate(all="ignore"):
-            found = rows.slopes(model, theta + (part - 1) * size, STEP * size)
-        return np.nan_to_num(found * (size / reach), posinf=1e6, neginf=-1e6)
+            new_slopes = rows.slopes(model, theta + (part - 1) * size, STEP * size)
+        return np.nan_to_num(new_slopes * (size / reach), posinf=1e6, neginf=-1e6)
 
     # With friction the positions have kinks, so smaller steps mean nothing.
     finest = {"xtol": 1e-7, "ftol": 1e-9} if model.friction else {"xtol": 1e-11, "ftol": 1e-14}
@@ -273,22 +273,25 @@ def _begun(model, rows):
         rows = replace(rows, force=rows.force[first : first + PART], reading=rows.reading[first : first + PART])
     if model.load:
         return _begun_with_load(model, rows)
-    known = dict(zip(model.names, _first(model, rows), strict=True))
-    late = float(known.get("delay", model.delay or 0.0))
+    numbers = dict(zip(model.names, _first(model, rows), strict=True))
+    late = float(numbers.get("delay", model.delay or 0.0))
     pushed = float(np.std(rows.force))
     starts = [(late, 0.05 * pushed), (late, 0.3 * pushed)] if model.friction else [(late, 0.0)]
     if model.friction and model.delay is None:  # what friction takes shows as another delay in the rough numbers
-        starts += [(each, 0.3 * pushed) for each in LATE[:5] if each != late]
-    best = min((_near(model, known, *each, rows) for each in starts), key=itemgetter(0))
+        starts += [(delay, 0.3 * pushed) for delay in LATE[:5] if delay != late]
+    best = min((_near(model, numbers, *start, rows) for start in starts), key=itemgetter(0))
     if best[1][1] < 0 and model.delay is None:  # prefer another delay with a positive damping
-        others = [_near(model, known, each, starts[-1][1], rows) for each in LATE]
-        best = min(best, *others, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
+        delayed = [_near(model, numbers, delay, starts[-1][1], rows) for delay in LATE]
+        best = min(best, *delayed, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
     shift = np.array([name == "delay" for name in model.names])
     while (
         model.measured != "position" and shift.any() and not model.friction
     ):  # each tick of delay may have a minimum of its own
-        others = [refined(model, best[1] + sign * shift, rows) for sign in (1, -1)]
-        before, best = best, min(best, *((_square(model, each, rows), each) for each in others), key=itemgetter(0))
+        delayed = [refined(model, best[1] + sign * shift, rows) for sign in (1, -1)]
+        before, best = (
+            best,
+            min(best, *((_square(model, candidate, rows), candidate) for candidate in delayed), key=itemgetter(0)),
+        )
         if best is before:
             break
     return best[1]
@@ -302,15 +305,15 @@ def _square(model, theta, rows):
 def _begun_with_load(model, rows):
     """The best of the least squares from resonances that explain most of what one mass leaves, see `of_modes`."""
     alone = replace(model, load=False)
-    known = dict(zip(alone.names, _first(alone, rows), strict=True))
-    rate, found = known["damping"] / np.exp(known["log_mass"]), []
+    numbers = dict(zip(alone.names, _first(alone, rows), strict=True))
+    rate, pairs = numbers["damping"] / np.exp(numbers["log_mass"]), []
     changes = np.diff(rows.reading[rows.skip :])  # in which slow motion, that is not known well, weighs less
     for late in LATE[:-2] if model.delay is None else (model.delay,):
         columns = []
-        for each in (rate / 4, rate, 4 * rate):
-            unit = {"mass": 1.0, "damping": each, "stiffness": 0.0, "friction": 0.0, "delay": late}
-            own, moved = _columns(alone, unit, alone.own, rows.force, rows.period, rows.skip)
-            columns += [moved, *own.T]
+        for rate_near in (rate / 4, rate, 4 * rate):
+            unit = {"mass": 1.0, "damping": rate_near, "stiffness": 0.0, "friction": 0.0, "delay": late}
+            linear_columns, moved = _columns(alone, unit, alone.own, rows.force, rows.period, rows.skip)
+            columns += [moved, *linear_columns.T]
         still = np.diff(np.array(columns)).T
         basis = np.linalg.svd(still / np.maximum(np.linalg.norm(still, axis=0), 1e-300), full_matrices=False)
         basis = basis[0][:, basis[1] > 1e-9 * basis[1][0]]
@@ -318,31 +321,33 @@ def _begun_with_load(model, rows):
         for tone in np.geomspace(3 / (len(rows.force) * rows.period), 0.4 / rows.period, RESONANCES):
             for ratio in RINGING:
                 mode = np.diff(resonance(rows.force, tone, ratio, rows.period, late, model.measured)[rows.skip :])
-                beside = mode - basis @ (basis.T @ mode)
-                share = float(left @ beside) / max(float(beside @ beside), 1e-300)
+                mode_beside = mode - basis @ (basis.T @ mode)
+                share = float(left @ mode_beside) / max(float(mode_beside @ mode_beside), 1e-300)
                 if share > 0:
-                    left_over = float(left @ left) - share * float(left @ beside)
-                    found.append((left_over, late, tone, ratio, np.exp(-known["log_mass"]), share * np.exp(known["log_mass"])))
-    found.sort()
+                    left_over = float(left @ left) - share * float(left @ mode_beside)
+                    pairs.append(
+                        (left_over, late, tone, ratio, np.exp(-numbers["log_mass"]), share * np.exp(numbers["log_mass"]))
+                    )
+    pairs.sort()
     starts, fits = [], []
-    for each in found:
-        if all(abs(np.log(each[2] / other[2])) > 3 * APART for other in starts) and len(starts) < STARTS:
-            starts.append(each)
+    for pair in pairs:
+        if all(abs(np.log(pair[2] / chosen_start[2])) > 3 * APART for chosen_start in starts) and len(starts) < STARTS:
+            starts.append(pair)
     for _, late, tone, ratio, total, load in starts:
         begun = of_modes(1 / total, rate, tone, ratio, load)
         begun |= model.numbers(np.array([(begun | {"delay": late}).get(name, 0.0) for name in model.names]))
         begun |= _own(model, begun, rows)
         theta = refined(model, np.array([begun[name] for name in model.names]), rows)
         fits.append((_square(model, theta, rows), theta))
-    fits = sorted((each for each in fits if np.isfinite(each[0])), key=itemgetter(0))
+    fits = sorted((fit for fit in fits if np.isfinite(fit[0])), key=itemgetter(0))
     alone, at = (
         replace(alone, delay=model.delay),
         [model.names.index(name) for name in ("log_mass", "log_load", "log_coupling")],
     )
-    others = [error for error, theta in fits if np.abs(theta - fits[0][1])[at].max() > APART]
-    one = refined(alone, np.array([known[name] for name in alone.names]), rows)
-    others.append(_square(alone, one, rows))
-    if not fits or min(others) < fits[0][0] * (1 + UNLIKELY / len(changes)):
+    other_errors = [error for error, theta in fits if np.abs(theta - fits[0][1])[at].max() > APART]
+    single = refined(alone, np.array([numbers[name] for name in alone.names]), rows)
+    other_errors.append(_square(alone, single, rows))
+    if not fits or min(other_errors) < fits[0][0] * (1 + UNLIKELY / len(changes)):
         raise UsageError(NO_RESONANCE)
     return fits[0][1]
 
@@ -380,8 +385,8 @@ def _first(model, rows):
     best = None
 
     def tried(rates, squares, lates):
-        found = (_beginning(model, rows, *each) for each in product(lates, squares, rates))
-        return min(filter(None, (best, *found)), default=None, key=itemgetter(0))
+        beginnings = (_beginning(model, rows, *start) for start in product(lates, squares, rates))
+        return min(filter(None, (best, *beginnings)), default=None, key=itemgetter(0))
 
     best = tried(RATES, tones, [model.delay or 0.0])
     if model.delay is None and (best is None or model.measured == "acceleration"):  # at another delay no mass may show
@@ -391,18 +396,18 @@ def _first(model, rows):
         best = tried([best[2]], [best[3]], LATE if model.delay is None else [])
     if best is None:
         raise UsageError(NO_MASS)
-    _, mass, rate, square, late, own = best
-    known = {"log_mass": np.log(mass), "damping": rate * mass, "stiffness": square * mass, "delay": late}
-    known |= {"friction": 0.05 * np.std(rows.force)} | own
-    return np.array([known[name] for name in model.names])
+    _, mass, rate, square, late, linear_values = best
+    numbers = {"log_mass": np.log(mass), "damping": rate * mass, "stiffness": square * mass, "delay": late}
+    numbers |= {"friction": 0.05 * np.std(rows.force)} | linear_values
+    return np.array([numbers[name] for name in model.names])
 
 
 def _beginning(model, rows, late, square, rate):
     """Squared error and numbers of the best mass and of what the log has of its own; None if the mass would be negative."""
     unit = {"mass": 1.0, "damping": rate, "stiffness": square, "friction": 0.0, "delay": late}
-    own = [name for name in model.own if name not in model.without]
+    linear_names = [name for name in model.own if name not in model.without]
     with np.errstate(all="ignore"):
-        columns, moved = _columns(model, unit, own, rows.force, rows.period, rows.skip)
+        columns, moved = _columns(model, unit, linear_names, rows.force, rows.period, rows.skip)
     A, place = np.column_stack([moved, columns]), rows.reading[rows.skip :]
     size = np.linalg.norm(A, axis=0)
     if not np.isfinite(size).all() or not size.all():
@@ -410,6 +415,6 @@ def _beginning(model, rows, late, square, rate):
     x = np.linalg.lstsq(A / size, place, rcond=1e-10)[0] / size
     if x[0] <= 0:
         return None
-    known = dict(zip(own, x[1:].tolist(), strict=True))
-    known |= {"offset": known["offset"] / x[0]} if "offset" in known else {}
-    return float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, known
+    linear_values = dict(zip(linear_names, x[1:].tolist(), strict=True))
+    linear_values |= {"offset": linear_values["offset"] / x[0]} if "offset" in linear_values else {}
+    return float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, linear_values

@@ -58,15 +58,18 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
     if not any(file.names):
         raise UsageError(f"{path}: expected a header and rows of numbers below it, found an empty file")
     turning = {**PUSHES, **MOTIONS}
-    known = dict.fromkeys(["time", *turning, *turning.values()])
-    for option, given in (("--column", columns), ("--scale", scales)):
-        for name in given:
-            if name not in known:
-                raise UsageError(f"{option} {name}: expected one of {', '.join(known)}, found {name}")
+    column_names = dict.fromkeys(["time", *turning, *turning.values()])
+    for option, options in (("--column", columns), ("--scale", scales)):
+        for name in options:
+            if name not in column_names:
+                raise UsageError(f"{option} {name}: expected one of {', '.join(column_names)}, found {name}")
     # The column of the file that has each name, or this name and a unit; None without.
-    endings = {name: ("", *(f"_{unit}" for unit in UNITS if name not in columns)) for name in known}
-    wanted = {name: [f"{columns.get(name, name)}{ending}" for ending in each] for name, each in endings.items()}
-    places = {name: next((each for each in names if each in file.names), None) for name, names in wanted.items()}
+    endings = {name: ("", *(f"_{unit}" for unit in UNITS if name not in columns)) for name in column_names}
+    wanted = {name: [f"{columns.get(name, name)}{ending}" for ending in ending_set] for name, ending_set in endings.items()}
+    places = {
+        name: next((name_in_file for name_in_file in names if name_in_file in file.names), None)
+        for name, names in wanted.items()
+    }
     straight, turned = {"force", *MOTIONS}, {"torque", *MOTIONS.values()}
     turns = bool(turned & columns.keys())
     if not turns and not straight & columns.keys() and not (places["force"] or places["position"]):
@@ -90,12 +93,12 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
             else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
         )
     rows = file.numbers([places[name] for name in used.values()], LEAST_ROWS)
-    found = {name: rows[:, at] * scales.get(name, 1.0) for at, name in enumerate(used.values())}
-    _refuse_constant(path, found, motion)
-    period, jitter = _period(path, found["time"])
-    measured = next(name for name, other in MOTIONS.items() if motion in (name, other))
-    force, first = found[push] * (1.0 if constant is None else constant), float(found["time"][0])
-    return Log(force, found[motion], measured, period, first, bool(turns), jitter, file.sha256, tuple(scales))
+    readings = {name: rows[:, at] * scales.get(name, 1.0) for at, name in enumerate(used.values())}
+    _refuse_constant(path, readings, motion)
+    period, jitter = _period(path, readings["time"])
+    measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
+    force, first = readings[push] * (1.0 if constant is None else constant), float(readings["time"][0])
+    return Log(force, readings[motion], measured, period, first, bool(turns), jitter, file.sha256, tuple(scales))
 
 
 def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: str) -> None:
@@ -118,8 +121,8 @@ def _period(path: str | Path, times: np.ndarray) -> tuple[float, float]:
     period = float(np.median(steps))
     if (steps > GAP * period).any():
         row = int((steps > GAP * period).argmax())
-        found = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
-        raise UsageError(f"{path}:{row + 3}: time: expected equal steps, found {found}; take a part without gaps")
+        problem = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
+        raise UsageError(f"{path}:{row + 3}: time: expected equal steps, found {problem}; take a part without gaps")
     period = float(times[-1] - times[0]) / (len(times) - 1)
     if not SHORTEST <= period <= LONGEST:
         expected = f"expected steps of {SHORTEST:g} to {LONGEST:g} s, found {period:.6g} s"
@@ -128,20 +131,22 @@ def _period(path: str | Path, times: np.ndarray) -> tuple[float, float]:
     off = np.abs(late - np.median(late)) / period
     if off.max() > UNEVEN:
         row = int(off.argmax())
-        found = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
-        raise UsageError(f"{path}:{row + 2}: time: expected equal steps, found {found}; resample the log, or take an even part")
+        problem = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
+        raise UsageError(
+            f"{path}:{row + 2}: time: expected equal steps, found {problem}; resample the log, or take an even part"
+        )
     return period, float(off.max())
 
 
 def pairs(given: Iterable[str], option: str) -> dict[str, str]:
     """The words NAME=VALUE of an option as a mapping. Errors: UsageError for another form."""
-    found = {}
-    for each in given:
-        name, equals, value = (part.strip() for part in each.partition("="))
+    pairs_read = {}
+    for text in given:
+        name, equals, value = (side.strip() for side in text.partition("="))
         if not (name and equals and value):
-            raise UsageError(f"{option} {each}: expected NAME=VALUE, e.g. position={'2e-5' if option == '--scale' else 'enc'}")
-        found[name] = value
-    return found
+            raise UsageError(f"{option} {text}: expected NAME=VALUE, e.g. position={'2e-5' if option == '--scale' else 'enc'}")
+        pairs_read[name] = value
+    return pairs_read
 
 
 def step_of(reading: np.ndarray) -> float:
@@ -152,8 +157,8 @@ def step_of(reading: np.ndarray) -> float:
         return 0.0
     step = float(steps[0])
     for _ in range(2):  # the least of many, then their common step
-        whole = np.round(steps / step)
-        if (np.abs(steps - whole * step) > 0.02 * step).any():
+        rounded = np.round(steps / step)
+        if (np.abs(steps - rounded * step) > 0.02 * step).any():
             return 0.0
-        step = float(np.sum(steps * whole) / np.sum(whole * whole))
+        step = float(np.sum(steps * rounded) / np.sum(rounded * rounded))
     return step

@@ -32,20 +32,24 @@ def facts_of(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
     They are stored with the table, so that `plot` draws the points of the run. Errors: UsageError for a file that cannot be
     used.
     """
-    found: dict[str, Mapping[str, Any]] = {}
+    marks: dict[str, Mapping[str, Any]] = {}
     for spec in specs if kind in OF_WALLS or kind in OF_RESPONSES else ():
         walls = walls_of(spec) if kind in OF_WALLS else None
         response = response_of(spec) if kind in OF_RESPONSES else None
-        each: dict[str, Any] = {}
+        measured_marks: dict[str, Any] = {}
         if walls:
-            each["z_width"] = {"B_VE": walls.B_VE.tolist(), "K_VE": walls.K_VE.tolist(), "sha256": walls.sha256}
-            each["z_width"] |= {} if walls.stable is None else {"stable": walls.stable.tolist()}
+            measured_marks["z_width"] = {"B_VE": walls.B_VE.tolist(), "K_VE": walls.K_VE.tolist(), "sha256": walls.sha256}
+            measured_marks["z_width"] |= {} if walls.stable is None else {"stable": walls.stable.tolist()}
         if response:
-            parts = {"re": response.admittance.real.tolist(), "im": response.admittance.imag.tolist()}
-            each["response"] = {"frequency_hz": response.frequency_hz.tolist(), **parts, "sha256": response.sha256}
-        if each:
-            found[spec.name] = each
-    return {"measured": found} if found else {}
+            real_and_imaginary = {"re": response.admittance.real.tolist(), "im": response.admittance.imag.tolist()}
+            measured_marks["response"] = {
+                "frequency_hz": response.frequency_hz.tolist(),
+                **real_and_imaginary,
+                "sha256": response.sha256,
+            }
+        if measured_marks:
+            marks[spec.name] = measured_marks
+    return {"measured": marks} if marks else {}
 
 
 def _look(kind: bool | None, colour: Any) -> dict[str, Any]:
@@ -56,7 +60,7 @@ def _look(kind: bool | None, colour: Any) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Walls:
+class WallMarks:
     """Measured walls in a plane of damping and stiffness.
 
     of: the walls of a spec, `(2, points)`: damping and stiffness, by whether they were stable (None: limits); and a colour.
@@ -71,9 +75,9 @@ class Walls:
 
     def draw(self, axes: Any) -> None:
         """Draw the walls within the limits of the axes, which have to be set; those on the frame are not cut off."""
-        for kind, points, colour in ((*each, colour) for walls, colour in self.of for each in walls.items()):
+        for kind, points, colour in ((*walls_by_kind, colour) for walls, colour in self.of for walls_by_kind in walls.items()):
             spans = zip(points, (axes.get_xlim(), axes.get_ylim()), strict=True)
-            inside = np.all([(each >= low) & (each <= high) for each, (low, high) in spans], axis=0)
+            inside = np.all([(coordinate >= low) & (coordinate <= high) for coordinate, (low, high) in spans], axis=0)
             if inside.any():
                 axes.plot(*points[:, inside], **_look(kind, colour), clip_on=False)
 
@@ -90,16 +94,16 @@ class Walls:
         return handles
 
 
-def walls(facts: Facts, x: str | None, along: str, several: bool) -> Walls:
+def walls(facts: Facts, x: str | None, along: str, several: bool) -> WallMarks:
     """The walls in a figure with x along it and the number `along` upwards; of several specs, or of the only one."""
     specs = specs_of(facts)
     if not several:
-        found = _walls_in_plane(facts, x, along)
-        return Walls([(found, "black")] if found else [])
+        plane_walls = _walls_in_plane(facts, x, along)
+        return WallMarks([(plane_walls, "black")] if plane_walls else [])
     if x not in [damping_of(tables) or "B_VE" for tables in specs.values()]:
-        return Walls([])
+        return WallMarks([])
     colours = _coloured(facts, "z_width", specs)
-    return Walls([(_walls_by_kind(facts, spec), colour) for spec, colour in colours.items()])
+    return WallMarks([(_walls_by_kind(facts, spec), colour) for spec, colour in colours.items()])
 
 
 def _walls_by_kind(facts: Facts, spec: str) -> ByKind:
@@ -139,7 +143,7 @@ def _coloured(facts: Facts, part: str, specs: Iterable[str]) -> dict[str, Any]:
         if points := facts.get("measured", {}).get(spec, {}).get(part):
             same.setdefault(points["sha256"], []).append(spec)
     alone = len(colours) == 1
-    return {each[0]: "black" if alone or len(each) > 1 else colours[each[0]] for each in same.values()}
+    return {group[0]: "black" if alone or len(group) > 1 else colours[group[0]] for group in same.values()}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.engine.doubts import INCOMPLETE
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.response.steady import respond
-from wavesweep.identification.points import FrequencyResponse, Walls, response_of, walls_of
+from wavesweep.identification.points import FrequencyResponse, MeasuredWalls, response_of, walls_of
 from wavesweep.program.analyses.asked import axes_asked, axis_along
 from wavesweep.program.analyses.interval_jobs import job_over
 from wavesweep.program.analyses.spec_loops import loop_at_hand
@@ -24,7 +24,7 @@ LEVEL = 0.99  # of the F distribution, up to which limits with repetitions are e
 COHERENT = 0.5  # coherence, below which a point of a response is left out
 WORST = 3  # walls on the wrong side that are named one by one
 
-Points = tuple[Walls | None, FrequencyResponse | None]
+Points = tuple[MeasuredWalls | None, FrequencyResponse | None]
 
 
 def read_points(spec: Spec) -> Points:
@@ -39,17 +39,19 @@ def distances(spec: Spec, points: Points, stable: bool) -> dict[str, Any]:
     response: see `_response`.
     """
     walls, response = points
-    found: dict[str, Any] = {}
+    distances_found: dict[str, Any] = {}
     if walls is not None:
         columns = _stable_intervals(spec, walls)
-        found = {"limits": _limits(walls, columns)} if walls.stable is None else {"tried": _tried(walls, columns)}
-        found = {name: {"file": spec.measured["z_width"]} | each for name, each in found.items()}
+        distances_found = {"limits": _limits(walls, columns)} if walls.stable is None else {"tried": _tried(walls, columns)}
+        distances_found = {
+            name: {"file": spec.measured["z_width"]} | comparison for name, comparison in distances_found.items()
+        }
     if response is not None:
-        found["response"] = {"file": spec.measured["response"]} | _response(spec, response, stable)
-    return found
+        distances_found["response"] = {"file": spec.measured["response"]} | _response(spec, response, stable)
+    return distances_found
 
 
-def _stable_intervals(spec: Spec, walls: Walls) -> list[tuple[list[tuple[float, float, bool]], bool]]:
+def _stable_intervals(spec: Spec, walls: MeasuredWalls) -> list[tuple[list[tuple[float, float, bool]], bool]]:
     """For each wall, the stable intervals of stiffness at its damping, as (low, high, whether high is an end of stability).
 
     Beside them is whether all of the column is known.
@@ -59,16 +61,16 @@ def _stable_intervals(spec: Spec, walls: Walls) -> list[tuple[list[tuple[float, 
     values, place = np.unique(walls.B_VE, return_inverse=True)
     axes = axes_asked(spec, {name_of(damping) if spec.drawing else "B_VE": values}, along)
     rows = in_memory(job_over(make_grid(spec, axes, along.path), along))
-    found: dict[float, tuple[list[tuple[float, float, bool]], bool]] = {}
+    intervals_of: dict[float, tuple[list[tuple[float, float, bool]], bool]] = {}
     for row, value in enumerate(rows[axes[0].name].tolist()):
-        intervals, _ = found.setdefault(value, ([], str(rows["doubt"][row]) not in INCOMPLETE))
+        intervals, _ = intervals_of.setdefault(value, ([], str(rows["doubt"][row]) not in INCOMPLETE))
         if rows["intervals"][row]:
             ends = bool(np.isfinite(rows["high_omega"][row]))
             intervals.append((float(rows["low"][row]), float(rows["high"][row]), ends or rows["high"][row] < along.stop))
-    return [found[values[each]] for each in place.ravel().tolist()]
+    return [intervals_of[values[row]] for row in place.ravel().tolist()]
 
 
-def _limits(walls: Walls, columns) -> dict[str, Any]:
+def _limits(walls: MeasuredWalls, columns) -> dict[str, Any]:
     """The limit that the model has in place of each measured one: ratio, rms, and on which side the model errs.
 
     A wall was stable just below a limit, and unstable just above. If the limit lies in a stable interval of the model, it is
@@ -77,26 +79,26 @@ def _limits(walls: Walls, columns) -> dict[str, Any]:
     FAR times the largest one measured, and its ratio is at least that.
     """
     points = []
-    for B, K, (intervals, known) in zip(walls.B_VE.tolist(), walls.K_VE.tolist(), columns, strict=True):
-        below = [each for each in intervals if each[0] <= K]
+    for B, K, (intervals, complete) in zip(walls.B_VE.tolist(), walls.K_VE.tolist(), columns, strict=True):
+        below = [interval for interval in intervals if interval[0] <= K]
         low, high, ends = below[-1] if below else (0.0, 0.0, True)
         hole = bool(below) and (len(below) > 1 or low > 0)
-        found = {"B_VE": B, "K_VE": K, "computed": high, "ratio": high / K, "beyond": not ends, "above_hole": hole}
-        points.append(found if known else found | {"computed": None, "ratio": None})
-    known = [each for each in points if each["ratio"] is not None]
-    ratios = np.array([each["ratio"] for each in known])
+        point = {"B_VE": B, "K_VE": K, "computed": high, "ratio": high / K, "beyond": not ends, "above_hole": hole}
+        points.append(point if complete else point | {"computed": None, "ratio": None})
+    complete = [point for point in points if point["ratio"] is not None]
+    ratios = np.array([point["ratio"] for point in complete])
     summary = {
         "count": len(points),
-        "compared": len(known),
+        "compared": len(complete),
         "more": int((ratios > 1).sum()),
         "less": int((ratios < 1).sum()),
-        "above_hole": sum(each["above_hole"] for each in known),
-        "beyond": sum(each["beyond"] for each in known),
-        "median_ratio": float(np.median(ratios)) if known else None,
-        "worst": max(known, key=lambda each: _far(each["ratio"]), default=None),
-        "most_promised": max((each for each in known if each["ratio"] > 1), key=lambda each: each["ratio"], default=None),
+        "above_hole": sum(point["above_hole"] for point in complete),
+        "beyond": sum(point["beyond"] for point in complete),
+        "median_ratio": float(np.median(ratios)) if complete else None,
+        "worst": max(complete, key=lambda each: _far(each["ratio"]), default=None),
+        "most_promised": max((point for point in complete if point["ratio"] > 1), key=lambda each: each["ratio"], default=None),
     }
-    return summary | _explained(known) | {"points": points}
+    return summary | _explained(complete) | {"points": points}
 
 
 def _far(ratio: float) -> float:
@@ -112,10 +114,10 @@ def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
     """
     if not known:
         return {"rms": None, "share": None, "scatter": None, "explained": None}
-    off = np.array([each["computed"] - each["K_VE"] for each in known])
+    off = np.array([point["computed"] - point["K_VE"] for point in known])
     rms = float(np.sqrt(np.mean(off**2)))
-    share = rms / float(np.median([each["K_VE"] for each in known]))
-    place = np.unique([each["B_VE"] for each in known], return_inverse=True)[1].ravel()
+    share = rms / float(np.median([point["K_VE"] for point in known]))
+    place = np.unique([point["B_VE"] for point in known], return_inverse=True)[1].ravel()
     repeats = np.bincount(place)
     means = np.bincount(place, off) / repeats
     spare = len(off) - len(means)
@@ -128,7 +130,7 @@ def _explained(known: list[dict[str, Any]]) -> dict[str, Any]:
     return {"rms": rms, "share": share, "scatter": float(np.sqrt(scatter)), "explained": bool(explained)}
 
 
-def _tried(walls: Walls, columns) -> dict[str, Any]:
+def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
     """How many of the walls that were tried are on the wrong side, and the worst ones.
 
     promised: unstable in the experiment, stable by the model, which is the dangerous side; denied: the other way round. Their
@@ -137,9 +139,9 @@ def _tried(walls: Walls, columns) -> dict[str, Any]:
     wrong: dict[str, list[dict[str, Any]]] = {"promised": [], "denied": []}
     unknown = 0
     tried = zip(walls.B_VE.tolist(), walls.K_VE.tolist(), walls.stable.tolist(), columns, strict=True)
-    for B, K, stable, (intervals, known) in tried:
-        inside = [each for each in intervals if each[0] <= K <= each[1]]
-        if not (inside or known):
+    for B, K, stable, (intervals, complete) in tried:
+        inside = [interval for interval in intervals if interval[0] <= K <= interval[1]]
+        if not (inside or complete):
             unknown += 1
         elif bool(inside) != stable:
             ends = [e for low, high, real in inside or intervals for e in ([low] if low > 0 else []) + ([high] if real else [])]
@@ -164,10 +166,10 @@ def _response(spec: Spec, measured: FrequencyResponse, stable: bool) -> dict[str
         return counts | nothing
     hertz = measured.frequency_hz[chosen]
     quotient = respond(loop_at_hand(spec), hertz).admittance.ravel() / measured.admittance[chosen]
-    known = np.isfinite(quotient) & (quotient != 0)
-    if not known.any():
+    usable = np.isfinite(quotient) & (quotient != 0)
+    if not usable.any():
         return counts | nothing
-    hertz, quotient = hertz[known], quotient[known]
+    hertz, quotient = hertz[usable], quotient[usable]
     ratio, degrees = np.abs(quotient), np.degrees(np.angle(quotient))
     rows = zip(hertz.tolist(), ratio.tolist(), degrees.tolist(), strict=True)
     points = [dict(zip(("frequency_hz", "ratio", "deg"), row, strict=True)) for row in rows]

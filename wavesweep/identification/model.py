@@ -71,12 +71,12 @@ class Model:
 
     def numbers(self, theta: np.ndarray) -> dict[str, float]:
         """All numbers of the device and the log by their names; theta: the vector."""
-        given = dict(zip(self.names, map(float, theta), strict=True))
+        fitted = dict(zip(self.names, map(float, theta), strict=True))
         fixed = {"stiffness": 0.0, "friction": 0.0, "delay": self.delay or 0.0} | dict.fromkeys(OWN, 0.0)
-        found = fixed | given
+        numbers = fixed | fitted
         logs = {"mass": "log_mass"} | ({"load_mass": "log_load", "coupling_stiffness": "log_coupling"} if self.load else {})
-        sizes = {name: exp(min(max(given[log], -LARGEST), LARGEST)) for name, log in logs.items()}
-        return found | sizes | {"friction": abs(found["friction"])}
+        sizes = {name: exp(min(max(fitted[log], -LARGEST), LARGEST)) for name, log in logs.items()}
+        return numbers | sizes | {"friction": abs(numbers["friction"])}
 
 
 def readings(model: Model, theta: np.ndarray, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
@@ -95,11 +95,11 @@ def measured(found, what: str, force: np.ndarray, period: float, skip: int = 0) 
     if "load_mass" in found:
         return two_masses(found, force, period, skip)[int(what == "position")] + found["bias"]
     ahead = what == "acceleration"  # the mean over a tick is that over the next one, with a force that is a tick later
-    push, parts, full = _pushes(found | {"delay": found["delay"] + ahead}, force, period, skip)
+    push, pulls, full = _pushes(found | {"delay": found["delay"] + ahead}, force, period, skip)
     push = np.pad(push, ((0, 0), (0, int(ahead))))
-    parts = tuple((seconds, np.pad(pull, (0, int(ahead)))) for seconds, pull in parts)
+    pulls = tuple((seconds, np.pad(pull, (0, int(ahead)))) for seconds, pull in pulls)
     row = int(what == "position")
-    places = _sliding(found, push, parts, full, period, row) if found["friction"] else _linear(found, push, period, row)
+    places = _sliding(found, push, pulls, full, period, row) if found["friction"] else _linear(found, push, period, row)
     return (np.diff(places) / period if ahead else places) + found["bias"]
 
 
@@ -109,12 +109,12 @@ def _pushes(found, force, period, skip):
     A force that is `D = n + p` ticks late, 0 <= p < 1, is that of tick `k - n - 1` for `p T`, and that of tick `k - n` then:
     the parts are pairs of seconds and N.
     """
-    whole = int(np.floor(found["delay"]))
-    part = found["delay"] - whole
-    now, before = (late(force, ticks)[skip:] + found["offset"] for ticks in (whole, whole + 1))
-    full, rest = reach(found, period), reach(found, (1 - part) * period)
+    whole_ticks = int(np.floor(found["delay"]))
+    fraction = found["delay"] - whole_ticks
+    now, before = (late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks, whole_ticks + 1))
+    full, rest = reach(found, period), reach(found, (1 - fraction) * period)
     push = np.outer(rest, now) + np.outer(full - rest, before)
-    return push, ((part * period, before), ((1 - part) * period, now)), full
+    return push, ((fraction * period, before), ((1 - fraction) * period, now)), full
 
 
 def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.ndarray:
@@ -122,10 +122,10 @@ def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.nda
 
     The motion without the position of both masses has three modes, each of which is a filter of the first order.
     """
-    whole = int(np.floor(found["delay"]))
-    part = found["delay"] - whole
-    pushes = np.stack([late(force, ticks)[skip:] + found["offset"] for ticks in (whole + 1, whole)])
-    A, B = tick_of_two(found, period, part)
+    whole_ticks = int(np.floor(found["delay"]))
+    fraction = found["delay"] - whole_ticks
+    pushes = np.stack([late(force, ticks)[skip:] + found["offset"] for ticks in (whole_ticks + 1, whole_ticks)])
+    A, B = tick_of_two(found, period, fraction)
     modes, V = np.linalg.eig(A[:3, :3]) if np.isfinite(A).all() else (None, np.full((3, 3), np.nan))
     if not 0 < np.abs(np.linalg.det(V)) < np.inf:
         return np.full((3, len(force) - skip), np.nan)
@@ -139,9 +139,9 @@ def two_masses(found, force: np.ndarray, period: float, skip: int = 0) -> np.nda
 
 def tick_of_two(found, period, part):
     """A tick of two masses: the matrix of (v_1, v_2, x_1 - x_2, x_1), and the effects of a force before and after its part."""
-    one, two, k, d = (found[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping"))
+    first, two, k, d = (found[name] for name in ("mass", "load_mass", "coupling_stiffness", "coupling_damping"))
     rates = np.zeros((5, 5))
-    rates[0] = [-(found["damping"] + d) / one, d / one, -k / one, 0, 1 / one]
+    rates[0] = [-(found["damping"] + d) / first, d / first, -k / first, 0, 1 / first]
     rates[1, :3] = d / two, -(found["load_damping"] + d) / two, k / two
     rates[2, :2], rates[3, 0] = (1.0, -1.0), 1.0
     with np.errstate(all="ignore"):
@@ -175,10 +175,10 @@ def of_modes(total, rate, tone, ratio, share):
     tone: of the resonance (Hz), with its damping ratio. share: of the load, relative to the first mass. Their admittance at the
     first mass is `1/(M s^2 + rate M s) + share/M/(s^2 + 2 z w s + w^2)`.
     """
-    turn, one, two = 2 * np.pi * tone, total / (1 + share), total * share / (1 + share)
-    both = one * two / total
-    found = {"log_mass": np.log(one), "damping": rate * one, "log_load": np.log(two), "load_damping": rate * two}
-    return found | {"log_coupling": np.log(turn**2 * both), "coupling_damping": max(2 * ratio * turn - rate, 0.0) * both}
+    turn, first, two = 2 * np.pi * tone, total / (1 + share), total * share / (1 + share)
+    both = first * two / total
+    numbers = {"log_mass": np.log(first), "damping": rate * first, "log_load": np.log(two), "load_damping": rate * two}
+    return numbers | {"log_coupling": np.log(turn**2 * both), "coupling_damping": max(2 * ratio * turn - rate, 0.0) * both}
 
 
 def _linear(found, push, period, row):
@@ -191,15 +191,15 @@ def _linear(found, push, period, row):
     root = np.sqrt(complex(half * half - found["stiffness"] / found["mass"]))
     fast = -half - root
     slow = found["stiffness"] / found["mass"] / fast if fast else 0.0  # the sum would cancel
-    one, two = np.exp(fast * period), np.exp(slow * period)
+    fast_decay, two = np.exp(fast * period), np.exp(slow * period)
     if not root.imag:
-        one, two = one.real, two.real
-    state, other = np.array([found["velocity"], found["start"]]), 1 - row
+        fast_decay, two = fast_decay.real, two.real
+    state, other_row = np.array([found["velocity"], found["start"]]), 1 - row
     first = A[row] @ state + push[row, 0]
-    drive = push[row, 1:-1] + A[row, other] * push[other, :-2] - A[other, other] * push[row, :-2]
-    outer = np.concatenate([[first - one * state[row]], drive])
+    drive = push[row, 1:-1] + A[row, other_row] * push[other_row, :-2] - A[other_row, other_row] * push[row, :-2]
+    outer = np.concatenate([[first - fast_decay * state[row]], drive])
     inner = lfilter([1.0], [1.0, -two], outer)
-    return lfilter([1.0], [1.0, -one], np.concatenate([[state[row]], inner])).real
+    return lfilter([1.0], [1.0, -fast_decay], np.concatenate([[state[row]], inner])).real
 
 
 def _sliding(found, push, parts, full, period, row):

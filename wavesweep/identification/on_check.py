@@ -82,12 +82,12 @@ def _tried(found: Facts, stiffness: str, damping: str) -> Iterator[str]:
         f"measured walls ({found['file']}): {found['wrong']} of {found['count']} on the wrong side; unstable though computed "
         f"stable, the dangerous side: {found['promised']}; stable though computed unstable: {found['denied']}{unknown}"
     )
-    for each in found["worst"]:
-        seen = "stable" if each["stable"] else "unstable"
-        ends = f"the model is {'stable at no' if each['stable'] else 'stable at every'} stiffness searched"
-        if each["ratio"] is not None:
-            ends = f"the model's nearest end is at {_short(each['computed'])}{stiffness}, {each['ratio']:.3g} times that"
-        yield f"  {seen} at B_VE = {each['B_VE']:g}{damping}, K_VE = {_short(each['K_VE'])}{stiffness}: {ends}"
+    for point in found["worst"]:
+        observed = "stable" if point["stable"] else "unstable"
+        ends = f"the model is {'stable at no' if point['stable'] else 'stable at every'} stiffness searched"
+        if point["ratio"] is not None:
+            ends = f"the model's nearest end is at {_short(point['computed'])}{stiffness}, {point['ratio']:.3g} times that"
+        yield f"  {observed} at B_VE = {point['B_VE']:g}{damping}, K_VE = {_short(point['K_VE'])}{stiffness}: {ends}"
 
 
 def _response(found: Facts, *_: str) -> Iterator[str]:

@@ -8,12 +8,12 @@ from wavesweep.program.spec import Spec
 def data(spec: Spec) -> dict[str, dict[str, object]]:
     """What [measured] names: the walls as (damping, stiffness, whether stable, None of a limit), and the response; if any."""
     walls, response = read_points(spec)
-    found: dict[str, object] = {}
+    marked: dict[str, object] = {}
     if walls is not None:
         kinds = [None] * len(walls.K_VE) if walls.stable is None else walls.stable.tolist()
         points = list(zip(walls.B_VE.tolist(), walls.K_VE.tolist(), kinds, strict=True))
-        found["walls"] = {"stiffness": spec.wall[0], "damping": spec.wall[1], "points": points}
+        marked["walls"] = {"stiffness": spec.wall[0], "damping": spec.wall[1], "points": points}
     if response is not None:
         columns = {"frequency_hz": response.frequency_hz} | complex_columns("admittance", response.admittance)
-        found["response"] = {name: column.tolist() for name, column in columns.items()}
-    return {"measured": found}
+        marked["response"] = {name: column.tolist() for name, column in columns.items()}
+    return {"measured": marked}

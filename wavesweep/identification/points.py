@@ -37,7 +37,7 @@ class FrequencyResponse:
 
 
 @dataclass(frozen=True, eq=False)
-class Walls:
+class MeasuredWalls:
     """Damping (N*s/m) and stiffness (N/m) of walls: limits or, with `stable`, walls that were tried."""
 
     B_VE: np.ndarray
@@ -58,26 +58,26 @@ def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BY
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, most)
-    forms = [(name, parts) for name in DERIVED for parts in (("abs", "deg"), ("re", "im"))]
-    known = [(name, parts) for name, parts in forms if {f"{name}_{each}" for each in parts} <= set(file.names)]
-    if not known or FREQUENCY not in file.names:
+    forms = [(name, suffixes) for name in DERIVED for suffixes in (("abs", "deg"), ("re", "im"))]
+    readable = [(name, suffixes) for name, suffixes in forms if {f"{name}_{suffix}" for suffix in suffixes} <= set(file.names)]
+    if not readable or FREQUENCY not in file.names:
         expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
         raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
-    name, parts = known[0]
-    names = [FREQUENCY, *(f"{name}_{each}" for each in parts), *([COHERENCE] if COHERENCE in file.names else [])]
-    hertz, one, two, *rest = file.numbers(names, least).T
+    name, suffix_pair = readable[0]
+    names = [FREQUENCY, *(f"{name}_{suffix}" for suffix in suffix_pair), *([COHERENCE] if COHERENCE in file.names else [])]
+    hertz, first, two, *rest = file.numbers(names, least).T
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
     coherence = rest[0] if rest else np.ones(len(hertz))
     if ((coherence <= 0) | (coherence > 1)).any():
         raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
-    if ((one <= 0) if parts[0] == "abs" else (one == 0) & (two == 0)).any():
+    if ((first <= 0) if suffix_pair[0] == "abs" else (first == 0) & (two == 0)).any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
-    H = one * np.exp(1j * np.radians(two)) if parts[0] == "abs" else one + 1j * two
+    H = first * np.exp(1j * np.radians(two)) if suffix_pair[0] == "abs" else first + 1j * two
     return FrequencyResponse(hertz, H / (2j * np.pi * hertz) ** DERIVED[name], coherence, file.sha256)
 
 
-def read_walls(path: str | Path) -> Walls:
+def read_walls(path: str | Path) -> MeasuredWalls:
     """Read walls from the columns B_VE, K_VE and, optionally, `stable` (1 or 0, true or false).
 
     Errors: UsageError that names the file and the line or column.
@@ -85,7 +85,7 @@ def read_walls(path: str | Path) -> Walls:
     file = read_csv(path, MOST_BYTES_OF_POINTS)
     for name in WALL:
         if name not in file.names:
-            meant = nearest(name, [each for each in file.names if each not in WALL])
+            meant = nearest(name, [header for header in file.names if header not in WALL])
             hint = f"; is {meant} meant?" if meant else ""
             raise UsageError(f"{path}: expected the columns {' and '.join(WALL)}, found {file.listed}{hint}")
     damping, stiffness = file.numbers(WALL).T
@@ -99,27 +99,31 @@ def read_walls(path: str | Path) -> Walls:
         if None in flags:
             line, text = cells[flags.index(None)]
             raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
-        return Walls(damping, stiffness, np.array(flags), file.sha256)
+        return MeasuredWalls(damping, stiffness, np.array(flags), file.sha256)
     if (stiffness == 0).any():
         hint = "where no wall is stable, give one that was tried, in a file with a column stable"
         raise UsageError(f"{path}: K_VE: expected limits above 0, found 0; {hint}")
-    return Walls(damping, stiffness, None, file.sha256)
+    return MeasuredWalls(damping, stiffness, None, file.sha256)
 
 
-def walls_of(spec: Spec) -> Walls | None:
+def walls_of(spec: Spec) -> MeasuredWalls | None:
     """The walls that [measured] names; None if it names none. Errors: UsageError."""
-    return _points(spec, "z_width", lambda path: (found := read_walls(path), len(found.K_VE)))
+    return _points(spec, "z_width", lambda path: (walls_read := read_walls(path), len(walls_read.K_VE)))
 
 
 def response_of(spec: Spec) -> FrequencyResponse | None:
     """The response that [measured] names; None if it names none. Errors: UsageError."""
-    return _points(spec, "response", lambda path: (found := read_response(path, 1, MOST_BYTES_OF_POINTS), len(found.coherence)))
+    return _points(
+        spec,
+        "response",
+        lambda path: (response_read := read_response(path, 1, MOST_BYTES_OF_POINTS), len(response_read.coherence)),
+    )
 
 
 def _points(spec, name, read):
     if name not in spec.measured:
         return None
-    found, count = read(path := Path(spec.source or "").parent / spec.measured[name])
+    points, count = read(path := Path(spec.source or "").parent / spec.measured[name])
     if count > MOST_POINTS:
         raise UsageError(f"{path}: expected at most {MOST_POINTS} points, found {count}")
-    return found
+    return points

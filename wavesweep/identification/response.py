@@ -82,17 +82,17 @@ def admittance(numbers: Mapping[str, float], frequency_hz: np.ndarray, hold: Hol
             load = numbers["load_mass"] * s**2 + numbers["load_damping"] * s
             impedance += spring * load / (spring + load)
         return np.exp(-s * period * numbers["delay"]) / impedance
-    angle, whole = 2 * np.pi * frequency_hz * period, np.floor(numbers["delay"])
-    part = numbers["delay"] - whole
+    angle, whole_ticks = 2 * np.pi * frequency_hz * period, np.floor(numbers["delay"])
+    fraction = numbers["delay"] - whole_ticks
     # With a delay of part of a tick, the force of the tick before acts in this part, see `model`.
     if coupled:
-        A, (before, now) = (tick := tick_of_two(numbers, period, part))[0], tick[1].T
+        A, (before, now) = (tick := tick_of_two(numbers, period, fraction))[0], tick[1].T
     else:
-        full, now = reach(numbers, period), reach(numbers, (1 - part) * period)
+        full, now = reach(numbers, period), reach(numbers, (1 - fraction) * period)
         A, before = step(numbers, period), full - now
     ahead = np.exp(1j * angle)[:, None]
     by_force = (now + before / ahead)[..., None]
-    return np.linalg.solve(ahead[..., None] * np.eye(len(A)) - A, by_force)[:, -1, 0] * np.exp(-1j * angle * whole)
+    return np.linalg.solve(ahead[..., None] * np.eye(len(A)) - A, by_force)[:, -1, 0] * np.exp(-1j * angle * whole_ticks)
 
 
 def fitted_response(measured: FrequencyResponse, hold: Hold, model: Model) -> ResponseFit:
@@ -129,8 +129,8 @@ def _weights(measured):
 def _off(measured, hold, model, theta):
     # The logarithm of the ratio: unlike the difference over the measured size, errors leave no bias in it.
     with np.errstate(all="ignore"):
-        found = admittance(_numbers(model, theta), measured.frequency_hz, hold)
-        off = _weights(measured) * np.log(measured.admittance / found)
+        fitted = admittance(_numbers(model, theta), measured.frequency_hz, hold)
+        off = _weights(measured) * np.log(measured.admittance / fitted)
     return np.nan_to_num(np.concatenate([off.real, off.imag]), nan=1e6, posinf=1e6, neginf=-1e6)
 
 
@@ -173,10 +173,10 @@ def _first_alone(measured, hold, model):
         ahead = measured.admittance * np.exp(1j * omega * hold.period * (late + 0.5 * hold.held))  # if held, half a tick late
         columns = [-(omega**2), 1j * omega, *([np.ones_like(omega)] if model.spring else [])]
         A = np.stack([column * ahead for column in columns], axis=1)
-        A, one = np.concatenate([A.real, A.imag]), np.concatenate([np.ones_like(omega), np.zeros_like(omega)])
+        A, unit = np.concatenate([A.real, A.imag]), np.concatenate([np.ones_like(omega), np.zeros_like(omega)])
         size = np.linalg.norm(A, axis=0)
-        x = np.linalg.lstsq(A / size, one, rcond=None)[0] / size
-        error = float(np.sum((A @ x - one) ** 2))
+        x = np.linalg.lstsq(A / size, unit, rcond=None)[0] / size
+        error = float(np.sum((A @ x - unit) ** 2))
         if x[0] > 0 and (best is None or error < best[0]):
             best = (error, np.array([np.log(x[0]), *x[1:], *([float(late)] if model.delay is None else [])]))
     if best is None:
@@ -186,11 +186,11 @@ def _first_alone(measured, hold, model):
 
 def _tried(measured, hold, model, theta, left, J) -> Iterator[tuple[str, float, float]]:
     """Yield effects that the model lacks, and the share of the residual that each removes."""
-    before, known = float(left @ left), _numbers(model, theta)
-    more = [] if model.spring or model.load else [("spring", replace(model, spring=True))]
-    more += [] if model.delay is None else [("delay", replace(model, delay=None))]
-    for name, larger in more:
-        start = np.array([known[each] for each in _names(larger)])
+    before, numbers = float(left @ left), _numbers(model, theta)
+    larger_models = [] if model.spring or model.load else [("spring", replace(model, spring=True))]
+    larger_models += [] if model.delay is None else [("delay", replace(model, delay=None))]
+    for name, larger in larger_models:
+        start = np.array([numbers[name] for name in _names(larger)])
         after = _fit(measured, hold, larger, start)[1]
         yield name, float("nan"), 1 - float(after @ after) / before
     hertz, weights = measured.frequency_hz, _weights(measured)

@@ -111,8 +111,8 @@ def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
     measured = read_response(path)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
     parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
-    for each in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
-        each["unit"] = "ms"
+    for delay in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
+        delay["unit"] = "ms"
     _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N", {})
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
@@ -120,20 +120,20 @@ def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
         "frequency_hz": None if isnan(fit.frequency_hz) else fit.frequency_hz,
         "share_of_missing": fit.share,
     }
-    asked = {"spring": model.spring, "delay": model.delay, "period_s": period} | ({"two_masses": True} if model.load else {})
+    options = {"spring": model.spring, "delay": model.delay, "period_s": period} | ({"two_masses": True} if model.load else {})
     if rate_hz is None:
-        asked |= {"analogue": True}
-    facts = _facts(path, measured.sha256, asked, period, parameters, (fit.explained, fit.missing, residual), started)
+        options |= {"analogue": True}
+    facts = _facts(path, measured.sha256, options, period, parameters, (fit.explained, fit.missing, residual), started)
     if rate_hz is None:
         facts["notices"] = ["the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"]
-    parts = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
-    found = {
+    admittances = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
+    columns = {
         "frequency_hz": measured.frequency_hz,
         "residual_abs": np.abs(fit.residual),
         "coherence": measured.coherence,
-    } | parts
-    found = {each.name: found[each.name] for each in COLUMNS["identify-response"]}
-    return Table.of("identify-response", found, facts | {"methods": {"identify": RESPONSE_METHOD}})
+    } | admittances
+    columns = {field.name: columns[field.name] for field in COLUMNS["identify-response"]}
+    return Table.of("identify-response", columns, facts | {"methods": {"identify": RESPONSE_METHOD}})
 
 
 def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, Any]:
@@ -184,11 +184,11 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     named = "time, {} and {} in s, {} and {}".format(*names, *units)
     powers = {"time": 2 - ORDER[log.measured], names[0]: 1, names[1]: -1}
     _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}", powers)
-    asked = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
-    asked |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
-    asked |= {"scales": dict(scales), "columns": dict(columns)}
+    options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
+    options |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
+    options |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
-    facts = _facts(path, log.sha256, asked, log.period, parameters, judgement, started)
+    facts = _facts(path, log.sha256, options, log.period, parameters, judgement, started)
     facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}, "measured": log.measured}
     facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))))
     found = {
@@ -209,9 +209,9 @@ def turned(unit: str) -> str:
 
 def fields_of_log(measured: str, turns: bool) -> tuple[Field, ...]:
     """The columns of a table with what is measured, of a device that turns with its own units."""
-    own = [each for each in COLUMNS["identify"] if each.name == measured or each.name not in READ]
-    units = [READ[measured] if each.unit == "m" else each.unit for each in own]
-    return tuple(replace(each, unit=turned(unit) if turns else unit) for each, unit in zip(own, units, strict=True))
+    log_fields = [field for field in COLUMNS["identify"] if field.name == measured or field.name not in READ]
+    units = [READ[measured] if field.unit == "m" else field.unit for field in log_fields]
+    return tuple(replace(field, unit=turned(unit) if turns else unit) for field, unit in zip(log_fields, units, strict=True))
 
 
 def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool, constants=None) -> dict[str, dict[str, Any]]:
@@ -222,17 +222,17 @@ def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool,
     ends = dict(zip(fitted_names, np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(), strict=True))
     for name in [name for name in LOGARITHMS if LOGARITHMS[name] in ends]:
         ends[name] = [exp(min(max(end, -700.0), 700.0)) for end in ends[LOGARITHMS[name]]]
-    found = fit.numbers
+    numbers = fit.numbers
     names = ["mass", "damping", *(name for name in (*COUPLED, "stiffness", "friction") if name in ends), "delay"]
     mixed = fit.model.measured == "acceleration" and "velocity" not in ends  # with the effect of the initial velocity
     names += [name for name in ("offset", "bias") if name in ends and not (mixed and name == "offset")]
     units = UNITS | {"bias": READ[fit.model.measured]}
     parameters = {}
     for name in names:
-        value = found[name]
+        value = numbers[name]
         low, high = ends.get(name, (value, value))
         if constants and name in OF_FORCE:
-            by_constant = [end * 2 * each / sum(constants) for end in (low, high) for each in constants]
+            by_constant = [end * 2 * constant / sum(constants) for end in (low, high) for constant in constants]
             low, high = min(by_constant), max(by_constant)
         unit = TURNING.get(name, turned(units[name]))
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else units[name]}
@@ -248,10 +248,10 @@ def _refuse_unknown(
     """
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
-        others = ", ".join(f"{name} {spoken(each)}" for name, each in parameters.items() if name != "mass")
+        estimates = ", ".join(f"{name} {spoken(estimate)}" for name, estimate in parameters.items() if name != "mass")
         raise UsageError(
             f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
-            f"{mass['unit']} (with {others}); record a pulse, a chirp or noise that moves the device quickly"
+            f"{mass['unit']} (with {estimates}); record a pulse, a chirp or noise that moves the device quickly"
         )
     for name in (name for name in ("load_mass", "coupling_stiffness") if name in parameters):
         if not (each := parameters[name])["high"] < KNOWN * each["low"]:
@@ -265,13 +265,13 @@ def _refuse_unknown(
             raise UsageError(f"{path}: {said}; is the sign of the force that of the position, and is nothing else driving it?")
     low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
     if not low <= mass["value"] <= high and not scaled:
-        found = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
+        mass_text = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
         sizes = {column: 0.001**power * mass["value"] for column, power in powers.items()}
         likely = [f"{size:.3g} with --scale {column}=0.001" for column, size in sizes.items() if low <= size <= high]
         hint = f" It would be {' or '.join(likely)}." if likely else ""
         if powers:
             hint += " --scale NAME=FACTOR turns a column into these; a factor of 1 leaves it, and the mass is taken"
-        raise UsageError(f"{path}: {found}; {question}?{hint}")
+        raise UsageError(f"{path}: {mass_text}; {question}?{hint}")
 
 
 def _residual(fit, verdict) -> dict[str, Any]:
@@ -296,8 +296,8 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         yield f"times jitter by up to {100 * log.jitter:.2g} % of a period; {steps}"
     unit = turned(READ[log.measured]) if log.turns else READ[log.measured]
     if resolution is None:
-        found = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
-        yield f"{found}; --resolution gives those of the encoder"
+        steps_text = f"the readings have steps of {step:.4g} {unit}" if step else "the readings show no steps"
+        yield f"{steps_text}; --resolution gives those of the encoder"
     if len(wild):
         yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
 
@@ -307,8 +307,8 @@ JUDGED = ("parameters", "explained", "missing", "residual")  # the facts that ev
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     samples = len(columns["time_s"])
-    found = {"samples": samples, "duration_s": facts["period_s"] * samples, "rate_hz": 1 / facts["period_s"]}
-    return found | {name: facts[name] for name in ("turns", "measured", "resolution", *JUDGED)}
+    tally = {"samples": samples, "duration_s": facts["period_s"] * samples, "rate_hz": 1 / facts["period_s"]}
+    return tally | {name: facts[name] for name in ("turns", "measured", "resolution", *JUDGED)}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
@@ -330,7 +330,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
 
 
 def _spoken(found: Numbers) -> Iterator[Line]:
-    yield from ((f"{name} {spoken(each)}", False) for name, each in found["parameters"].items())
+    yield from ((f"{name} {spoken(estimate)}", False) for name, estimate in found["parameters"].items())
 
 
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
@@ -345,9 +345,9 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         yield "the log cannot tell whether the model is enough: a resonance of a quarter of the mass would not show in it", True
         yield "push harder, or record a chirp or noise", True
         return
-    known, left = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {}), found["residual"]
+    missing_words, left = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {}), found["residual"]
     hertz = left["frequency_hz"] or 0.0
-    missing = known[found["missing"]].format(frequency_hz=hertz)
+    missing = missing_words[found["missing"]].format(frequency_hz=hertz)
     if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < SLOW:
         size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
         unit = turned(READ[found["measured"]]) if found["turns"] else READ[found["measured"]]
@@ -358,8 +358,8 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     hertz = columns["frequency_hz"]
-    found = {"frequencies": len(hertz), "from_hz": float(hertz[0]), "to_hz": float(hertz[-1]), "rate_hz": 1 / facts["period_s"]}
-    return found | {name: facts[name] for name in JUDGED}
+    tally = {"frequencies": len(hertz), "from_hz": float(hertz[0]), "to_hz": float(hertz[-1]), "rate_hz": 1 / facts["period_s"]}
+    return tally | {name: facts[name] for name in JUDGED}
 
 
 def _response_lines(found: Numbers) -> Iterator[Line]:
