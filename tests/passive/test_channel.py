@@ -6,7 +6,7 @@ from support.held import channel_norm
 
 import wavesweep
 from wavesweep.engine.energy import hinf
-from wavesweep.engine.energy.hinf import peak_by_levels
+from wavesweep.engine.energy.hinf import hinf_norm
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.passive.channel import channel_of
@@ -142,7 +142,7 @@ def test_a_peak_is_certified_only_if_its_level_is_out_of_reach(monkeypatch):
         return np.stack([1.2345 - off, 1.2345 + 0.5 * off], axis=-1)
 
     def peak():
-        return peak_by_levels(value, angles, 1, lambda _, found: 1e-9 * found)
+        return hinf_norm(value, angles, 1, lambda _, found: 1e-9 * found)
 
     assert peak().certified.all()
     assert peak().value == pytest.approx(1.0, rel=1e-8)

@@ -139,7 +139,7 @@ def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
     whole frames, leaves it stable. disk: the largest a for which every factor (1 + a d/2)/(1 - a d/2), |d| < 1, does, so those
     from 1/disk_gain to disk_gain, and rotations up to disk_phase. sensitivity, complementary: the largest |1/(1 + L)| and
     |L/(1 + L)|.
-    Accuracy: see `Margin.bound`. Peaks by level sets (see `peak_by_levels`), gains as in `stable_intervals`.
+    Accuracy: see `Margin.bound`. Peaks by level sets (see `hinf_norm`), gains as in `stable_intervals`.
     Source: P. Seiler, A. Packard, P. Gahinet, IEEE Control Systems Magazine 40 (2020), with a disk of no skew.
     """
     gains, doubt = _gains(loop)

@@ -158,7 +158,7 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
 
     values: numbers of the drawing, or arrays over a batch. Ports as in `channel_of`. The position feedback Kp, the wave
     impedance, the device and both walls are outside, so none of them matters, and neither do delays: they only turn phases. Not
-    a grid: a level just above the value is shown to be met at no frequency (`peak_by_levels`).
+    a grid: a level just above the value is shown to be met at no frequency (`hinf_norm`).
     Errors: UsageError for a matrix of more than MOST_ENTRIES. Accuracy: 1e-10 relative; the value is attained at `omega` to
     rounding.
     """

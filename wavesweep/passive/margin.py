@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.engine.energy.held_loop import HeldLoop
-from wavesweep.engine.energy.hinf import SOFT, angles, peak_by_levels
+from wavesweep.engine.energy.hinf import SOFT, angles, hinf_norm
 from wavesweep.engine.energy.lifted_map import TickMaps
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.controllers import HAND
@@ -58,7 +58,7 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
 
     decide: only whether ports are passive matters, so the search ends where a margin is surely negative.
     A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is passive exactly when the lifted map between
-    the two is positive real. Not a grid: the level just below the margin is shown to be met at no frequency (`peak_by_levels`,
+    the two is positive real. Not a grid: the level just below the margin is shown to be met at no frequency (`hinf_norm`,
     on the frame's `Element`, see `hinf`).
     Errors: UsageError for a frame of more than LONGEST ticks. Accuracy: 1e-10 of the margin and of the mean eigenvalue.
     """
@@ -98,7 +98,7 @@ def _margins(port, batch, decide) -> PortMargin:
         return margins
     known_ticks, few = ticks.at(rows), replace(lifted, E=E[rows], T=lifted.T[rows], O=lifted.O[rows], G=lifted.G[rows])
     scale = mean[rows]
-    peak = peak_by_levels(
+    peak = hinf_norm(
         lambda owner, theta, _: np.nan_to_num(-few.smallest(owner, theta), nan=-np.inf),
         lambda owner, level: angles(known_ticks.pencil(owner, -level)),
         rows.size,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.energy.held_loop import HeldLoop, device_keys
-from wavesweep.engine.energy.hinf import SOFT, Peak, angles, peak_by_levels, tick
+from wavesweep.engine.energy.hinf import SOFT, Peak, angles, hinf_norm, tick
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine.loops.domain import guards_at
 from wavesweep.engine.loops.multirate import MultirateLoop
@@ -250,7 +250,7 @@ def least(lifted: LiftedMap) -> Peak:
         E = lifted.E[owner]
         return angles(tick(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, np.swapaxes(lifted.O[owner], -1, -2), direct))
 
-    return peak_by_levels(
+    return hinf_norm(
         lambda owner, theta, _: np.nan_to_num(-lifted.smallest(owner, theta, NOISE), nan=-np.inf),
         angles_at,
         len(size),

@@ -46,8 +46,8 @@ class HeldLoop:
     def at(self, index: int) -> "HeldLoop":
         """Return one loop of the batch, by its flat index."""
         batch = self.batch
-        one = {k: np.broadcast_to(v, batch).flat[index].item() if np.ndim(v) else v for k, v in self.values.items()}
-        return replace(self, values=one)
+        values = {k: np.broadcast_to(v, batch).flat[index].item() if np.ndim(v) else v for k, v in self.values.items()}
+        return replace(self, values=values)
 
     def with_hand(self) -> "HeldLoop":
         """Return the loops whose device has the mass, damping and stiffness of a hand as well, as the numbers `HAND`."""
@@ -62,19 +62,19 @@ class HeldLoop:
     @property
     def reads_velocity(self) -> bool:
         """Whether something reads the velocity of the device as a point sample, or its position between two ticks."""
-        own, sensed = f"{self.device}.v", f"{self.device}.x{AT}"
-        terms = [each for sums in self.drawn().sums.values() for each in sums.items()]
-        return any(np.any(gain) and (name.startswith((own, sensed))) for name, gain in terms)
+        velocity, sensed = f"{self.device}.v", f"{self.device}.x{AT}"
+        terms = [term for sums in self.drawn().sums.values() for term in sums.items()]
+        return any(np.any(gain) and (name.startswith((velocity, sensed))) for name, gain in terms)
 
     @property
     def parts(self) -> dict[str, Any]:
         """The parts of a tick in each of which the force on the device is held: its port in each, and its share of the tick."""
-        plant = next((each for each in self.drawing.plants if each.members[0].name == self.device), None)
+        plant = next((plant for plant in self.drawing.plants if plant.members[0].name == self.device), None)
         if plant is None or not plant.arriving:
             return {f"{self.device}.f": 1.0}
         ((port, name),) = plant.arriving
-        known = built(self.drawing, scalars(self.values))
-        later = shares(self.drawing, known, values_of(self.drawing.tick_hz, known))[name]
+        numbers = built(self.drawing, scalars(self.values))
+        later = shares(self.drawing, numbers, values_of(self.drawing.tick_hz, numbers))[name]
         return {port: 1.0 - later, f"{port}{AT}{name}": later}
 
     def drift(self, watched=()) -> MarginalModes:
@@ -85,7 +85,7 @@ class HeldLoop:
     def port(self, drawn: MultirateLoop | None = None) -> Port:
         """Return the loops from the hand's forces to the displacements in the tick.
 
-        drawn: the blocks of the loops, if they are known.
+        drawn: the blocks of the loops, if the caller has them.
         """
         with np.errstate(all="ignore"):
             ports = axes_of(self.drawing)
@@ -109,15 +109,15 @@ def device_of(drawing: Drawing) -> str | None:
     if len(pushed) != 1 or pushed[0][0] not in masses or not _is_one(pushed[0][1]):
         return None
     name = masses[pushed[0][0]]
-    (signal, gain), *others = displacement
-    return name if not others and signal == f"{name}.x" and _is_one(gain) else None
+    (signal, gain), *rest = displacement
+    return name if not rest and signal == f"{name}.x" and _is_one(gain) else None
 
 
 def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:
     """Return mass (kg), damping (N*s/m) and stiffness (N/m) of the device without a hand."""
     keys = dict(next(block.keys for block in loop.drawing.blocks if block.name == loop.device))
-    known = {**scalars(loop.values), **dict.fromkeys(HAND, 0.0)}
-    return tuple(values_of(keys[path.partition(".")[2]], known) for path in HAND)
+    numbers = {**scalars(loop.values), **dict.fromkeys(HAND, 0.0)}
+    return tuple(values_of(keys[path.partition(".")[2]], numbers) for path in HAND)
 
 
 def _is_one(tree):

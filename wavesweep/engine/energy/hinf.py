@@ -27,7 +27,7 @@ class Peak:
     certified: np.ndarray
 
 
-def peak_by_levels(value_at, angles_at, loops: int, slack, more=(), enough=np.inf) -> Peak:
+def hinf_norm(value_at, angles_at, loops: int, slack, more=(), enough=np.inf) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
     value_at(owner, theta, floor): the response of the loops `owner` at `theta`, all `(points,)`; anything below the floor, the
@@ -42,8 +42,8 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, more=(), enough=np.in
     """
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)
-    for some in (START, more):
-        _raise(value, theta, value_at, active, np.broadcast_to(some, (loops, np.shape(some)[-1])))
+    for grid in (START, more):
+        _raise(value, theta, value_at, active, np.broadcast_to(grid, (loops, np.shape(grid)[-1])))
     soft = np.isfinite(np.broadcast_to(more, (loops, np.shape(more)[-1]))).any(-1)
     for factors in CLIMB if soft.any() else ():
         slow = np.flatnonzero((theta > 0) & (theta <= START[2]) & soft)
@@ -60,11 +60,11 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, more=(), enough=np.in
     return Peak(value, theta, certified)
 
 
-def with_middles(found):
-    """The angles found, 0 and pi, and the middles between neighbours; NaN if there are fewer."""
-    ends = np.broadcast_to([0.0, np.pi], (*found.shape[:-1], 2))
-    known = np.sort(np.concatenate([found, ends], axis=-1), axis=-1)  # NaN goes last
-    return np.concatenate([known, (known[..., 1:] + known[..., :-1]) / 2], axis=-1)
+def with_middles(theta):
+    """The angles, 0 and pi, and the middles between neighbours; NaN if there are fewer."""
+    ends = np.broadcast_to([0.0, np.pi], (*theta.shape[:-1], 2))
+    edges = np.sort(np.concatenate([theta, ends], axis=-1), axis=-1)  # NaN goes last
+    return np.concatenate([edges, (edges[..., 1:] + edges[..., :-1]) / 2], axis=-1)
 
 
 def _raise(value, theta, value_at, owners, candidates):
@@ -73,12 +73,12 @@ def _raise(value, theta, value_at, owners, candidates):
     if not row.size:
         return
     at = np.full(candidates.shape, -np.inf)
-    found = value_at(owners[row], candidates[row, column], value[owners[row]])
-    at[row, column] = np.where(np.isnan(found), -np.inf, found)
+    sampled = value_at(owners[row], candidates[row, column], value[owners[row]])
+    at[row, column] = np.where(np.isnan(sampled), -np.inf, sampled)
     best = np.argmax(at, axis=-1)[:, None]
-    found, where = (np.take_along_axis(part, best, -1)[:, 0] for part in (at, candidates))
-    better = found > value[owners]
-    value[owners[better]], theta[owners[better]] = found[better], where[better]
+    sampled, where = (np.take_along_axis(values, best, -1)[:, 0] for values in (at, candidates))
+    better = sampled > value[owners]
+    value[owners[better]], theta[owners[better]] = sampled[better], where[better]
 
 
 # Distance from the unit circle up to which an eigenvalue counts as on it. Two crossings of a level just below a peak nearly
@@ -112,18 +112,14 @@ def then(first: Element, second: Element) -> Element:
     """One element after the other (Redheffer's star product): no growing and decaying parts are ever multiplied out."""
     n = first.A.shape[-1]
     with np.errstate(over="ignore", invalid="ignore"):  # a loop whose tick is very unstable overflows: see `angles`
-        return _joined(first, second, n)
-
-
-def _joined(first, second, n):
-    joint = solve(np.eye(n) + first.G @ second.Q, np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1))
-    carried, spread = joint[..., :n], joint[..., n:]
-    A_transposed = np.swapaxes(first.A, -1, -2)
-    return Element(
-        second.A @ carried,
-        _symmetric(second.G + second.A @ spread @ np.swapaxes(second.A, -1, -2)),
-        _symmetric(first.Q + A_transposed @ second.Q @ carried),
-    )
+        joint = solve(np.eye(n) + first.G @ second.Q, np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1))
+        carried, spread = joint[..., :n], joint[..., n:]
+        A_transposed = np.swapaxes(first.A, -1, -2)
+        return Element(
+            second.A @ carried,
+            _symmetric(second.G + second.A @ spread @ np.swapaxes(second.A, -1, -2)),
+            _symmetric(first.Q + A_transposed @ second.Q @ carried),
+        )
 
 
 def angles(frame: Element) -> np.ndarray:
@@ -136,9 +132,9 @@ def angles(frame: Element) -> np.ndarray:
     """
     from scipy.linalg.lapack import dggev
 
-    A, G, Q = (np.asarray(part) for part in (frame.A, frame.G, frame.Q))
+    A, G, Q = np.asarray(frame.A), np.asarray(frame.G), np.asarray(frame.Q)
     loops, n = A.shape[0], A.shape[-1]
-    found = np.full((loops, 2 * n), np.nan)
+    result = np.full((loops, 2 * n), np.nan)
     left, right = np.zeros((loops, 2 * n, 2 * n)), np.zeros((loops, 2 * n, 2 * n))
     left[:, :n, :n], left[:, n:, :n], left[:, n:, n:] = A, -Q, np.eye(n)
     right[:, :n, :n], right[:, :n, n:], right[:, n:, n:] = np.eye(n), G, np.swapaxes(A, -1, -2)
@@ -146,8 +142,8 @@ def angles(frame: Element) -> np.ndarray:
         real, imaginary, scale, *_ = dggev(left[loop], right[loop], compute_vl=0, compute_vr=0)
         size = np.hypot(real, imaginary)
         near = np.abs(size - np.abs(scale)) <= NEAR * size
-        found[loop, near] = np.abs(np.arctan2(imaginary, real * np.sign(scale)))[near]
-    return found
+        result[loop, near] = np.abs(np.arctan2(imaginary, real * np.sign(scale)))[near]
+    return result
 
 
 def _symmetric(matrix):

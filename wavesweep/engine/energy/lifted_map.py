@@ -5,10 +5,11 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.engine.energy.hinf import SOFT, Element, Peak, angles, peak_by_levels, then, tick
+from wavesweep.engine.energy.hinf import SOFT, Element, Peak, angles, hinf_norm, then, tick
 from wavesweep.engine.monodromy.periodic import Change, in_a_row, known_frames
 from wavesweep.engine.monodromy.rounding import balance, measured_frame
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
+from wavesweep.engine.state_space import StateSpace
 
 MOST = 500_000  # complex numbers of the points that are computed together
 SWEEPS = 12  # over the states, for their units
@@ -29,7 +30,7 @@ class TickMaps:
     @staticmethod
     def of(maps, kind, batch) -> "TickMaps":
         """Return the ticks with their batch, broadcast to `batch`, in one axis."""
-        return TickMaps(tuple(tuple(_flat(part, batch) for part in each) for each in maps), kind)
+        return TickMaps(tuple(StateSpace(*(_flat(matrix, batch) for matrix in tick)) for tick in maps), kind)
 
     @property
     def loops(self) -> int:
@@ -38,7 +39,7 @@ class TickMaps:
 
     def at(self, loops) -> "TickMaps":
         """Return some of the loops."""
-        return TickMaps(tuple(tuple(part[loops] for part in each) for each in self.maps), self.kind)
+        return TickMaps(tuple(StateSpace(*(matrix[loops] for matrix in tick)) for tick in self.maps), self.kind)
 
     def in_even_units(self) -> "TickMaps":
         """Return the ticks with states in units that give their entries similar sizes.
@@ -47,15 +48,15 @@ class TickMaps:
         level's pencil.
         """
         n = self.maps[0][0].shape[-1]
-        whole = np.zeros((self.loops, n + 1, n + 1))
+        sizes = np.zeros((self.loops, n + 1, n + 1))
         for E, B, C, _ in self.maps:
-            whole[:, :n, :n] += np.abs(E)
-            whole[:, :n, n] += np.abs(B).sum(-1)
-            whole[:, n, :n] += np.abs(C).sum(-2)
-        units = balance(np.where(np.isfinite(whole), whole, 0.0), SWEEPS)[1]
+            sizes[:, :n, :n] += np.abs(E)
+            sizes[:, :n, n] += np.abs(B).sum(-1)
+            sizes[:, n, :n] += np.abs(C).sum(-2)
+        units = balance(np.where(np.isfinite(sizes), sizes, 0.0), SWEEPS)[1]
         u = (units[:, :n] / units[:, n:])[:, None, :]
         v = np.swapaxes(u, -1, -2)
-        return TickMaps(tuple((E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind)
+        return TickMaps(tuple(StateSpace(E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind)
 
     def pencil(self, owner, level) -> Element:
         """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see `hinf`."""
@@ -69,31 +70,31 @@ class TickMaps:
         """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see `hinf`."""
 
         def costs(C, D):
-            of_C, of_D = (np.swapaxes(part, -1, -2) for part in (C, D))
+            of_C, of_D = np.swapaxes(C, -1, -2), np.swapaxes(D, -1, -2)
             return -of_C @ C, -of_C @ D, square[:, None, None] * np.eye(D.shape[-1]) - of_D @ D
 
         return self._frame(owner, costs)
 
     def _frame(self, owner, costs):
         with np.errstate(all="ignore"):
-            each = [tuple(part[owner] for part in one) for one in self.maps]
-            elements = [tick(np.eye(E.shape[-1]) + E, B, *costs(C, D)) for E, B, C, D in each]
+            maps = self.at(owner).maps
+            elements = [tick(np.eye(E.shape[-1]) + E, B, *costs(C, D)) for E, B, C, D in maps]
             return in_a_row(self.kind.tolist(), elements, then)
 
     def frame(self, *, measured: bool = True) -> np.ndarray:
         """Return the frame less identity, `(loops, n, n)`; if measured, NaN where rounding leaves nothing of it."""
-        changes = [each[0] for each in self.maps]
+        changes = [E for E, *_ in self.maps]
         if measured:
             E, growth = measured_frame(self.kind, changes)
             return known_frames(E, growth)
         with np.errstate(all="ignore"):
-            return in_a_row(self.kind.tolist(), [Change.of(each) for each in changes], Change.then).E
+            return in_a_row(self.kind.tolist(), [Change.of(change) for change in changes], Change.then).E
 
     def lifted(self, *, measured: bool = True) -> "LiftedMap":
         """Return the map from the inputs of a frame to its outputs; measured: see `frame`."""
         n, loops, kinds = self.maps[0][0].shape[-1], self.loops, self.kind.tolist()
         height, width = (sum(self.maps[kind][3].shape[axis] for kind in kinds) for axis in (-2, -1))
-        number = np.result_type(*(part for each in self.maps for part in each))
+        number = np.result_type(*(matrix for ticks in self.maps for matrix in ticks))
         O, T, drive = (np.zeros((loops, *shape), number) for shape in ((height, n), (height, width), (n, width)))
         state, row, column = np.broadcast_to(np.eye(n), (loops, n, n)), 0, 0
         with np.errstate(all="ignore"):
@@ -107,33 +108,33 @@ class TickMaps:
         return LiftedMap(self.frame(measured=measured), T, O, drive)
 
 
-def _flat(part, batch):
-    tail = part.shape[-2:]
-    return np.broadcast_to(part, (*batch, *tail)).reshape(prod(batch), *tail)
+def _flat(matrix, batch):
+    tail = matrix.shape[-2:]
+    return np.broadcast_to(matrix, (*batch, *tail)).reshape(prod(batch), *tail)
 
 
 def read(maps) -> np.ndarray:
     """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see `TickMaps`."""
-    return closure([E for E, *_ in maps], np.logical_or.reduce([_there(C).any(0) for _, _, C, _ in maps]))
+    return closure([E for E, *_ in maps], np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps]))
 
 
 def reached(maps) -> np.ndarray:
     """Whether each state depends on the inputs of some tick, `(n,)`."""
     transposed = [np.swapaxes(E, -1, -2) for E, *_ in maps]
-    return closure(transposed, np.logical_or.reduce([_there(B).any(-1) for _, B, *_ in maps]))
+    return closure(transposed, np.logical_or.reduce([_nonzero(B).any(-1) for _, B, *_ in maps]))
 
 
-def closure(changes, found) -> np.ndarray:
-    """The states that are found, and those that these read by the changes of some tick, `(n,)`."""
-    reads = np.logical_or.reduce([_there(E) for E in changes])
-    while (more := found | reads[found].any(0)).sum() > found.sum():
-        found = more
-    return found
+def closure(changes, states) -> np.ndarray:
+    """The states, a mask, and those that these read by the changes of some tick, `(n,)`."""
+    reads = np.logical_or.reduce([_nonzero(E) for E in changes])
+    while (reached_states := states | reads[states].any(0)).sum() > states.sum():
+        states = reached_states
+    return states
 
 
-def _there(part):
+def _nonzero(matrix):
     """Entries that are not zero in some loop."""
-    return np.any(part != 0, axis=tuple(range(part.ndim - 2)))
+    return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,7 +151,7 @@ class LiftedMap:
 
     def at(self, loops) -> "LiftedMap":
         """Return some of the loops."""
-        return LiftedMap(*(part[loops] for part in (self.E, self.T, self.O, self.G)))
+        return LiftedMap(self.E[loops], self.T[loops], self.O[loops], self.G[loops])
 
     @property
     def mean(self) -> np.ndarray:
@@ -164,8 +165,8 @@ class LiftedMap:
         """
 
         def eigenvalue(H):
-            found = np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)
-            return found[:, 0] + noise * np.abs(found).max(-1) if noise else found[:, 0]
+            eigenvalues = np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)
+            return eigenvalues[:, 0] + noise * np.abs(eigenvalues).max(-1) if noise else eigenvalues[:, 0]
 
         return self._measured(owner, theta, eigenvalue)
 
@@ -188,24 +189,24 @@ class LiftedMap:
 
     def _measured(self, owner, theta, measure):
         owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
-        found, step = np.full(owner.size, np.nan), max(1, MOST // max(1, self.T[0].size))
-        for part in (slice(first, first + step) for first in range(0, owner.size, step)):
-            H = self.response(owner[part], theta[part])
+        measures, step = np.full(owner.size, np.nan), max(1, MOST // max(1, self.T[0].size))
+        for index in (slice(first, first + step) for first in range(0, owner.size, step)):
+            H = self.response(owner[index], theta[index])
             good = np.isfinite(H).all((-1, -2))
-            found[part][good] = measure(H[good])
-        return found
+            measures[index][good] = measure(H[good])
+        return measures
 
 
 TOLERANCE = 1e-10  # relative, of a norm
 
 
-def squared_norm(way: TickMaps) -> Peak:
+def squared_norm(ticks: TickMaps) -> Peak:
     """The peak of the square of the H-infinity norm of a lifted map; half of TOLERANCE is left for rounding."""
-    lifted = way.lifted(measured=False)
-    return peak_by_levels(
+    lifted = ticks.lifted(measured=False)
+    return hinf_norm(
         lambda owner, theta, _: lifted.largest_square(owner, theta),
-        lambda owner, square: angles(way.loss_pencil(owner, square)),
-        way.loops,
+        lambda owner, square: angles(ticks.loss_pencil(owner, square)),
+        ticks.loops,
         lambda _, square: TOLERANCE * square,
     )
 
@@ -215,7 +216,7 @@ def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: 
 
     period: of a tick, s; least: angle from which on frequencies are examined, rad per frame; `(loops,)` each.
     """
-    return peak_by_levels(
+    return hinf_norm(
         lambda owner, theta, _: np.nan_to_num(
             -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
         ),

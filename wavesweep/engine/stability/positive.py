@@ -75,14 +75,14 @@ def positive(functions: Functions, box: Box, bounds: Box, most: int, resolution:
     narrow features.
     """
     box = np.asarray(box, float)
-    pieces = _Pieces(functions, box, np.asarray(bounds, float), resolution)
+    proof = _BoxProof(functions, box, np.asarray(bounds, float), resolution)
     queue, negative = [box], np.zeros((0, box.shape[1]))
-    while queue and pieces.used < most and not len(negative):
+    while queue and proof.used < most and not len(negative):
         piece = queue.pop(0)
         with np.errstate(all="ignore"):  # what overflows is not proved
-            negative, open_ = pieces.judged(piece)
+            negative, open_ = proof.judged(piece)
         queue += open_
-    return Cover(np.array(queue).reshape(-1, *box.shape), negative, pieces.used)
+    return Cover(np.array(queue).reshape(-1, *box.shape), negative, proof.used)
 
 
 def any_positive(
@@ -90,23 +90,23 @@ def any_positive(
 ) -> Cover:
     """Prove that at every point of a box one of these is positive, except in the parts that are left open; see `positive`."""
     box, bounds = np.asarray(box, float), np.asarray(bounds, float)
-    pieces = [_Pieces(each, box, bounds, resolution) for each in alternatives]
+    proofs = [_BoxProof(functions, box, bounds, resolution) for functions in alternatives]
     queue = [box]
-    while queue and sum(each.used for each in pieces) < most and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any():
+    while queue and sum(proof.used for proof in proofs) < most and (np.ptp(queue[-1], 0) > NARROW * np.ptp(box, 0)).any():
         piece, negatives, rest = queue.pop(), [], None
-        for each in pieces:
+        for proof in proofs:
             with np.errstate(all="ignore"):
-                negative, open_ = each.judged(piece)
+                negative, open_ = proof.judged(piece)
             if not len(negative):
                 rest = open_
                 break
             negatives.append(negative)
         if rest is None:  # divide where it parts the points at which one of them is negative from the others
             wide = np.flatnonzero(piece[0] < piece[1])
-            away = [np.abs(each.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide] for each in negatives]
+            away = [np.abs(points.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide] for points in negatives]
             rest = _divided(piece, wide, np.max(away, 0))
         queue += rest
-    return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])), sum(each.used for each in pieces))
+    return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])), sum(proof.used for proof in proofs))
 
 
 def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> tuple[float, float] | None:
@@ -118,15 +118,15 @@ def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> t
         at = max(at, b)
     if at < high:
         free.append((at, high))
-    return max((each for each in free if each[0] < each[1]), key=lambda each: each[1] - each[0], default=None)
+    return max(((a, b) for a, b in free if a < b), key=lambda span: span[1] - span[0], default=None)
 
 
-class _Pieces:
+class _BoxProof:
     """Functions on the pieces of a box, with a count of the points at which they were computed."""
 
     def __init__(self, functions, box, limits, resolution):
         self.functions, self.limits, self.resolution, self.used = functions, limits, resolution, 0
-        self.whole = np.where(np.ptp(box, 0) > 0, np.ptp(box, 0), 1.0)
+        self.widths = np.where(np.ptp(box, 0) > 0, np.ptp(box, 0), 1.0)
 
     def judged(self, piece):
         """The unstable points found in a piece, and its parts that are not proved."""
@@ -134,14 +134,23 @@ class _Pieces:
         middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
         units = self.functions.units(middle)
         grid = _grid([COARSE] * wide.size)
-        sign, log, error, pivots = self._at(middle, half, wide, grid, units)
-        if (surely := (sign < 0) & (EPS * error < 1)).any():
+        phase, log, error, pivots = self._values(_placed(middle, half, wide, grid), units)
+        if (surely := (phase.real < 0) & (EPS * error < 1)).any():
             return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
         outside = (middle - EXTENT * half < self.limits[0]) | (middle + EXTENT * half > self.limits[1])
         if not np.isfinite(log).all() or outside[wide].any():
             return self._none, _divided(piece, wide, half[wide] * (outside[wide] | ~outside[wide].any()))
-        if (unresolved := self._unresolved(piece)[wide]).any():
-            return self._none, _divided(piece, wide, unresolved * (half / self.whole)[wide])
+        if self.resolution is not None:
+            before = self.resolution.used
+            unresolved = self.resolution.unresolved(piece)[wide]
+            self.used += self.resolution.used - before
+            if unresolved.any():
+                return self._none, _divided(piece, wide, unresolved * (half / self.widths)[wide])
+        return self._interpolated(piece, wide, units, log, pivots)
+
+    def _interpolated(self, piece, wide, units, log, pivots):
+        """The same, from the logarithms and pivots at the coarse places; the piece is divided if it needs too many nodes."""
+        middle, half, grid = piece.mean(0), (piece[1] - piece[0]) / 2, _grid([COARSE] * wide.size)
         trend = _trend(log, grid)
         peak = (log - trend @ grid.T).max(1)
         least = np.exp((log - trend @ grid.T).min(1) - peak)
@@ -156,14 +165,6 @@ class _Pieces:
             return self._none, _divided(piece, wide, steps if steep else counts)
         return self._within(piece, wide, [nodes(int(count)) for count in counts], units, trend, peak, far)
 
-    def _unresolved(self, piece):
-        if self.resolution is None:
-            return np.zeros(piece.shape[1], bool)
-        before = self.resolution.used
-        found = self.resolution.unresolved(piece)
-        self.used += self.resolution.used - before
-        return found
-
     @property
     def _none(self):
         return np.zeros((0, self.limits.shape[1]))
@@ -171,30 +172,26 @@ class _Pieces:
     def _within(self, piece, wide, nodes, units, trend, peak, far):
         """The same, from the values at these nodes."""
         middle, half = piece.mean(0), (piece[1] - piece[0]) / 2
-        grid, counts = _grid(nodes), [len(each) for each in nodes]
-        sign, log, error, _ = self._at(middle, half, wide, grid, units)
-        if (surely := (sign < 0) & (EPS * error < 1)).any():
+        grid, counts = _grid(nodes), [len(places) for places in nodes]
+        phase, log, error, _ = self._values(_placed(middle, half, wide, grid), units)
+        if (surely := (phase.real < 0) & (EPS * error < 1)).any():
             return _placed(middle, half, wide, grid)[surely.any(0)], [piece]
         if not np.isfinite(log).all():
             return self._none, _divided(piece, wide, half[wide])
-        value = sign * np.exp(log - trend @ grid.T - peak[:, None])
-        constants = np.array([_lebesgue(count) for count in counts])
+        value = phase.real * np.exp(log - trend @ grid.T - peak[:, None])
+        constants = 2 / np.pi * np.log(counts) + 1  # upper bounds on the Lebesgue constants
         noise = 2 * constants.prod() * (EPS * error * np.abs(value)).max(1)
         sizes = np.array([4 * ELLIPSE ** (1 - count) / (ELLIPSE - 1) for count in counts])
         noise += (far * (sizes * constants.prod() / constants)[:, None]).sum(0)
-        open_ = [each for row, off in zip(value, noise, strict=True) for each in _positive(row.reshape(counts), off)]
+        open_ = [ends for row, off in zip(value, noise, strict=True) for ends in _positive(row.reshape(counts), off)]
         if not open_:
             return self._none, []
         low, high = np.min([low for low, _ in open_], 0), np.max([high for _, high in open_], 0)
-        part = piece.copy()
-        part[0, wide], part[1, wide] = middle[wide] + half[wide] * low, middle[wide] + half[wide] * high
+        rest = piece.copy()
+        rest[0, wide], rest[1, wide] = middle[wide] + half[wide] * low, middle[wide] + half[wide] * high
         if (high - low).prod() <= 2 ** (wide.size - 1):
-            return self._none, [part]
-        return self._none, _divided(part, wide, (high - low) * np.array(counts))
-
-    def _at(self, middle, half, wide, grid, units):
-        phase, log, error, pivots = self._values(_placed(middle, half, wide, grid), units)
-        return phase.real, log, error, pivots
+            return self._none, [rest]
+        return self._none, _divided(rest, wide, (high - low) * np.array(counts))
 
     def _values(self, x, units):
         self.used += len(x)
@@ -202,10 +199,9 @@ class _Pieces:
 
     def _beyond(self, middle, half, wide, at, units, trend, peak, centre):
         """Bounds on the size of each function on the ellipse about one number, with the others at COARSE, infinite near a pole;
-        and
-        the change of its logarithm along each of the others."""
-        others = _grid([COARSE] * (wide.size - 1))
-        place = np.insert(others.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2).reshape(-1, wide.size)
+        and the change of its logarithm along each of the others."""
+        coarse = _grid([COARSE] * (wide.size - 1))
+        place = np.insert(coarse.astype(complex)[:, None].repeat(RIM_POINTS, 1), at, RIM, axis=2).reshape(-1, wide.size)
         _, log, error, pivots = self._values(_placed(middle, half, wide, place), units)
         log = log + np.log1p(np.minimum(EPS * error, 10.0)) - (trend @ place.T).real - peak[:, None]
         log = log.reshape(len(log), *[len(COARSE)] * (wide.size - 1), RIM_POINTS)
@@ -213,12 +209,14 @@ class _Pieces:
         steps = [np.abs(np.diff(log, axis=axis)).max(tuple(range(1, wide.size + 1))) for axis in range(1, wide.size + 1)]
         size = 2 * np.exp(log.max(tuple(range(1, wide.size + 1))) + sum(steps) / 2)
         turns = np.abs(pivots / np.where(centre == 0, 1.0, centre) - 1).max(initial=0.0) >= 1  # a pole may be inside
-        own = np.nan_to_num([0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)], posinf=1e9)
-        return np.where(np.isfinite(size) & ~turns, size, np.inf), own
+        changes = np.nan_to_num(
+            [0.0 if axis == at else steps[axis - (axis > at)].max() for axis in range(wide.size)], posinf=1e9
+        )
+        return np.where(np.isfinite(size) & ~turns, size, np.inf), changes
 
 
 def _grid(nodes):
-    return np.array(list(product(*nodes)), float).reshape(int(np.prod([len(each) for each in nodes])), len(nodes))
+    return np.array(list(product(*nodes)), float).reshape(int(np.prod([len(places) for places in nodes])), len(nodes))
 
 
 def _placed(middle, half, wide, grid):
@@ -230,23 +228,17 @@ def _placed(middle, half, wide, grid):
 
 def _divided(piece, wide, size):
     """The halves of a piece, divided along the number with the largest `size`."""
-    which = wide[np.argmax(size)]
+    axis = wide[np.argmax(size)]
     both = [piece.copy(), piece.copy()]
-    low, high = piece[:, which]
-    both[0][1, which] = both[1][0, which] = np.sqrt(low * high) if high > WIDE * low > 0 else (low + high) / 2
+    low, high = piece[:, axis]
+    both[0][1, axis] = both[1][0, axis] = np.sqrt(low * high) if high > WIDE * low > 0 else (low + high) / 2
     return both
 
 
 def _trend(log, grid):
     """The exponential growth rate of each function with each number, by least squares."""
-    whole = np.column_stack([grid, np.ones(len(grid))])
-    return np.linalg.lstsq(whole, log.T, rcond=None)[0][:-1].T
-
-
-@lru_cache
-def _lebesgue(count):
-    """An upper bound on the Lebesgue constant of so many Chebyshev nodes."""
-    return 2 / np.pi * np.log(count) + 1
+    regressors = np.column_stack([grid, np.ones(len(grid))])
+    return np.linalg.lstsq(regressors, log.T, rcond=None)[0][:-1].T
 
 
 @lru_cache
@@ -277,7 +269,7 @@ def _positive(values, noise):
     series, left_out = _shortened(series, SPARED * max(values.min() - noise, 0.0))
     to = list(map(_to_bernstein, series.shape))
     noise += left_out
-    rounding = 50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(each, np.inf) for each in to])
+    rounding = 50 * EPS * np.abs(series).sum() * np.prod([np.linalg.norm(matrix, np.inf) for matrix in to])
     pieces = _turned(series, to)
     pieces, low, high = pieces[None], np.full((1, dimensions), -1.0), np.full((1, dimensions), 1.0)
     over = tuple(range(1, dimensions + 1))
@@ -286,30 +278,28 @@ def _positive(values, noise):
         pieces, low, high = pieces[open_], low[open_], high[open_]
         if not len(pieces) or len(pieces) > MOST_PIECES:
             break
-        which = np.stack([np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0) for axis in range(dimensions)]).argmax(
-            0
-        )
-        parts = []
-        for axis in np.unique(which):
-            some = which == axis
-            lower, upper = low[some], high[some]
+        slopes = [np.abs(np.diff(pieces, axis=1 + axis)).max(over, initial=0.0) for axis in range(dimensions)]
+        steepest, halves = np.stack(slopes).argmax(0), []
+        for axis in np.unique(steepest):
+            index = steepest == axis
+            lower, upper = low[index], high[index]
             middle = (lower[:, axis] + upper[:, axis]) / 2
             below, above = upper.copy(), lower.copy()
             below[:, axis] = above[:, axis] = middle
-            parts += zip(_halved(pieces[some], 1 + axis), (lower, above), (below, upper), strict=True)
-        pieces, low, high = (np.concatenate(each) for each in zip(*parts, strict=True))
+            halves += zip(_halved(pieces[index], 1 + axis), (lower, above), (below, upper), strict=True)
+        pieces, low, high = (np.concatenate(arrays) for arrays in zip(*halves, strict=True))
     return list(zip(low, high, strict=True))
 
 
 def _shortened(series, room):
     """The series without its highest degrees in each number, and the sum of the dropped terms, at most `room`."""
-    size = np.abs(series)
-    kept = []
+    size, low = np.abs(series), []
     for axis in range(size.ndim):
-        each = size.sum(tuple(other for other in range(size.ndim) if other != axis))
-        tail = np.cumsum(each[::-1])[::-1]  # of this degree and all above
-        kept.append(slice(max(1, int((tail > room / size.ndim).sum()))))
-    return series[tuple(kept)], size.sum() - size[tuple(kept)].sum()
+        by_degree = size.sum(tuple(i for i in range(size.ndim) if i != axis))
+        tail = np.cumsum(by_degree[::-1])[::-1]  # of this degree and all above
+        low.append(slice(max(1, int((tail > room / size.ndim).sum()))))
+    low = tuple(low)
+    return series[low], size.sum() - size[low].sum()
 
 
 def _halved(b, axis):
