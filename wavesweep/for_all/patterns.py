@@ -1,6 +1,7 @@
 """Words: patterns of frames that make a loop unstable if they are repeated for ever."""
 
 from collections.abc import Sequence
+from heapq import nlargest
 
 import numpy as np
 
@@ -123,13 +124,13 @@ def _of_walks(A, follows):
         state = moved[np.arange(WALKS), symbol] / np.where(largest > 0, largest, 1.0)[:, None]
         walks[:, step], may = symbol, follows[symbol]
     ends = np.unique(walks[:, -LONGEST_IMPROVED:], axis=0)
-    products, rates = np.broadcast_to(np.eye(n), (len(ends), n, n)), {}
+    products, closed = np.broadcast_to(np.eye(n), (len(ends), n, n)), []
     for length in range(1, 1 + LONGEST_IMPROVED):
         products = products @ A[ends[:, -length]]
         closing = np.flatnonzero(follows[ends[:, -1], ends[:, -length]])
         radius = scale * np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
-        rates |= {_least(tuple(ends[i, -length:].tolist())): rate for i, rate in zip(closing, radius, strict=True)}
-    return rates
+        closed += zip(radius.tolist(), closing.tolist(), [length] * closing.size, strict=True)
+    return {_least(tuple(ends[i, -length:].tolist())): rate for rate, i, length in nlargest(LOOKED_AT, closed)}
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
