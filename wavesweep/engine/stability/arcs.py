@@ -7,11 +7,13 @@ from wavesweep.engine.monodromy.shifts import DelayLines
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.stability.arc_panels import panel_roots
 from wavesweep.engine.stability.boundary import polish
-from wavesweep.engine.stability.crossings import Crossings, at_both_ends
+from wavesweep.engine.stability.crossings import Crossings, at_both_ends, poles_at_one
+from wavesweep.engine.stability.spectrum import count_outside
 
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
 MANY = 256  # so many open arcs of one column, and the column is given up
+RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
 TINY = 1e-300
 MOST_ERROR = 1e300  # of a value, in roundings of itself
 CAUTION = 20  # roundings of what is added up that two solves may cost
@@ -46,7 +48,31 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
     found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
+    if (some := np.flatnonzero(found.open_low)).size:
+        found.open_low[some] = ~_is_clear_next_to_one([part[some] for part in opened], lines, poles[some])
     return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta)[0], found)
+
+
+@np.errstate(all="ignore")
+def _is_clear_next_to_one(opened, lines, poles):
+    """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there, `(columns,)`.
+
+    With m eigenvalues that are 1 by the pattern of E, H has a pole of order m at most there. Its imaginary part is odd in
+    theta, so `f = Im K/sin(theta) |H|^2` has one of an even order q <= m + 1, and `F = theta^q f` is analytic on a disc that no
+    other eigenvalue is in. F(0) is the mean of its rim, and by Schwarz's lemma F is off from that by at most the largest
+    difference on the rim times the part of the way there.
+    """
+    E, m = opened[0], poles_at_one(opened[0])
+    away = np.sort(np.abs(poles), axis=-1)
+    radius = np.minimum(WIDEST, away[:, m] / 4) if m < away.shape[-1] else np.full(len(E), WIDEST)
+    count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
+    theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
+    value, size, _, _ = _boundary([part[:, None] for part in opened], lines, theta)
+    q = m + m % 2
+    F, noise = value * theta**q, (np.finfo(float).eps * size * np.abs(theta) ** q).max(-1)
+    middle = F.mean(-1)
+    off = 2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius  # twice, for what is between two points of the rim
+    return clear & (count == E.shape[-1] - m) & (np.abs(middle) > off + 2 * noise)
 
 
 @np.errstate(all="ignore")
