@@ -15,14 +15,14 @@ def real_numbers(values: Any) -> np.ndarray | None:
     fractions, become doubles.
     """
     try:
-        found = np.asarray(values)
-        each = () if hasattr(values, "dtype") and found.dtype != object else np.asarray(values, dtype=object).ravel()
-        if found.dtype == object and all(isinstance(item, Real) for item in each):
-            found = found.astype(float)
+        array = np.asarray(values)
+        items = () if hasattr(values, "dtype") and array.dtype != object else np.asarray(values, dtype=object).ravel()
+        if array.dtype == object and all(isinstance(item, Real) for item in items):
+            array = array.astype(float)
     except (ValueError, OverflowError):  # lists of unlike lengths; a whole number beyond all doubles
         return None
-    unsure = np.ma.is_masked(values) or any(isinstance(item, (bool, np.bool_)) for item in each)
-    return found if found.dtype.kind in "iuf" and not unsure else None
+    unsure = np.ma.is_masked(values) or any(isinstance(item, (bool, np.bool_)) for item in items)
+    return array if array.dtype.kind in "iuf" and not unsure else None
 
 
 def boolean(name: str, value: object) -> bool:

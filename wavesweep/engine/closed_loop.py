@@ -216,11 +216,11 @@ class ClosedLoop:
         if key.path in map(self._path, numbers):
             raise UsageError(f"{along}: expected other numbers than the one that the intervals are along")
         low, high = map(float, ends)
-        parts: dict[Drawing, list[tuple[NDArray[np.intp], Loops]]] = {}
+        by_drawing: dict[Drawing, list[tuple[NDArray[np.intp], Loops]]] = {}
         for members, loops in self._batches(self._arrays(numbers)[1], along=True):
-            parts.setdefault(loops.drawing, []).append((members, loops.read))
-        found = (Search(key.path, (low, high), tuple(groups), prover=prover) for groups in parts.values())
-        records = Searches(tuple(found)).records()
+            by_drawing.setdefault(loops.drawing, []).append((members, loops.read))
+        searches = (Search(key.path, (low, high), tuple(groups), prover=prover) for groups in by_drawing.values())
+        records = Searches(tuple(searches)).records()
         names = ("low", "high", "low_omega", "high_omega", "low_hz", "high_hz")
         columns = {name: np.ascontiguousarray(records[name]) for name in (*names, "certified", "residual")}
         open_ends = {name: np.ascontiguousarray(records[name]) for name in ("open_low", "open_high")}
@@ -320,8 +320,8 @@ class ClosedLoop:
         Accuracy: every value has a bound on its relative error, which counts the rounding of the loop's entries.
         """
         self._refuse_ends(source, output)
-        given = real_numbers(frequency_hz)
-        frequency = np.array([np.nan]) if given is None else given.astype(float).ravel()
+        asked_hz = real_numbers(frequency_hz)
+        frequency = np.array([np.nan]) if asked_hz is None else asked_hz.astype(float).ravel()
         half = self._rate / 2
         if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
             found = f"{frequency_hz!r:.60}"
@@ -424,7 +424,7 @@ class ClosedLoop:
         with named_loops(drawn):
             ticks = ticks_of(drawn, tuple(OUTPUT + name for name in self.outputs))
         columns = [ticks.maps[0].inputs.index(signal) for _, signal, _ in self.drawing.inputs]
-        maps = [(each.E, each.B[..., columns], each.C, each.D[..., columns]) for each in ticks.maps]
+        maps = [(tick_map.E, tick_map.B[..., columns], tick_map.C, tick_map.D[..., columns]) for tick_map in ticks.maps]
         lifted = TickMaps.of(maps, ticks.kind, ()).lifted(measured=False)
         E, B, C, D = (matrix[0] for matrix in (lifted.E, lifted.G, lifted.O, lifted.T))
         inputs, outputs = (
@@ -457,17 +457,17 @@ class ClosedLoop:
 
     def _refuse_ends(self, source: str, output: str) -> None:
         """Raise UsageError for names that are no input and no output."""
-        for side, name, known in (("input", source, self.inputs), ("output", output, self.outputs)):
-            if name not in known:
-                raise UsageError(f"expected an {side} of the loop, one of {', '.join(known) or '(none)'}, found {name!r:.60}")
+        for side, name, ends in (("input", source, self.inputs), ("output", output, self.outputs)):
+            if name not in ends:
+                raise UsageError(f"expected an {side} of the loop, one of {', '.join(ends) or '(none)'}, found {name!r:.60}")
 
     def _arrays(self, numbers: Mapping[str, ArrayLike]) -> tuple[tuple[int, ...], dict[str, Floats]]:
         """The shape that the values given have together, and path -> values, flat. Errors: UsageError."""
         arrays: dict[str, Floats] = {}
-        for name, given in numbers.items():
-            key, values = self._key(name), real_numbers(given)
+        for name, argument in numbers.items():
+            key, values = self._key(name), real_numbers(argument)
             if values is None or not computable(values).all() or key.path in arrays:
-                raise UsageError(f"{name}: expected a finite number, or an array of them, once, found {given!r:.60}")
+                raise UsageError(f"{name}: expected a finite number, or an array of them, once, found {argument!r:.60}")
             for value in np.unique(values).tolist() if key.structural else ():
                 try:
                     check(key, value)
@@ -496,9 +496,9 @@ class ClosedLoop:
                 if array.size == 1 and path not in shaping:
                     values[path] = array.item()
             drawing = with_common_tick(self.drawing, values) if along else self.drawing
-            for some, loops in batches_built_alike(drawing, members, values):
+            for batch, loops in batches_built_alike(drawing, members, values):
                 refuse_unsuitable(*loops)
-                yield some, loops
+                yield batch, loops
 
     def _single(self, numbers: Mapping[str, ArrayLike]) -> Loops:
         """The one loop of these numbers."""
@@ -512,9 +512,9 @@ class ClosedLoop:
     ) -> list[Any]:
         """What a function returns of batches of loops, `count` arrays `(loops, ...)`, in the shape of the numbers."""
         shape, arrays = self._arrays(numbers)
-        parts = [(members, of_batch(loops, members.size)) for members, loops in self._batches(arrays)]
-        order = np.argsort(np.concatenate([members for members, _ in parts]))
-        joined = [np.concatenate([found[number] for _, found in parts])[order] for number in range(count)]
+        results = [(members, of_batch(loops, members.size)) for members, loops in self._batches(arrays)]
+        order = np.argsort(np.concatenate([members for members, _ in results]))
+        joined = [np.concatenate([answers[number] for _, answers in results])[order] for number in range(count)]
         return [array.reshape((*shape, *array.shape[1:])) for array in joined]
 
     def _extreme(
@@ -534,9 +534,11 @@ class ClosedLoop:
             stable, lost = is_stable(frame) & (port.outputs == 1), ~np.isfinite(frame).all((-1, -2))
             value = np.where(lost, np.nan, unbounded)
             theta, certified = np.full(ticks.loops, np.nan), ~stable & ~lost
-            some = np.flatnonzero(stable)
-            if some.size:
-                value[some], theta[some], certified[some] = extreme(ticks.at(some).in_even_units())
+            stable_loops = np.flatnonzero(stable)
+            if stable_loops.size:
+                value[stable_loops], theta[stable_loops], certified[stable_loops] = extreme(
+                    ticks.at(stable_loops).in_even_units()
+                )
             return value, theta * port.rate / (2 * np.pi * port.kind.size), certified
 
         def of_batch(loops: Loops, size: int) -> tuple[Floats, Floats, Bools]:

@@ -58,7 +58,7 @@ class Mistake(NamedTuple):
     suggestion: str = ""
 
     def __str__(self) -> str:
-        where = [part for part in (self.location, self.key) if part]
+        where = [text for text in (self.location, self.key) if text]
         problem = f"expected {self.expected}, found {self.found}"
         hint = f"; did you mean `{self.suggestion}`?" if self.suggestion else ""
         return ": ".join([*where, problem]) + hint
@@ -72,6 +72,6 @@ class SpecError(UsageError):
         super().__init__(self.mistakes)
 
     def __str__(self) -> str:
-        more = len(self.mistakes) - MOST_LINES
-        lines = [*map(str, self.mistakes[:MOST_LINES]), *([f"and {more} more mistakes"] if more > 0 else [])]
+        unlisted = len(self.mistakes) - MOST_LINES
+        lines = [*map(str, self.mistakes[:MOST_LINES]), *([f"and {unlisted} more mistakes"] if unlisted > 0 else [])]
         return shortened("\n".join(lines))

@@ -167,9 +167,9 @@ def _table(name: str, block: Any, rate_hz: float) -> Mapping[str, Any]:
         )
         return StateSpaceBlock(block.A, block.B, block.C, block.D, every, 0, *ports).table()
     if hasattr(block, "num") and hasattr(block, "den"):
-        coefficients = [np.squeeze(np.asarray(part, float)) for part in (block.num, block.den)]
-        if all(part.ndim < 2 for part in coefficients):
-            num, den = (np.atleast_1d(part).tolist() for part in coefficients)
+        coefficients = [np.squeeze(np.asarray(array, float)) for array in (block.num, block.den)]
+        if all(array.ndim < 2 for array in coefficients):
+            num, den = (np.atleast_1d(array).tolist() for array in coefficients)
             return {"type": "tf", "num": num, "den": den, **_timing(every, 0)}
         raise UsageError(f"block {name}: expected a transfer function with one input and one output; convert it to state space")
     expected = "a StateSpaceBlock, a system of python-control or scipy.signal, or a dict of a block's keys"

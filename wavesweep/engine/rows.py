@@ -25,4 +25,4 @@ class Rows:
         """Return the rows of several such values, one after the other."""
         if len(parts) == 1:
             return parts[0]
-        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+        return cls(*(np.concatenate([getattr(rows, field.name) for rows in parts]) for field in fields(cls)))

@@ -23,60 +23,68 @@ OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 class Condition:
     """What a number has to fulfil, also that it is `computable`.
 
-    own, others: path and tree of the number, and of others that it depends on; names: in these trees. holds: whether their
+    subject, others: path and tree of the number, and of others that it depends on; names: in these trees. holds: whether their
     values, or arrays of these, fulfil it. expected: the text of what is expected, or a function of the values that gives it.
     """
 
-    def __init__(self, holds, expected, own, *others):
-        self.path, self.reads, self.holds, self.expected = own[0], (own, *others), holds, expected
+    def __init__(self, holds, expected, subject, *others):
+        self.path, self.reads, self.holds, self.expected = subject[0], (subject, *others), holds, expected
         self.names = frozenset(name for _, tree in self.reads for name, _ in names_in(tree))
 
 
 @lru_cache(maxsize=64)
 def conditions(drawing: Drawing) -> tuple[Condition, ...]:
     """What the numbers of a drawing have to fulfil, those of a key by itself first."""
-    rate, *others = ((path, tree) for path, tree in drawing.trees() if not path.startswith("block."))
-    found = [Condition(partial(_within, TICK_HZ), expectation(TICK_HZ), rate)]
-    found += [Condition(lambda value: True, "", each) for each in others]  # noqa: ARG005 - any finite number will do
-    return (*found, *(each for block in drawing.blocks for each in _conditions(block, *rate)))
+    rate, *other_trees = ((path, tree) for path, tree in drawing.trees() if not path.startswith("block."))
+    alone = [Condition(partial(_within, TICK_HZ), expectation(TICK_HZ), rate)]
+    alone += [Condition(lambda value: True, "", number) for number in other_trees]  # noqa: ARG005 - any finite number will do
+    return (*alone, *(condition for block in drawing.blocks for condition in _conditions(block, *rate)))
 
 
 def _conditions(block: DrawnBlock, rate: str, tick_hz: Tree) -> Iterator[Condition]:
     """Yield what the numbers of a block have to fulfil. rate, tick_hz: path and tree of the tick's rate."""
     kind, start, tick, keys = TYPES[block.type], f"block.{block.name}.", (rate, tick_hz), keys_of_block(block.type)
     numbers = [(name, (start + name, tree)) for name, tree in (*block.trees(), *block.limit_trees())]
-    own = dict(reversed(numbers))  # of a list the first number
+    by_name = dict(reversed(numbers))  # of a list the first number
     for name, number in numbers:
         yield Condition(partial(_within, keys[name]), partial(expectation, keys[name]), number)
     if block.plant or block.dead_time:
-        what = "a dead time" if block.dead_time else f"a {block.type} that is continuous"
-        yield Condition(lambda ticks: ticks == 1, f"1, since {what} runs in every tick", own["every"])
+        noun = "a dead time" if block.dead_time else f"a {block.type} that is continuous"
+        yield Condition(lambda ticks: ticks == 1, f"1, since {noun} runs in every tick", by_name["every"])
     else:
-        yield Condition(operator.lt, lambda _, every: f"a whole number < every = {every:g}", own["phase"], own["every"])
+        yield Condition(operator.lt, lambda _, every: f"a whole number < every = {every:g}", by_name["phase"], by_name["every"])
     for name in kind.below_half:
-        reads = own[name], tick, own["every"], own.get("order", ("", ONE))
+        reads = by_name[name], tick, by_name["every"], by_name.get("order", ("", ONE))
         yield Condition(lambda hz, rate, every, order: (hz < rate / every / 2) | (order == 0), _below_half, *reads)
-    if "low" in own:
-        yield Condition(operator.gt, lambda _, low: f"a number > low = {low:g}", own["high"], own["low"])
-    elif "high" in own:
-        yield Condition(lambda high: high > 0, "a number > 0, as low is -high", own["high"])
+    if "low" in by_name:
+        yield Condition(operator.gt, lambda _, low: f"a number > low = {low:g}", by_name["high"], by_name["low"])
+    elif "high" in by_name:
+        yield Condition(lambda high: high > 0, "a number > 0, as low is -high", by_name["high"])
     for name in ("late", "lost") if block.loses_at_random else ():
         expected = "0 beside loss or burst, since messages are lost either at random or by any pattern"
-        yield Condition(lambda number: number == 0, expected, own[name])
+        yield Condition(lambda number: number == 0, expected, by_name[name])
+    yield from _conditions_of_type(block, by_name, tick)
+
+
+def _conditions_of_type(
+    block: DrawnBlock, by_name: Mapping[str, tuple[str, Tree]], tick: tuple[str, Tree]
+) -> Iterator[Condition]:
+    """Yield what the numbers of some types have to fulfil together. by_name, tick: paths and trees of keys and of the rate."""
+    start = f"block.{block.name}."
     if block.type == "mass_matrix":
-        known = dict(block.keys)
-        reads = [(f"{start}{name}", tree) for name in MASS for row in known[name] for tree in row]
-        yield Condition(partial(is_mass, known), "a mass matrix that is symmetric and positive definite", *reads)
+        block_keys = dict(block.keys)
+        reads = [(f"{start}{name}", tree) for name in MASS for row in block_keys[name] for tree in row]
+        yield Condition(partial(is_mass, block_keys), "a mass matrix that is symmetric and positive definite", *reads)
     if block.type == "tf":
-        yield Condition(lambda first: first != 0, "a first coefficient other than 0", own["den"])
+        yield Condition(lambda first: first != 0, "a first coefficient other than 0", by_name["den"])
     if block.dead_time:
         expected = f"at most {LONGEST_DELAY} ticks of the loop, {{:g}} s".format
         longest = lambda _, hz: expected(LONGEST_DELAY / hz)  # noqa: E731 - beside its text
-        yield Condition(lambda seconds, hz: seconds * hz <= LONGEST_DELAY, longest, own["seconds"], tick)
+        yield Condition(lambda seconds, hz: seconds * hz <= LONGEST_DELAY, longest, by_name["seconds"], tick)
     if block.type == "local_model":
         explicit = dict(block.keys)["integration"] == "explicit"
         total = "b + B is not 0" if explicit else "b + B + K h is not 0, h the time that its spring reads ahead"
-        reads = own["B" if explicit else "K"], ("", block.divisor(tick_hz)), own["b"]
+        reads = by_name["B" if explicit else "K"], ("", block.divisor(tick[1])), by_name["b"]
         yield Condition(lambda _, total, b: abs(total) > NOTHING * abs(b), f"a number with which {total}", *reads)
 
 
@@ -96,21 +104,25 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
     numbers, wrong, every, shared = scalars(values), set(), {}, SharedParts()
     for condition in conditions(drawing):
         path, expected = condition.path, condition.expected
-        if not condition.names <= numbers.keys() or wrong & {each for each, _ in condition.reads}:
+        if not condition.names <= numbers.keys() or wrong & {read_path for read_path, _ in condition.reads}:
             continue  # a number that has a mistake itself
-        known = [finite_value(tree, numbers, shared) for _, tree in condition.reads]
-        if known[0] is None:
+        read_values = [finite_value(tree, numbers, shared) for _, tree in condition.reads]
+        if read_values[0] is None:
             wrong.add(path)
             yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
-        elif not computable(known[0]):
+        elif not computable(read_values[0]):
             wrong.add(path)
-            yield path, SIZES, f"{known[0]:g}"
-        elif None not in known and not condition.holds(*known):
+            yield path, SIZES, f"{read_values[0]:g}"
+        elif None not in read_values and not condition.holds(*read_values):
             wrong.add(path)
-            yield path, expected if isinstance(expected, str) else expected(*known), f"{known[0]:g}"
+            yield path, expected if isinstance(expected, str) else expected(*read_values), f"{read_values[0]:g}"
         elif path.startswith("block.") and path.endswith(".every"):
-            every[path] = int(known[0])
-    runs = {path: ticks for path, ticks in every.items() if path not in wrong}
+            every[path] = int(read_values[0])
+    yield from _size_faults(drawing, numbers, {path: ticks for path, ticks in every.items() if path not in wrong})
+
+
+def _size_faults(drawing: Drawing, numbers: Mapping[str, float], runs: Mapping[str, int]) -> Iterator[tuple[str, str, str]]:
+    """Yield the `faults` of too many states, and of a frame that is too long. runs: path of `every` of blocks -> ticks."""
     states = {block.name: _states(block, numbers) for block in drawing.blocks}
     if (total := sum(states.values())) > MOST_STATES:
         yield f"block.{max(states, key=states.get)}", f"at most {MOST_STATES} states in all blocks", f"{total:g}"
@@ -132,17 +144,24 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
     every, numbers = {block.name: block.every for block in drawing.blocks if not block.plant}, scalars(values)
     bodies = [block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"]
     velocities = [f"{block.name}.{port}" for block in bodies for port in block.ports[1][len(block.ports[1]) // 2 :]]
-    ends = [(where, end) for where, end in (("hand", drawing.hand), ("environment", drawing.environment)) if end]
-    ends += [("hand", (force, terms)) for _, force, terms in drawing.further]
-    for where, force, signal, gain in ((where, end[0], *term) for where, end in ends for term in end[1]):
-        name = signal.rpartition(".")[0] or signal
-        if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
+    for side, force, signal, gain in _displacements(drawing):
+        period = every.get(signal.rpartition(".")[0] or signal, ONE)
+        if not numbers.keys() >= {name for tree in (gain, period) for name, _ in names_in(tree)}:
             continue  # a number that has a mistake itself
-        runs = finite_value(every.get(name, ONE), numbers) or 1
+        runs = finite_value(period, numbers) or 1
         slow = f"{signal} changes every {runs:g} ticks only" if runs > 1 else ""
-        found = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
-        if found and finite_value(gain, numbers):
-            yield f"ports.{where}.displacement", OF_PLANT, found
+        reason = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
+        if reason and finite_value(gain, numbers):
+            yield f"ports.{side}.displacement", OF_PLANT, reason
+
+
+def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:
+    """Yield the port, its force, and signal and gain of each term of the displacements at the ports."""
+    ports = [("hand", drawing.hand), ("environment", drawing.environment)]
+    ports += [("hand", (force, terms)) for _, force, terms in drawing.further]
+    for side, port in ports:
+        if port:
+            yield from ((side, port[0], signal, gain) for signal, gain in port[1])
 
 
 def finite_value(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None) -> float | None:

@@ -20,37 +20,57 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
     controller computes from samples, `-kp*motor.x`. Signals of other blocks and the hand's force are held.
     Errors: Fault as for `linear`, and if terms in both positions, or both velocities, are left that form no spring or damper.
     """
-    whole, held, continuous, halves, alone = linear(tree, signals), [], [], [], []
+    wire, held, continuous, halves, alone = linear(tree, signals), [], [], [], []
     for summand in _summands(tree):
         blocks = {name.rpartition(".")[0] for name, _ in names_in(summand) if name in signals}
-        others, terms = plants.keys() & blocks - {own}, linear(summand, signals)
-        if others and own in blocks:
+        far_plants, terms = plants.keys() & blocks - {own}, linear(summand, signals)
+        if far_plants and own in blocks:
             continuous += terms
         else:
-            kind = halves if others else alone if blocks == {own} else held
-            kind += [(signal, each) for signal, gain in terms for each in _summands(gain, products=True)]
+            kind = halves if far_plants else alone if blocks == {own} else held
+            kind += [(signal, factor) for signal, gain in terms for factor in _summands(gain, products=True)]
     if not (continuous or halves):
-        return whole, ()
+        return wire, ()
+    continuous += _opposite_pairs(alone, halves)
+    springs = _springs(tree, own, plants, alone, halves)
+    continuous += springs
+    alone = [term for term in alone if term not in springs]
+    sampled = [term for term in (*continuous, *halves) if term[0].rpartition(".")[0] not in plants]
+    return _added([*held, *alone, *sampled]), _added(term for term in (*continuous, *halves) if term not in sampled)
+
+
+def _opposite_pairs(alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]) -> list[tuple[str, Tree]]:
+    """Take the terms in another plant whose gains are those of terms in this one with the other sign out of both lists."""
+    pairs = []
     for half in list(halves):
-        twin = next((each for each in alone if _opposite(half[1], each[1])), None)
+        twin = next((term for term in alone if _opposite(half[1], term[1])), None)
         if twin:
             alone.remove(twin)
             halves.remove(half)
-            continuous += [half, twin]
+            pairs += [half, twin]
+    return pairs
+
+
+def _springs(
+    tree: Tree, own: str, plants: Mapping[str, str], alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]
+) -> list[tuple[str, Tree]]:
+    """Return the terms in a plant alone that are the near ends of springs and dampers, whose far ends are halves.
+
+    Errors: Fault if the gains of both ends do not add up to 0.
+    """
+    springs = []
     for port in (f".{port}" for port in ("x", "v") if TYPES[plants[own]].body):
         of_bodies = {f"{name}{port}" for name, kind in plants.items() if TYPES[kind].body}
-        one, other = ([each for each in some if each[0] in of_bodies] for some in (alone, halves))
-        if one and other and not _balance([*one, *other]):
-            (signal, gain), (far, _) = one[0], other[0]
+        near_ends, far_ends = ([term for term in terms if term[0] in of_bodies] for terms in (alone, halves))
+        if near_ends and far_ends and not _balance([*near_ends, *far_ends]):
+            (signal, gain), (far, _) = near_ends[0], far_ends[0]
             raise Fault(
-                min(at for each, at in names_in(tree) if each == signal),
+                min(at for name, at in names_in(tree) if name == signal),
                 f"a number times ({far} - {signal}), as of a spring or a damper, or a block hold for what a program computes",
                 f"{text_of(gain)} times {signal}, which may be either",
             )
-        continuous += one if other else []
-        alone = [each for each in alone if not (other and each in one)]
-    sampled = [each for each in (*continuous, *halves) if each[0].rpartition(".")[0] not in plants]
-    return _added([*held, *alone, *sampled]), _added(each for each in (*continuous, *halves) if each not in sampled)
+        springs += near_ends if far_ends else []
+    return springs
 
 
 def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
@@ -63,15 +83,15 @@ def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, W
     while read != before:
         before, read = read, {signal.rpartition(".")[0] for signal, _ in seen}
         for port, terms in (*wires, *couplings):
-            own = port.rpartition(".")[0]
-            read |= {signal.rpartition(".")[0] for signal, _ in terms} - {own} if own in before else set()
-    held, kept = {}, []
+            if (block := port.rpartition(".")[0]) in before:
+                read |= {signal.rpartition(".")[0] for signal, _ in terms} - {block}
+    held, continuous = {}, []
     for port, terms in couplings:
-        own = port.rpartition(".")[0]
-        inside = tuple(term for term in terms if own in read or term[0].rpartition(".")[0] == own)
+        block = port.rpartition(".")[0]
+        inside = tuple(term for term in terms if block in read or term[0].rpartition(".")[0] == block)
         held[port] = [term for term in terms if term not in inside]
-        kept += [(port, inside)] if inside else []
-    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(kept)
+        continuous += [(port, inside)] if inside else []
+    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(continuous)
 
 
 def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
@@ -79,11 +99,11 @@ def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
     operation, at = tree[0], tree[-1]
     if operation in ("+", "-", "negative"):
         *first, last = tree[1:-1]
-        yield from (each for part in first for each in _summands(part, products))
-        yield from (each if operation == "+" else ("negative", each, at) for each in _summands(last, products))
+        yield from (summand for tree in first for summand in _summands(tree, products))
+        yield from (summand if operation == "+" else ("negative", summand, at) for summand in _summands(last, products))
     elif products and operation in ("*", "/"):
         seconds = list(_summands(tree[2], products)) if operation == "*" else [tree[2]]
-        yield from ((operation, one, two, at) for one in _summands(tree[1], products) for two in seconds)
+        yield from ((operation, factor, second, at) for factor in _summands(tree[1], products) for second in seconds)
     else:
         yield tree
 

@@ -76,7 +76,7 @@ class Drawing:
         return type(self), self._parts()  # another process has other hashes
 
     def _parts(self):
-        return tuple(getattr(self, each.name) for each in fields(self) if each.init)
+        return tuple(getattr(self, item.name) for item in fields(self) if item.init)
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield the path of the key and the tree for each number of the drawing."""
@@ -86,16 +86,16 @@ class Drawing:
         terms = [(f"wire.{port}", terms) for port, terms in (*self.wires, *self.couplings)]
         if self.hand:
             terms += [("ports.hand.displacement", self.hand[1]), ("ports.hand.reaction", self.hand[2] or ())]
-        terms += [(path_of_port("outputs", name), some) for name, some, _ in self.outputs]
-        yield from ((path, gain) for path, some in terms for _, gain in some)
+        terms += [(path_of_port("outputs", name), shown) for name, shown, _ in self.outputs]
+        yield from ((path, gain) for path, summed in terms for _, gain in summed)
 
     def tied(self, along: str, paths: tuple[str, ...]) -> Drawing:
         """Return the drawing in which some numbers are multiples of another one: their values are the factors."""
         for name in map(name_of, paths):
             product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
-            parts = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
-            parts = {part: _replaced(getattr(self, part), ("name", name), product) for part in parts}
-            self = replace(self, **parts)  # noqa: PLW0642 - the same drawing, with one number less of its own
+            trees = ("tick_hz", "blocks", "wires", "hand", "couplings", "outputs", "named")
+            tied = {field_name: _replaced(getattr(self, field_name), ("name", name), product) for field_name in trees}
+            self = replace(self, **tied)  # noqa: PLW0642 - the same drawing, with one number less of its own
         return self
 
     def rate(self, values: Mapping[str, float]) -> float:
@@ -121,9 +121,9 @@ class Drawing:
     @property
     def further(self) -> tuple[tuple[str, str, Terms], ...]:
         """The further axes of the hand: name of the output, signal of the force, and displacement of each."""
-        seen = {name: terms for name, terms, _ in self.outputs if name.startswith(FURTHER[1])}
+        displacements = {name: terms for name, terms, _ in self.outputs if name.startswith(FURTHER[1])}
         forces = {name.replace(*FURTHER): signal for name, signal, _ in self.inputs if name.startswith(FURTHER[0])}
-        return tuple((name, forces[name], terms) for name, terms in seen.items() if name in forces)
+        return tuple((name, forces[name], terms) for name, terms in displacements.items() if name in forces)
 
     @property
     def signals(self) -> list[str]:
@@ -136,16 +136,18 @@ class Drawing:
         """The plants that are made of several blocks, which couplings connect, and those that a dead time acts on or reads."""
         arriving, sensed = _between_ticks(self)
         plants: list[set[str]] = []
-        for joined in ({_block_of(name) for name in (port, *dict(terms))} for port, terms in self.couplings):
-            whole = joined.union(*(each for each in plants if each & joined))
-            plants = [each for each in plants if not each & whole] + [whole]
+        for coupled in ({_block_of(name) for name in (port, *dict(terms))} for port, terms in self.couplings):
+            joined = coupled.union(*(names for names in plants if names & coupled))
+            plants = [names for names in plants if not names & joined] + [joined]
         for name in dict.fromkeys(_block_of(name) for name, _ in (*arriving, *sensed)):
-            plants += [] if any(name in whole for whole in plants) else [{name}]
-        made = []
-        for names in plants:
-            parts = ([each for each in some if _block_of(each[0]) in names] for some in (self.couplings, arriving, sensed))
-            made.append(Plant(tuple(block for block in self.blocks if block.name in names), *map(tuple, parts)))
+            plants += [] if any(name in names for names in plants) else [{name}]
+        made = [self._plant(names, arriving, sensed) for names in plants]
         return tuple(sorted(made, key=lambda plant: self.blocks.index(plant.members[0])))
+
+    def _plant(self, names: set[str], arriving: tuple, sensed: tuple) -> Plant:
+        """The plant of the blocks with these names; arriving, sensed: see `_between_ticks`."""
+        ends = ([pair for pair in pairs if _block_of(pair[0]) in names] for pairs in (self.couplings, arriving, sensed))
+        return Plant(tuple(block for block in self.blocks if block.name in names), *map(tuple, ends))
 
     @_remembered
     def dead_times(self) -> dict[str, Tree]:
@@ -159,9 +161,9 @@ class Drawing:
         Those of one are its number of ticks. Those of two say whether what the first one brings to a plant has arrived before
         the second one, or the same, reads the plant; see `wavesweep.engine.loops.dead_time`.
         """
-        pairs = {(one, other) for plant in self.plants for _, one in plant.arriving for _, other in plant.sensed}
+        pairs = {(early, late) for plant in self.plants for _, early in plant.arriving for _, late in plant.sensed}
         ticks = {f"block.{name}.ticks": (name,) for name in self.dead_times}
-        return ticks | {f"block.{one}.before.{other}": (one, other) for one, other in sorted(pairs)}
+        return ticks | {f"block.{early}.before.{late}": (early, late) for early, late in sorted(pairs)}
 
     @property
     def channels(self) -> tuple[DrawnBlock, ...]:
@@ -182,8 +184,8 @@ class Drawing:
     @property
     def apart(self) -> list[DrawnBlock]:
         """The blocks on which no plant acts continuously, and at most one dead time between two ticks."""
-        others = {block for plant in self.plants if plant.couplings or len(plant.arriving) > 1 for block in plant.members}
-        return [block for block in self.blocks if block not in others]
+        acted_on = {block for plant in self.plants if plant.couplings or len(plant.arriving) > 1 for block in plant.members}
+        return [block for block in self.blocks if block not in acted_on]
 
     @property
     def inside(self) -> dict[str, str]:
@@ -215,8 +217,8 @@ class Drawing:
     def of_losses(self) -> frozenset[str]:
         """Paths of the keys that probabilities of channels alone read: with all messages in time nothing depends on them."""
         shares = {f"block.{block.name}.{key}" for block in self.channels for key in SHARES}
-        others = (tree for path, tree in self.trees() if path not in shares)
-        return self.reads - {path_of(name) for tree in others for name, _ in names_in(tree)}
+        trees = (tree for path, tree in self.trees() if path not in shares)
+        return self.reads - {path_of(name) for tree in trees for name, _ in names_in(tree)}
 
     @_remembered
     def posing(self) -> frozenset[str]:
@@ -240,7 +242,7 @@ class Drawing:
             of_type = keys_of_block(block.type)
             for name, tree in (*block.trees(), *block.limit_trees()):
                 path = f"block.{block.name}.{name}"
-                if any(path == each for each, _ in names_in(tree)):
+                if any(path == read for read, _ in names_in(tree)):
                     keys[path] = replace(of_type[name], path=path, required=False, shaping=path in self.shaping)
         return Names(keys, {name: path_of(name) for name, _, _ in self.numbers})
 
@@ -251,20 +253,18 @@ def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
         return replace(part, keys=_replaced(part.keys, leaf, tree))
     if not isinstance(part, tuple):
         return part
-    return tree if part[:2] == leaf else tuple(_replaced(each, leaf, tree) for each in part)
+    return tree if part[:2] == leaf else tuple(_replaced(item, leaf, tree) for item in part)
 
 
 def _between_ticks(drawing):
     """Ports of plants with the dead times that arrive there, and outputs of plants with the dead times that read them."""
     plants, delays, arriving, sensed = {block.name for block in drawing.blocks if block.plant}, drawing.dead_times, {}, {}
-    for port, terms in drawing.wires if delays else ():
-        own = _block_of(port)
-        for source in (_block_of(signal) for signal, _ in terms) if own in plants else ():
-            if source in delays:
-                arriving[port, source] = None
-        for signal, _ in terms if own in delays else ():
-            if _block_of(signal) in plants:
-                sensed[signal, own] = None
+    for port, terms in drawing.wires:
+        block = _block_of(port)
+        if block in plants:
+            arriving |= {(port, source): None for source in (_block_of(signal) for signal, _ in terms) if source in delays}
+        elif block in delays:
+            sensed |= {(signal, block): None for signal, _ in terms if _block_of(signal) in plants}
     return tuple(arriving), tuple(sensed)
 
 

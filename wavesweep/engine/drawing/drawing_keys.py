@@ -108,18 +108,19 @@ class KeyReader:
             self.read.update(re.findall(r"\w+", leaf.value))
             return self.fault(path, leaf, fault)
         self.read.update(name for name, _ in names_in(tree))
-        known, meanings, before = {*self.numbers, *(self.signals if signals else ())}, self.meanings, len(self.mistakes)
+        names, meanings = {*self.numbers, *(self.signals if signals else ())}, self.meanings
         if self.period:
-            meanings = meanings if PERIOD in known else {**meanings, PERIOD: self.period}
-            known.add(PERIOD)
-        for name, at in names_in(tree):
+            meanings = meanings if PERIOD in names else {**meanings, PERIOD: self.period}
+            names.add(PERIOD)
+        unknown = [(name, at) for name, at in names_in(tree) if name not in names]
+        if signals:
+            unknown = [(name, at) for name, at in unknown if not self.is_hidden(name.rpartition(".")[0])]
+        for name, at in unknown:
             block = name.rpartition(".")[0]
-            if name in known or (signals and self.is_hidden(block)):
-                continue
-            own = [each for each in sorted(self.signals) if block and signals and each.startswith(f"{block}.")]
-            expected = f"an output of {block}: {' or '.join(own)}" if own else NAMES_OF[signals]
-            self.fault(path, leaf, Fault(at, expected, f"an unknown name {show(name)}", nearest(name, sorted(known))))
-        if len(self.mistakes) > before:
+            outputs = [signal for signal in sorted(self.signals) if block and signals and signal.startswith(f"{block}.")]
+            expected = f"an output of {block}: {' or '.join(outputs)}" if outputs else NAMES_OF[signals]
+            self.fault(path, leaf, Fault(at, expected, f"an unknown name {show(name)}", nearest(name, sorted(names))))
+        if unknown:
             return None
         try:  # registers in place of `prev(...)`
             tree = with_trees(tree, meanings)
@@ -145,10 +146,12 @@ class KeyReader:
         """
         trees = {name: self.read_text(path, leaf, signals) for name, (path, leaf) in texts.items()}
         rest, beyond = {name: tree for name, tree in trees.items() if tree is not None}, set()
-        while ready := [name for name, tree in rest.items() if not rest.keys() & {each for each, _ in names_in(tree)}]:
+        while ready := [
+            name for name, tree in rest.items() if not rest.keys() & {read_name for read_name, _ in names_in(tree)}
+        ]:
             for name in ready:
                 tree = rest.pop(name)
-                if beyond & {each for each, _ in names_in(tree)}:  # whose mistake is the same
+                if beyond & {read_name for read_name, _ in names_in(tree)}:  # whose mistake is the same
                     beyond.add(name)
                     continue
                 try:
@@ -182,26 +185,33 @@ class KeyReader:
         except Fault as fault:
             return self.fault(path, leaf, fault)
 
-    def read_block(self, name: str, given: Mapping[str, Leaf]) -> DrawnBlock | None:
-        path, before, self.ports[name] = f"block.{name}", len(self.mistakes), None
-        if "" in given and given[""].value != {}:
-            return self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
+    def read_type(self, name: str, leaves: Mapping[str, Leaf]) -> str | None:
+        """Return the type of a block; leaves: of its keys."""
+        path = f"block.{name}"
+        if "" in leaves and leaves[""].value != {}:
+            return self.refuse(leaves[""], path, "a table", show(leaves[""].value), of_key=False)
         if not is_dotted(name):
-            return self.refuse(next(iter(given.values())).place.parent(), path, NAME, show(name))
-        known = "type" in given and given["type"].value in [*TYPES]  # otherwise its message lists all
-        choices = tuple(TYPES) if known else (*TYPES, *self.classes)
+            return self.refuse(next(iter(leaves.values())).place.parent(), path, NAME, show(name))
+        is_type = "type" in leaves and leaves["type"].value in [*TYPES]  # otherwise its message lists all
+        choices = tuple(TYPES) if is_type else (*TYPES, *self.classes)
         key = Key(f"{path}.type", "string", None, "", "", choices=choices, required=True)
-        kind = self.read_key(key.path, key, given.get("type"))
+        kind = self.read_key(key.path, key, leaves.get("type"))
         if kind is None:  # which of its numbers are read is not known
-            self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
+            self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in leaves.values())))
+        return kind
+
+    def read_block(self, name: str, leaves: Mapping[str, Leaf]) -> DrawnBlock | None:
+        path, before, self.ports[name] = f"block.{name}", len(self.mistakes), None
+        kind = self.read_type(name, leaves)
+        if kind is None:
             return None
         keys = keys_of_block(kind)
-        given = self.with_corrected_names(path, given, keys)
-        every = self.read_key(f"{path}.every", keys.pop("every"), given.get("every"))
+        leaves = self.with_corrected_names(path, leaves, keys)
+        every = self.read_key(f"{path}.every", keys.pop("every"), leaves.get("every"))
         self.period = self.periods[name] = ("/", every or ONE, self.tick_hz, 0)
-        if kind == "delay" and "seconds" in given and "steps" not in given:
+        if kind == "delay" and "seconds" in leaves and "steps" not in leaves:
             del keys["steps"]  # whose default is for a delay of steps
-        read = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
+        read = {key: self.read_key(f"{path}.{key}", row, leaves.get(key)) for key, row in keys.items()}
         self.period = None
         if None not in [read.get(key, "") for key in (TYPES[kind].by, "inputs", "outputs", "axes")]:
             self.ports[name] = TYPES[kind].ports_of(read)
@@ -210,11 +220,11 @@ class KeyReader:
         phase = read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself
             read["B"] = read["B"] or ((),) * len(read["A"])
-        own, limits = (
-            tuple((key, value) for key, value in read.items() if value is not None and (key in TYPES[kind].limits) is beyond)
-            for beyond in (False, True)
+        written = [(key, value) for key, value in read.items() if value is not None]
+        linear_keys, limits = (
+            tuple(pair for pair in written if (pair[0] in TYPES[kind].limits) is beyond) for beyond in (False, True)
         )
-        block = DrawnBlock(name, kind, own, every, phase, limits=limits)
+        block = DrawnBlock(name, kind, linear_keys, every, phase, limits=limits)
         wrong = _limit_fault(dict(limits)) or _shape_fault(block)
         if wrong:
             return self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
@@ -225,22 +235,19 @@ class KeyReader:
         meant = dict(given)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
-                known, limits = ("type", *keys), any(word in key for word in LIMITS)
-                alike = (each for names in ALIKE if key in names for each in names if each in keys)
+                choices, limits = ("type", *keys), any(word in key for word in LIMITS)
+                alike = (synonym for names in ALIKE if key in names for synonym in names if synonym in keys)
                 strange = limits and "high" not in keys
-                near = "" if strange else next(alike, "") or nearest(key, known) or "high" * limits
+                near = "" if strange else next(alike, "") or nearest(key, choices) or "high" * limits
                 told = "a limit, which a block of type saturation has" if strange else "an unknown key"
-                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), told, near)
+                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(choices), told, near)
                 meant.setdefault(near, leaf)
         return meant
 
     def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
         """Read the value of a key by its type: trees of numbers, a word, true or false, or names of ports."""
         if leaf is None:
-            if key.required:
-                what = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
-                self.refuse(self.leaf(path.rpartition(".")[0]), path, what, "nothing (it has no default)")
-            return self.number(path, key.default) if key.numeric and key.default is not None else key.default
+            return self.default_of(path, key)
         self.leaves[path], value = leaf, leaf.value
         if key.numeric:
             return self.read_number(path, key, leaf)
@@ -253,6 +260,13 @@ class KeyReader:
         names = ", ".join(map(str, value)) if isinstance(value, list) else show(value)
         return self.refuse(leaf, path, "a list of different names", names or "none", of_key=False)
 
+    def default_of(self, path: str, key: Key) -> object:
+        """Return the default of a key that is not given, as `read_key` does; if there has to be one, it is a mistake."""
+        if key.required:
+            expected = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
+            self.refuse(self.leaf(path.rpartition(".")[0]), path, expected, "nothing (it has no default)")
+        return self.number(path, key.default) if key.numeric and key.default is not None else key.default
+
     def read_numbers_of(self, path: str, leaf: Leaf, deep: bool) -> tuple | None:
         """Read a list of numbers, or of rows of them."""
         rows = leaf.value if deep else [leaf.value]
@@ -262,7 +276,9 @@ class KeyReader:
         entry, trees = Key(path, "number", None, "", ""), []
         for i, row in enumerate(rows):
             at = f"{path}[{i}]" if deep else path
-            trees.append(tuple(self.read_number(f"{at}[{j}]", entry, replace(leaf, value=each)) for j, each in enumerate(row)))
+            trees.append(
+                tuple(self.read_number(f"{at}[{j}]", entry, replace(leaf, value=number)) for j, number in enumerate(row))
+            )
         self.leaves[path] = leaf
         return tuple(trees) if deep else trees[0]
 
@@ -280,12 +296,12 @@ def is_dotted(name: str) -> bool:
 def _limit_fault(limits: Mapping[str, object]) -> tuple[str, str, str] | None:
     """Return key, expected and found text if the limits of a block and what it does at them do not fit together."""
     acts = limits.get("anti_windup", "none")
-    given = [name for name in ("low", "tracking_s") if name in limits] + ["anti_windup"] * (acts != "none")
-    if given and "high" not in limits:
-        return "high", "a number, the upper limit", f"{given[0]} without it"
+    need_high = [name for name in ("low", "tracking_s") if name in limits] + ["anti_windup"] * (acts != "none")
+    if need_high and "high" not in limits:
+        return "high", "a number, the upper limit", f"{need_high[0]} without it"
     if (acts == "back-calculation") != ("tracking_s" in limits):
-        given = "no time constant" if acts == "back-calculation" else f"one with anti_windup = {acts!r}"
-        return "tracking_s", "a time constant (s) with back-calculation, and none without", given
+        reason = "no time constant" if acts == "back-calculation" else f"one with anti_windup = {acts!r}"
+        return "tracking_s", "a time constant (s) with back-calculation, and none without", reason
     return None
 
 
@@ -295,12 +311,15 @@ def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
     if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
         return "num", f"no more coefficients than den has ({len(keys['den'])})", f"{len(keys['num'])}"
     if TYPES[block.type].either and len(keys) != 1:
-        one, other = TYPES[block.type].either
-        return other, f"either {one} or {other}", "both" if keys else "neither"
+        first, second = TYPES[block.type].either
+        return second, f"either {first} or {second}", "both" if keys else "neither"
     if block.type == "mass_matrix":
         return shape_fault(keys)
-    if block.type != "ss":
-        return None
+    return _matrix_fault(keys) if block.type == "ss" else None
+
+
+def _matrix_fault(keys: Mapping[str, object]) -> tuple[str, str, str] | None:
+    """`_shape_fault` of a state-space model."""
     n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])
     if not p:
         return "outputs", "at least one port", "none"

@@ -35,8 +35,20 @@ Ports = dict[str, dict]  # the parts of hand and wall, and of each input and out
 class PortReader(KeyReader):
     """A reading of [ports]."""
 
-    def parts_of_ports(self, table: Mapping[Path, Leaf]) -> Ports:
+    def complete_ports(self, table: Mapping[Path, Leaf]) -> Ports:
         """Sort the leaves of [ports]; inputs and outputs without a signal are left out."""
+        ports = self.sorted_ports(table)
+        for side in ("hand", "environment", "wall"):
+            missing = [key for key in PORTS[side] if key not in ports[side] and key not in OPTIONAL]
+            if missing and ports[side]:
+                expected = f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
+                table = next(iter(ports[side].values())).place.parent()
+                self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
+        complete = {side: self.named(side, keys) if side in NAMED else keys for side, keys in ports.items()}
+        return self.with_further(self.with_environment(complete))
+
+    def sorted_ports(self, table: Mapping[Path, Leaf]) -> Ports:
+        """Sort the leaves of [ports]; unknown ports and keys are mistakes."""
         ports: Ports = {side: {} for side in PORTS}
         for (side, *rest), leaf in table.items():
             path, named = f"ports.{side}", side in NAMED
@@ -45,41 +57,34 @@ class PortReader(KeyReader):
                 self.refuse(place, path, "hand, environment, wall, inputs or outputs", "an unknown port", nearest(side, PORTS))
             elif not rest:
                 if leaf.value != {} or not named:
-                    what = f"a table, NAME = {NAMED[side]}" if named else f"{{ {', '.join(PORTS[side])} }}"
-                    self.refuse(leaf, path, what, show(leaf.value))
+                    expected = f"a table, NAME = {NAMED[side]}" if named else f"{{ {', '.join(PORTS[side])} }}"
+                    self.refuse(leaf, path, expected, show(leaf.value))
             elif named:
-                part = ".".join(rest[1:]) or "signal"
-                if self.mistakes.is_known(part, PORTS[side], leaf, f"{path}.{rest[0]}.{part}"):
-                    ports[side].setdefault(rest[0], {})[part] = leaf
+                key = ".".join(rest[1:]) or "signal"
+                if self.mistakes.is_known(key, PORTS[side], leaf, f"{path}.{rest[0]}.{key}"):
+                    ports[side].setdefault(rest[0], {})[key] = leaf
             elif self.mistakes.is_known(rest[0], PORTS[side], leaf, f"{path}.{rest[0]}"):
                 ports[side][rest[0]] = leaf if len(rest) == 1 else Leaf({}, leaf.place.parent())
-        for side in ("hand", "environment", "wall"):
-            missing = [part for part in PORTS[side] if part not in ports[side] and part not in OPTIONAL]
-            if missing and ports[side]:
-                expected = f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
-                table = next(iter(ports[side].values())).place.parent()
-                self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
-        found = {side: self.named(side, parts) if side in NAMED else parts for side, parts in ports.items()}
-        return self.with_further(self.with_environment(found))
+        return ports
 
     def with_further(self, ports: Ports) -> Ports:
         """Add the axes of the hand but the first, of lists of forces and displacements, to the inputs and outputs."""
         hand = ports["hand"]
-        pairs = [(part, hand[part]) for part in PORTS["hand"][:2] if part in hand]
-        listed = [(part, leaf) for part, leaf in pairs if isinstance(leaf.value, list)]
+        pairs = [(key, hand[key]) for key in PORTS["hand"][:2] if key in hand]
+        listed = [(key, leaf) for key, leaf in pairs if isinstance(leaf.value, list)]
         if not listed:
             return ports
-        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(each, str) for each in leaf.value)]
+        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(text, str) for text in leaf.value)]
         if len(texts) < 2 or len(texts[0]) != len(texts[1]) or ports["environment"] or "reaction" in hand:
             expected = "as many names of forces as displacements, in two lists, without reaction and environment"
             self.refuse(listed[0][1], f"ports.hand.{listed[0][0]}", expected, show(listed[0][1].value), of_key=False)
-        for part, leaf in listed:
-            values = leaf.value if isinstance(leaf.value, list) and leaf.value else [""]
-            self.lists[f"ports.hand.{part}"] = leaf
-            hand[part] = Leaf(values[0], leaf.place)
+        for key, leaf in listed:
+            values = leaf.value or [""]
+            self.lists[f"ports.hand.{key}"] = leaf
+            hand[key] = Leaf(values[0], leaf.place)
             for number, value in enumerate(values[1:], 2):
-                side = "inputs" if part == "force" else "outputs"
-                ports[side][f"hand.{part}.{number}"] = {"signal": Leaf(value, leaf.place)}
+                side = "inputs" if key == "force" else "outputs"
+                ports[side][f"hand.{key}.{number}"] = {"signal": Leaf(value, leaf.place)}
         return ports
 
     def with_environment(self, ports: Ports) -> Ports:
@@ -91,23 +96,22 @@ class PortReader(KeyReader):
 
     def named(self, side: str, ports: dict[str, Parts]) -> dict[str, Parts]:
         """Check the names of inputs or outputs; return those that have a signal."""
-        for name, parts in ports.items():
-            path, first = f"ports.{side}.{name}", next(iter(parts.values()))
-            self.leaves |= {path if part == "signal" else f"{path}.unit": leaf for part, leaf in parts.items()}
+        for name, keys in ports.items():
+            path, first = f"ports.{side}.{name}", next(iter(keys.values()))
+            self.leaves |= {path if key == "signal" else f"{path}.unit": leaf for key, leaf in keys.items()}
             if name in (*COLUMNS, *RUN_COLUMNS):
                 self.refuse(first, path, *column_fault("ports", name))
             elif not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
                 self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
-            if "signal" not in parts:
+            if "signal" not in keys:
                 self.refuse(first.place.parent(), path, f"the key signal, {NAMED[side]}", "none")
-        return {name: parts for name, parts in ports.items() if "signal" in parts}
+        return {name: keys for name, keys in ports.items() if "signal" in keys}
 
-    def read_ports(self, ports: Ports) -> tuple:
-        """Read the hand, the wall, and the name, signal or terms, and unit of each input and output."""
-        hand, wall = self.read_hand(ports["hand"]), self.read_wall(ports["wall"])
-        inputs, outputs = [], []
-        for name, parts in ports["inputs"].items():
-            path, leaf = path_of_port("inputs", name), parts["signal"]
+    def read_inputs(self, ports: Ports) -> tuple[tuple[str, str, str], ...]:
+        """Read the name, signal and unit of each input."""
+        inputs: list[tuple[str, str, str]] = []
+        for name, keys in ports["inputs"].items():
+            path, leaf = path_of_port("inputs", name), keys["signal"]
             fault = self.fault_from_outside(leaf.value)
             if fault and name in self.read:
                 fault = (f'{fault[0]}, as {name} = "{name}"', fault[1])
@@ -116,16 +120,21 @@ class PortReader(KeyReader):
                     leaf, path, *(fault or ("a signal that no other port has", f"{show(leaf.value)} again")), of_key=False
                 )
             else:
-                inputs.append((name, leaf.value, self.word(f"{path}.unit", parts.get("unit"))))
-        for name, parts in ports["outputs"].items():
+                inputs.append((name, leaf.value, self.word(f"{path}.unit", keys.get("unit"))))
+        return tuple(inputs)
+
+    def read_outputs(self, ports: Ports) -> tuple[tuple[str, Terms, str], ...]:
+        """Read the name, terms and unit of each output."""
+        outputs = []
+        for name, keys in ports["outputs"].items():
             path = path_of_port("outputs", name)
             if name in ports["inputs"]:
-                self.refuse(parts["signal"], path, "another name than that of an input", show(name))
-            terms = self.read_terms(path, parts["signal"])
+                self.refuse(keys["signal"], path, "another name than that of an input", show(name))
+            terms = self.read_terms(path, keys["signal"])
             if terms is not None:
-                outputs.append((name, terms, self.word(f"{path}.unit", parts.get("unit"))))
+                outputs.append((name, terms, self.word(f"{path}.unit", keys.get("unit"))))
         self.leaves |= self.lists
-        return hand, wall, tuple(inputs), tuple(outputs)
+        return tuple(outputs)
 
     def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
         """Return expected and found text of a value that is not a signal from outside that a wire reads. what: it should be."""
@@ -144,39 +153,43 @@ class PortReader(KeyReader):
         """
         ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
         units = {name: unit for name, unit, _ in numbers}
-        declared = (parts for side in NAMED for parts in given[side].values() if "unit" in parts)
-        units |= {str(parts["signal"].value): str(parts["unit"].value) for parts in declared}
+        declared = (keys for side in NAMED for keys in given[side].values() if "unit" in keys)
+        units |= {str(keys["signal"].value): str(keys["unit"].value) for keys in declared}
         for name, leaf in self.asked.items():
-            terms, block = None, ports.get(name)
-            if name in given["outputs"]:
-                continue
-            if block and name in wires:
-                self.period = self.periods[block.name]
-                terms = self.read_terms(f"wire.{name}", wires[name])
-                self.period = None
-            elif block and name in self.signals:
-                terms = ((name, ONE),)
-            elif name in self.meanings and name in self.signals:
-                self.read.add(name)
-                terms = self.terms_of(f"signals.{name}", leaf, self.meanings[name])
+            block = ports.get(name)
+            terms = None if name in given["outputs"] else self.terms_of_signal(name, leaf, block, wires)
             if terms is not None:
-                yield name, terms, units.get(name) or (_unit_of(name, block, units) if block else "")
+                yield name, terms, units.get(name) or _unit_of(name, block, units)
 
-    def read_hand(self, parts: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
-        force = parts.get("force")
+    def terms_of_signal(self, name: str, leaf: Leaf, block: DrawnBlock | None, wires: Mapping[str, Leaf]) -> Terms | None:
+        """Return the terms of a port or of a name in [signals]; None if it is neither. block: whose port it is."""
+        if block and name in wires:
+            self.period = self.periods[block.name]
+            terms = self.read_terms(f"wire.{name}", wires[name])
+            self.period = None
+            return terms
+        if block and name in self.signals:
+            return ((name, ONE),)
+        if name in self.meanings and name in self.signals:
+            self.read.add(name)
+            return self.terms_of(f"signals.{name}", leaf, self.meanings[name])
+        return None
+
+    def read_hand(self, keys: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
+        force = keys.get("force")
         if force:
             self.leaves["ports.hand.force"] = force
             if fault := self.fault_from_outside(force.value, "the hand's force"):
                 self.refuse(force, "ports.hand.force", *fault, of_key=False)
         position, reaction = (
-            self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:3]
+            self.read_terms(f"ports.hand.{key}", keys[key]) if key in keys else None for key in PORTS["hand"][1:3]
         )
         return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
 
-    def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
+    def read_wall(self, keys: Mapping[str, Leaf]) -> tuple[str, ...] | None:
         numbers = []
-        for part, leaf in ((part, parts[part]) for part in PORTS["wall"] if part in parts):
-            path, name = f"ports.wall.{part}", leaf.value
+        for key, leaf in ((key, keys[key]) for key in PORTS["wall"] if key in keys):
+            path, name = f"ports.wall.{key}", leaf.value
             self.leaves[path] = leaf
             if name not in self.numbers or name in self.meanings:
                 hint = nearest(name, self.numbers) if isinstance(name, str) else ""
@@ -187,12 +200,14 @@ class PortReader(KeyReader):
         return tuple(numbers) or None
 
 
-def _unit_of(signal: str, block: DrawnBlock, units: Mapping[str, str]) -> str:
+def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) -> str:
     """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which the unit of its number shows."""
+    if block is None:
+        return ""
     mass = dict(block.keys).get("mass", ONE)
-    known = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
-    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if known in ("kg", "kg*m^2") else ""
-    return TURNED[unit] if unit and known == "kg*m^2" else unit
+    unit_of_mass = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
+    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if unit_of_mass in ("kg", "kg*m^2") else ""
+    return TURNED[unit] if unit and unit_of_mass == "kg*m^2" else unit
 
 
 def column_fault(table: str, name: str) -> tuple[str, str]:

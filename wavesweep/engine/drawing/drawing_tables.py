@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import NamedTuple
 
 from wavesweep.engine.drawing.block_types import COLUMNS, TICK_HZ, TYPES
 from wavesweep.engine.drawing.conditions import displaced, faults
@@ -49,25 +50,34 @@ class Surroundings:
     classes: tuple[str, ...] = ()
 
 
+class ReadDrawing(NamedTuple):
+    """A drawing, None if it has mistakes, the values of its numbers, its leaves by path, and its names."""
+
+    drawing: Drawing | None
+    values: dict[str, float]
+    leaves: dict[str, Leaf]
+    names: Names
+
+
 def read_drawing(
-    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes, beside: Surroundings = Surroundings()
-) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf], Names]:
-    """Return the drawing, the values of its numbers, its leaves by path, and its names; None if it has mistakes, which it adds.
+    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes, surroundings: Surroundings = Surroundings()
+) -> ReadDrawing:
+    """Return what is drawn, and add its mistakes.
 
     leaves: other tables than those of a drawing are skipped. source: their place.
     """
-    reader = _TableReader(source, beside.axes | {RATE}, beside.classes)
+    reader = _TableReader(source, surroundings.axes | {RATE}, surroundings.classes)
     grouped = reader.grouped(leaves)
-    reader.asked = beside.signals
+    reader.asked = surroundings.signals
     drawing, values = reader.drawing(grouped)
-    for path, expected, found in (*faults(drawing, values), *displaced(drawing, values)):
+    for path, expected, reason in (*faults(drawing, values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
-        text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
+        text = f"{show(leaf.value)}: {reason}" if isinstance(leaf.value, str) else reason
         reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
     mistakes += reader.mistakes
     following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
-    names = replace(names_of(leaves, beside.axes) if reader.mistakes else drawing.names, following=following)
-    return (None if reader.mistakes else drawing), values, reader.leaves, names
+    names = replace(names_of(leaves, surroundings.axes) if reader.mistakes else drawing.names, following=following)
+    return ReadDrawing(None if reader.mistakes else drawing, values, reader.leaves, names)
 
 
 def is_derived(path: Path, leaf: Leaf) -> bool:
@@ -81,6 +91,28 @@ def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
     keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
     keys |= {path: Key(path, "number", None, "", "") for path in axes}
     return Names(keys, {name: path_of(name) for name in numbers})
+
+
+def signals_from_outside(ports: Mapping[str, Mapping]) -> set[str]:
+    """Return the signals of the hand's force and of the inputs. ports: leaves of [ports] by side."""
+    force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
+    inputs = [leaf.value for leaf in (*force, *(keys["signal"] for keys in ports["inputs"].values()))]
+    return {signal for signal in inputs if isinstance(signal, str)}
+
+
+def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]) -> list[str]:
+    """Return the ports of springs that need no wire: velocities without damping, and the second end of those to the ground."""
+    undamped = [name for name, block in springs.items() if not block or dict(block.keys)["d"][:2] == ("number", 0.0)]
+    ground = [[f"{name}.{port}" for port in ("x2", "v2")] for name in springs]
+    at_ground = [port for ports in ground if not {*ports} & {*wires} for port in ports]
+    return [f"{name}.{port}" for name in undamped for port in ("v1", "v2")] + at_ground
+
+
+def with_whole_numbers(drawing: Drawing, values: dict[str, float]) -> tuple[Drawing, dict[str, float]]:
+    """Return the drawing and the values with whole numbers where these decide how the loop is built."""
+    deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
+    integers = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
+    return replace(drawing, whole=integers), values | {path_of(name): int(values[path_of(name)]) for name in integers}
 
 
 class _TableReader(PortReader):
@@ -100,18 +132,16 @@ class _TableReader(PortReader):
             elif table == "ports":
                 tables[table][tuple(rest)] = leaf
             else:
-                part = rest[1] if len(rest) > 1 else ""
-                here = leaf if len(rest) < 3 else Leaf({}, leaf.place.under((table, *rest[:2])))
-                tables[table].setdefault(rest[0], {})[part] = here
+                key = rest[1] if len(rest) > 1 else ""
+                entry = leaf if len(rest) < 3 else Leaf({}, leaf.place.under((table, *rest[:2])))
+                tables[table].setdefault(rest[0], {})[key] = entry
         return tables
 
     def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
         """Read every table; parts that have mistakes are left out."""
         self.numbers = tuple(tables["numbers"])
-        ports = self.parts_of_ports(tables["ports"])
-        force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
-        signals = [each.value for each in (*force, *(parts["signal"] for parts in ports["inputs"].values()))]
-        self.outside = {each for each in signals if isinstance(each, str)}
+        ports = self.complete_ports(tables["ports"])
+        self.outside = signals_from_outside(ports)
         numbers, values = self.read_numbers(tables["numbers"])
         self.tick_hz = self.read_rate(tables["rates"]) or ("name", RATE, 0)
         blocks = self.read_blocks(tables)
@@ -120,16 +150,17 @@ class _TableReader(PortReader):
         read = {port: self.read_wire(port, leaf, plants) for port, leaf in tables["wire"].items()}
         read |= {port: ((), ()) for port in self.optional if port not in read}
         wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
-        hand, wall, inputs, outputs = self.read_ports(ports)
+        hand, wall = self.read_hand(ports["hand"]), self.read_wall(ports["wall"])
+        inputs, outputs = self.read_inputs(ports), self.read_outputs(ports)
         outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
-        named = [(name, self.meanings[name], leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
-        named = tuple((name, self.terms_of(f"signals.{name}", leaf, tree) or ()) for name, tree, leaf in named)
+        meant = [(name, leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
+        named = tuple((name, self.terms_of(f"signals.{name}", leaf, self.meanings[name]) or ()) for name, leaf in meant)
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
         registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
         blocks += registers
-        wires += tuple((f"{each.name}.u", ((self.registers[f"{each.name}.y"], ONE),)) for each in registers)
-        seen = [term for terms in shown for term in terms or ()]
-        wires, couplings = watching_held(wires, tuple(each for each in couplings if each[1]), seen)
+        wires += tuple((f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)) for block in registers)
+        shown_terms = [term for terms in shown for term in terms or ()]
+        wires, couplings = watching_held(wires, tuple(wire for wire in couplings if wire[1]), shown_terms)
         self.refuse_loose_ends(tables)
         self.refuse_two_meanings(tables, plants)
         values |= self.own
@@ -137,32 +168,23 @@ class _TableReader(PortReader):
         drawing = Drawing(
             self.tick_hz, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings, inputs, outputs, named
         )
-        deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
-        whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
-        values |= {path_of(name): int(values[path_of(name)]) for name in whole}
-        return replace(drawing, whole=whole), values
+        return with_whole_numbers(drawing, values)
 
     def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
         numbers, values, derived = [], {}, {}
-        for name, parts in table.items():
-            path, first = path_of(name), next(iter(parts.values()))
-            place = first.place if "" in parts else first.place.parent()
-            if name in COLUMNS:
-                self.refuse(place, path, *column_fault("numbers", name))
-            elif not is_name(name) or name in RESERVED:
-                self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
-            for part, leaf in parts.items():
-                if part:
-                    self.mistakes.is_known(part, NUMBER_PARTS, leaf, f"{path}.{part}")
-            leaf = parts.get("") or parts.get("value")
-            words = [self.word(f"{path}.{part}", parts.get(part)) for part in ("unit", "description")]
+        for name, keys in table.items():
+            path, first = path_of(name), next(iter(keys.values()))
+            place = first.place if "" in keys else first.place.parent()
+            self.check_names_of_number(name, keys, place)
+            leaf = keys.get("") or keys.get("value")
+            words = [self.word(f"{path}.{key}", keys.get(key)) for key in ("unit", "description")]
             if leaf is None or leaf.value == {}:
                 self.refuse(place, path, "a number, or { value, unit, description }", "no value")
                 continue
             self.leaves[path] = leaf
             if isinstance(leaf.value, str):
                 derived[name] = path, leaf
-                self.leaves |= {f"{path}.{part}": parts[part] for part in ("unit", "description") if part in parts}
+                self.leaves |= {f"{path}.{key}": keys[key] for key in ("unit", "description") if key in keys}
                 continue
             value = self.mistakes.check(Key(path, "number", None, "", ""), leaf)
             if value is not None:
@@ -171,27 +193,33 @@ class _TableReader(PortReader):
         self.define(derived)
         return tuple(numbers), values
 
+    def check_names_of_number(self, name: str, keys: Mapping[str, Leaf], place: Place) -> None:
+        """Refuse the name of a number, or of one of its keys, that is none. place: of the number."""
+        path = path_of(name)
+        if name in COLUMNS:
+            self.refuse(place, path, *column_fault("numbers", name))
+        elif not is_name(name) or name in RESERVED:
+            self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
+        for key, leaf in keys.items():
+            if key:
+                self.mistakes.is_known(key, NUMBER_PARTS, leaf, f"{path}.{key}")
+
     def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
         """Read the blocks, and what wires can read and have to feed."""
         read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
         blocks = tuple(block for block in read.values() if block is not None)
         if not read:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
-        known = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}
-        self.inputs, outputs = ([f"{name}.{port}" for name in known for port in self.ports[name][side]] for side in (0, 1))
-        springs = {name: read[name] and dict(read[name].keys)["d"] for name, kind in known.items() if kind == "spring"}
-        bare = [name for name, damping in springs.items() if damping is None or damping[:2] == ("number", 0.0)]
-        self.optional = [f"{name}.{port}" for name in bare for port in ("v1", "v2")]
-        for name in springs:  # to the ground
-            second = [f"{name}.{port}" for port in ("x2", "v2")]
-            self.optional += [] if {*second} & {*tables["wire"]} else second
+        kinds = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}
+        self.inputs, outputs = ([f"{name}.{port}" for name in kinds for port in self.ports[name][side]] for side in (0, 1))
+        self.optional = ports_at_rest({name: read[name] for name, kind in kinds.items() if kind == "spring"}, tables["wire"])
         self.signals = {*outputs} | self.outside
-        for block, kind in known.items():
-            for port, text in TYPES[kind].moments:  # which stand for expressions in outputs that are held
-                name = f"{block}.{port}"
-                self.meanings[name] = parse(text.format(name=block))
-                self.extents[name] = extent(self.meanings[name], {})
-                self.signals.add(name)
+        moments = [(block, *moment) for block, kind in kinds.items() for moment in TYPES[kind].moments]
+        for block, port, text in moments:  # which stand for expressions in outputs that are held
+            name = f"{block}.{port}"
+            self.meanings[name] = parse(text.format(name=block))
+            self.extents[name] = extent(self.meanings[name], {})
+            self.signals.add(name)
         return blocks
 
     def read_signals(self, table: Mapping[str, Leaf]) -> None:
@@ -218,13 +246,13 @@ class _TableReader(PortReader):
 
     def read_wire(self, port: str, leaf: Leaf, plants: Mapping[str, str]) -> tuple[Terms, Terms] | None:
         """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
-        path, own = f"wire.{port}", port.rpartition(".")[0]
-        if port not in self.inputs and not self.is_hidden(own):
+        path, block = f"wire.{port}", port.rpartition(".")[0]
+        if port not in self.inputs and not self.is_hidden(block):
             terms = "an output of a block" if port in self.signals else "an unknown port"
             expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
             self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
-        self.period = self.periods.get(own, ONE)
-        terms = self.read_terms(path, leaf, partial(parted, own=own, plants=plants if own in plants else {}))
+        self.period = self.periods.get(block, ONE)
+        terms = self.read_terms(path, leaf, partial(parted, own=block, plants=plants if block in plants else {}))
         self.period = None
         return terms
 
@@ -233,31 +261,43 @@ class _TableReader(PortReader):
         if self.mistakes or not tables["signals"]:
             return
         texts = {name: parse(leaf.value) for name, leaf in tables["signals"].items()}
-        others = {name: tree for name, tree in self.meanings.items() if name not in texts}
+        built_in = {name: tree for name, tree in self.meanings.items() if name not in texts}
 
-        def whole(tree: Tree, without: str = "") -> Tree:
+        def expanded(tree: Tree, without: str = "") -> Tree:
             names = {name for name, _ in names_in(tree)} & texts.keys()
-            meanings = {name: ("number", 0.0, 0) if name == without else whole(texts[name], without) for name in names}
-            return remembered(with_trees(with_trees(tree, meanings), others), self.signals)[0]
+            meanings = {name: ("number", 0.0, 0) if name == without else expanded(texts[name], without) for name in names}
+            return remembered(with_trees(with_trees(tree, meanings), built_in), self.signals)[0]
 
         of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
-        read = {name: {signal for signal, _ in linear(whole(tree), self.signals)} & of_plants for name, tree in texts.items()}
-        wires = {port: parse(leaf.value) for port, leaf in tables["wire"].items() if isinstance(leaf.value, str)}
-        ways: dict[str, tuple[list[str], list[str]]] = {name: ([], []) for name in texts}  # ports: held there, or continuous
-        for port, tree in wires.items():
-            own, there = port.rpartition(".")[0], whole(tree)
-            for name in texts if own in plants else ():
-                if (rest := whole(tree, name)) == there:
-                    continue
-                with suppress(Fault):  # without the name, the rest may be no spring
-                    known, less = (parted(each, self.signals, own, plants) for each in (there, rest))
-                    differ = [any(dict(known[i]).get(each) != dict(less[i]).get(each) for each in read[name]) for i in (0, 1)]
-                    if any(differ):
-                        ways[name][differ[1]].append(port)
-        two = {held[0]: (name, continuous[0]) for name, (held, continuous) in ways.items() if held and continuous}
-        for port, (name, other) in two.items():
-            expected = f"{name} as in {other}, where it acts continuously, or the output of a hold in both"
-            self.refuse(tables["wire"][port], f"wire.{port}", expected, f"{name} held over a tick", of_key=False)
+        texts_of_wires = {port: leaf.value for port, leaf in tables["wire"].items() if port.rpartition(".")[0] in plants}
+        into_plants = {port: parse(text) for port, text in texts_of_wires.items() if isinstance(text, str)}
+        in_full = {port: expanded(tree) for port, tree in into_plants.items()}
+        for name, text in texts.items():
+            read = of_plants & {signal for signal, _ in linear(expanded(text), self.signals)}
+            acts: tuple[list[str], list[str]] = [], []  # ports: held there, or continuous
+            for port, tree in into_plants.items():
+                trees = in_full[port], expanded(tree, name)
+                continuous = None if trees[0] == trees[1] else self._acts_continuously(port, trees, read, plants)
+                if continuous is not None:
+                    acts[continuous].append(port)
+            if acts[0] and acts[1]:
+                expected = f"{name} as in {acts[1][0]}, where it acts continuously, or the output of a hold in both"
+                leaf = tables["wire"][acts[0][0]]
+                self.refuse(leaf, f"wire.{acts[0][0]}", expected, f"{name} held over a tick", of_key=False)
+
+    def _acts_continuously(
+        self, port: str, trees: tuple[Tree, Tree], signals: set[str], plants: Mapping[str, str]
+    ) -> bool | None:
+        """Whether a name of [signals] acts continuously in a wire; None if it cannot be told, or acts through no plant.
+
+        trees: of the wire with the name and without it. signals: outputs of plants that the name reads.
+        """
+        with suppress(Fault):  # without the name, the rest may be no spring
+            block = port.rpartition(".")[0]
+            full, less = (parted(tree, self.signals, block, plants) for tree in trees)
+            differ = [any(dict(full[i]).get(name) != dict(less[i]).get(name) for name in signals) for i in (0, 1)]
+            return differ[1] if any(differ) else None
+        return None
 
     def made_registers(
         self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]

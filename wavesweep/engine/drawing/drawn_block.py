@@ -51,8 +51,8 @@ class DrawnBlock:
     @property
     def loses_at_random(self) -> bool:
         """Whether it is a channel whose messages are lost with a probability."""
-        given = (dict(self.keys).get(key, ("number", 0.0)) for key in ("loss", "burst"))
-        return any(tree[:2] != ("number", 0.0) for tree in given)
+        probabilities = (dict(self.keys).get(key, ("number", 0.0)) for key in ("loss", "burst"))
+        return any(tree[:2] != ("number", 0.0) for tree in probabilities)
 
     @property
     def dead_time(self) -> Tree | None:
@@ -167,7 +167,7 @@ class Plant:
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield a name and the tree for each number in its members' keys and in its couplings."""
-        yield from (each for block in self.members for each in block.trees())
+        yield from (key for block in self.members for key in block.trees())
         yield from (term for _, terms in self.couplings for term in terms)
 
 
@@ -179,8 +179,8 @@ def keys_of_block(kind: str) -> dict[str, Key]:
 @lru_cache(maxsize=1024)
 def transfer_function(kind: str, keys: tuple[tuple[str, object], ...], period: Tree) -> tuple[tuple[str, object], ...]:
     """Return the keys of the block of type `tf` that a block of firmware is; keys: its own; period: of the block, s."""
-    known = _meanings(keys, period)
-    num, den = (tuple(with_trees(parse(text), known) for text in texts) for texts in TYPES[kind].formula)
+    meanings = _meanings(keys, period)
+    num, den = (tuple(with_trees(parse(text), meanings) for text in texts) for texts in TYPES[kind].formula)
     return ("num", num), ("den", den), ("discrete", True if kind == "biquad" else DELTA)
 
 
@@ -195,15 +195,16 @@ def stepwise(
     words, (inputs, outputs) = dict(keys), ports
     if not TYPES[kind].stepwise or not (TYPES[kind].formula or TRAPEZIA in words.values()):
         return ()
-    known = _ABSENT | _meanings(keys, period) | {"late": ("number", 0.5 * (TRAPEZIA in words.values()), 0)}
-    rows = [tuple(with_trees(parse(text), known) for text in row.split(";")) for row in TYPES[kind].stepwise]
+    meanings = _ABSENT | _meanings(keys, period) | {"late": ("number", 0.5 * (TRAPEZIA in words.values()), 0)}
+    rows = [tuple(with_trees(parse(text), meanings) for text in row.split(";")) for row in TYPES[kind].stepwise]
     n = len(rows) - len(outputs)
-    A, B, C, D = (tuple(row[part] for row in some) for some in (rows[:n], rows[n:]) for part in (slice(n), slice(n, None)))
-    return ("A", A), ("B", B), ("C", C), ("D", D), ("inputs", inputs), ("outputs", outputs), ("discrete", True)
+    matrices = (tuple(row[columns] for row in half) for half in (rows[:n], rows[n:]) for columns in (slice(n), slice(n, None)))
+    model = {**dict(zip("ABCD", matrices, strict=True)), "inputs": inputs, "outputs": outputs, "discrete": True}
+    return tuple(model.items())
 
 
 def _meanings(keys, period):
     """What names in a formula stand for."""
-    known = {name: tree for name, tree in keys if isinstance(tree, tuple)} | {"T": period}
-    known["ahead"] = ("number", AHEAD.get(dict(keys).get("method"), 0.0), 0)
-    return {name: with_trees(parse(text), known) for name, text in DEFINED.items()} | known
+    meanings = {name: tree for name, tree in keys if isinstance(tree, tuple)} | {"T": period}
+    meanings["ahead"] = ("number", AHEAD.get(dict(keys).get("method"), 0.0), 0)
+    return {name: with_trees(parse(text), meanings) for name, text in DEFINED.items()} | meanings

@@ -40,22 +40,26 @@ class Fault(ValueError):
 
 def text_of(tree: Tree, least: int = 0) -> str:
     """Return a text whose tree has the same value. least: rank of operations from which no parentheses are needed."""
-    operation, parts = tree[0], tree[1:-1]
+    operation, operands = tree[0], tree[1:-1]
     if operation == "name":
-        return parts[0]
+        return operands[0]
     if operation == "number":
-        short = f"{parts[0]:g}"
-        return "pi" if parts[0] == math.pi else short if float(short) == parts[0] else repr(parts[0])
+        return _text_of_number(operands[0])
     if operation in FUNCTIONS:
-        return f"{operation}({text_of(parts[0])})"
+        return f"{operation}({text_of(operands[0])})"
     if operation in ("*", "/") and (unsigned := _unsigned(tree)) is not None:
         return text_of(("negative", unsigned, tree[-1]), least)
-    if operation == "negative" and (unsigned := _unsigned(parts[0])) is not None:
+    if operation == "negative" and (unsigned := _unsigned(operands[0])) is not None:
         return text_of(unsigned, least)
     rank, sides, sign = RANKS[operation]
-    text = sign.join(text_of(part, side) for part, side in zip(parts, sides, strict=True))
+    text = sign.join(text_of(operand, side) for operand, side in zip(operands, sides, strict=True))
     text = f"-{text}" if operation == "negative" else text
     return text if rank >= least else f"({text})"
+
+
+def _text_of_number(number: float) -> str:
+    short = f"{number:g}"
+    return "pi" if number == math.pi else short if float(short) == number else repr(number)
 
 
 def sum_of(terms: Terms) -> str:
@@ -78,9 +82,9 @@ def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
     """Yield each name in the tree with its offset."""
     if tree[0] == "name":
         yield tree[1], tree[2]
-    for part in tree[1:-1]:
-        if isinstance(part, tuple):
-            yield from names_in(part)
+    for operand in tree[1:-1]:
+        if isinstance(operand, tuple):
+            yield from names_in(operand)
 
 
 def linear(tree: Tree, signals: set[str]) -> Terms:
@@ -98,12 +102,12 @@ def linear(tree: Tree, signals: set[str]) -> Terms:
 
 def _is_nothing(tree: Tree) -> bool:
     """Whether a tree is 0 as it is written, products with 0 included."""
-    operation, *parts, _ = tree
+    operation, *operands, _ = tree
     if operation in ("+", "-"):
-        return all(map(_is_nothing, parts))
+        return all(map(_is_nothing, operands))
     if operation == "*":
-        return any(map(_is_nothing, parts))
-    return _is_nothing(parts[0]) if operation in ("negative", "/") else tree[:2] == ("number", 0.0)
+        return any(map(_is_nothing, operands))
+    return _is_nothing(operands[0]) if operation in ("negative", "/") else tree[:2] == ("number", 0.0)
 
 
 def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
@@ -113,16 +117,22 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
         return {"": tree}
     if operation == "name":
         return {tree[1]: ONE}
-    parts = [_linear(part, signals) for part in tree[1:-1]]
+    sums = [_linear(operand, signals) for operand in tree[1:-1]]
     if operation == "negative":
-        return {name: ("negative", gain, at) for name, gain in parts[0].items()}
+        return {name: ("negative", gain, at) for name, gain in sums[0].items()}
     if operation in ("+", "-"):
-        total, other = dict(parts[0]), parts[1]
-        for name, gain in other.items():
+        total = dict(sums[0])
+        for name, gain in sums[1].items():
             alone = gain if operation == "+" else ("negative", gain, at)
             total[name] = (operation, total[name], gain, at) if name in total else alone
         return total
-    left, right = ([name for name in part if name] for part in (parts[0], parts[-1]))
+    return _product(tree, sums)
+
+
+def _product(tree: Tree, sums: list[dict[str, Tree]]) -> dict[str, Tree]:
+    """`_linear` of an operation other than a sum. sums: of its operands."""
+    operation, at = tree[0], tree[-1]
+    left, right = ([name for name in gains if name] for gains in (sums[0], sums[-1]))
     fault = {
         **dict.fromkeys(FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"),
         "**": (left or right) and "a power of a signal, or with a signal",
@@ -133,12 +143,16 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
         raise Fault(at, "arithmetic that is linear in the signals", fault)
     if not left and not right:
         return {"": tree}
-    factor, of_signals = (parts[0][""], parts[1]) if right else (parts[1][""], parts[0])
-    ones = operation == "*"
-    return {
-        name: factor if ones and gain == ONE else gain if ones and factor == ONE else (operation, gain, factor, at)
-        for name, gain in of_signals.items()
-    }
+    factor, of_signals = (sums[0][""], sums[1]) if right else (sums[1][""], sums[0])
+    return {name: _without_ones((operation, gain, factor, at)) for name, gain in of_signals.items()}
+
+
+def _without_ones(tree: Tree) -> Tree:
+    """A product without factors of 1, or a quotient as it stands."""
+    operation, gain, factor, _ = tree
+    if operation == "*" and ONE in (gain, factor):
+        return factor if gain == ONE else gain
+    return tree
 
 
 class SharedParts:
@@ -155,13 +169,13 @@ class SharedParts:
         """Return where digits are lost, for each part of a tree that loses any."""
         if not self.lost:
             return []
-        seen, queue, lost = {id(tree)}, [tree], []
+        visited, queue, lost = {id(tree)}, [tree], []
         while queue:
-            part = queue.pop()
-            if id(part) in self.lost:
-                lost.append(self.lost[id(part)])
-            inner = [each for each in part[1:-1] if isinstance(each, tuple) and id(each) not in seen]
-            seen.update(map(id, inner))
+            node = queue.pop()
+            if id(node) in self.lost:
+                lost.append(self.lost[id(node)])
+            inner = [operand for operand in node[1:-1] if isinstance(operand, tuple) and id(operand) not in visited]
+            visited.update(map(id, inner))
             queue += inner
         return lost
 
@@ -183,18 +197,18 @@ def evaluate(
     return _evaluate(tree, numbers, library, watch, {} if shared is None else shared.values)
 
 
-def _evaluate(tree, numbers, library, watch, found):
-    """The value; found: those of parts by `id`, since what a name stands for is one part wherever it is read."""
+def _evaluate(tree, numbers, library, watch, known_values):
+    """The value; known_values: those of parts by `id`, since what a name stands for is one part wherever it is read."""
     operation = tree[0]
     if operation == "number":
         return tree[1]
     if operation == "name":
         return numbers[tree[1]]
-    own = id(tree)
-    if own in found:
-        return found[own]
-    first, *others = (_evaluate(part, numbers, library, watch, found) for part in tree[1:-1])
-    second = others[0] if others else None
+    key = id(tree)
+    if key in known_values:
+        return known_values[key]
+    first, *rest = (_evaluate(operand, numbers, library, watch, known_values) for operand in tree[1:-1])
+    second = rest[0] if rest else None
     if operation == "negative":
         value = -first
     elif operation in FUNCTIONS:
@@ -203,7 +217,7 @@ def _evaluate(tree, numbers, library, watch, found):
         value = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
     if watch and operation != "negative":
         watch(tree, first, second, value)
-    found[own] = value
+    known_values[key] = value
     return value
 
 
@@ -227,7 +241,7 @@ SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
 
 def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
     """Return whether an operation is wrong by more than a few roundings, for each of its values."""
-    operation, computed = tree[0], [not is_given(part) for part in tree[1:-1]]
+    operation, computed = tree[0], [not is_given(operand) for operand in tree[1:-1]]
     if operation in FUNCTIONS:  # the size of f'(x) x against that of f(x)
         change = {"sqrt": 0.0, "tan": abs(first) * (1 + abs(found * found)), "exp": abs(first * found), "log": 1.0}
         return (change.get(operation, abs(first)) > RAISED * abs(found)) & computed[0]
@@ -246,9 +260,9 @@ def value_of(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | Non
     """
     shared = SharedParts() if shared is None else shared
 
-    def watch(part, *values):
-        if lost_digits(part, *values):
-            shared.lost[id(part)] = True
+    def watch(node, *values):
+        if lost_digits(node, *values):
+            shared.lost[id(node)] = True
 
     rough = evaluate(tree, numbers, watch=watch, shared=shared)
     if not shared.lost_in(tree):
@@ -275,12 +289,12 @@ def with_trees(tree: Tree, meanings: Mapping[str, Tree]) -> Tree:
     """Return the tree with other trees in place of names, each at the offset of its name."""
     if tree[0] == "name" and tree[1] in meanings:
         return (*meanings[tree[1]][:-1], tree[2])
-    return _same_or(tree, tuple(with_trees(part, meanings) if isinstance(part, tuple) else part for part in tree))
+    return _same_or(tree, tuple(with_trees(operand, meanings) if isinstance(operand, tuple) else operand for operand in tree))
 
 
 def _same_or(tree: Tree, made: Tree) -> Tree:
     """The tree itself if none of its parts is another one: see `_evaluate`."""
-    return tree if all(one is other for one, other in zip(tree, made, strict=True)) else made
+    return tree if all(before is after for before, after in zip(tree, made, strict=True)) else made
 
 
 def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
@@ -288,9 +302,9 @@ def remembered(tree: Tree, signals: set[str]) -> tuple[Tree, dict[str, str]]:
 
     Errors: Fault if there is neither a signal nor 0 within the parentheses.
     """
-    parts = [remembered(part, signals) if isinstance(part, tuple) else (part, {}) for part in tree[1:-1]]
-    registers = {register: signal for _, read in parts for register, signal in read.items()}
-    tree = _same_or(tree, (tree[0], *(part for part, _ in parts), tree[-1]))
+    operands = [remembered(operand, signals) if isinstance(operand, tuple) else (operand, {}) for operand in tree[1:-1]]
+    registers = {register: signal for _, read in operands for register, signal in read.items()}
+    tree = _same_or(tree, (tree[0], *(operand for operand, _ in operands), tree[-1]))
     if tree[0] != PREVIOUS:
         return tree, registers
     read = {f"{PREVIOUS}({name}).y": name for name, _ in names_in(tree) if name in signals or name in registers}
@@ -303,8 +317,8 @@ def extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> tuple[int, in
     """Return how many parts a tree has and how deep it is, if names stand for trees of such extents."""
     if tree[0] == "name":
         return of_names.get(tree[1], (1, 1))
-    parts = [extent(part, of_names) for part in tree[1:-1] if isinstance(part, tuple)]
-    return 1 + sum(size for size, _ in parts), 1 + max((depth for _, depth in parts), default=0)
+    extents = [extent(operand, of_names) for operand in tree[1:-1] if isinstance(operand, tuple)]
+    return 1 + sum(size for size, _ in extents), 1 + max((depth for _, depth in extents), default=0)
 
 
 def check_extent(tree: Tree, of_names: Mapping[str, tuple[int, int]]) -> None:
@@ -320,9 +334,9 @@ def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
     These are divisors, arguments of logarithms and cosines of those of tangents, which leave none, arguments of roots, and
     bases of powers that are not whole numbers.
     """
-    for part in tree[1:-1]:
-        if isinstance(part, tuple):
-            yield from singular(part)
+    for operand in tree[1:-1]:
+        if isinstance(operand, tuple):
+            yield from singular(operand)
     if tree[0] == "/":
         yield tree[2], None
     elif tree[0] in ("log", "tan"):
@@ -335,15 +349,15 @@ def degree(tree: Tree, number: str) -> float:
     """Return the degree of the tree as a polynomial in a number; infinite if it is not a polynomial."""
     if tree[0] in ("number", "name"):
         return int(tree[0] == "name" and tree[1] == number)
-    degrees = [degree(part, number) for part in tree[1:-1]]
+    degrees = [degree(operand, number) for operand in tree[1:-1]]
     if tree[0] in ("+", "-", "negative"):
         return max(degrees)
     if tree[0] == "*":
         return sum(degrees)
     if tree[0] == "/" and degrees[1] == 0:
         return degrees[0]
-    whole = tree[0] == "**" and tree[2][0] == "number" and tree[2][1].is_integer()
-    return degrees[0] * tree[2][1] if whole else math.inf if any(degrees) else 0
+    is_power = tree[0] == "**" and tree[2][0] == "number" and tree[2][1].is_integer()
+    return degrees[0] * tree[2][1] if is_power else math.inf if any(degrees) else 0
 
 
 def cancelled(tree: Tree) -> Tree:
@@ -360,8 +374,8 @@ def _over(tree: Tree, factor: str) -> Tree | None:
     if text_of(tree) == factor:
         return ONE
     if tree[0] in ("negative", "+", "-"):
-        parts = [_over(part, factor) for part in tree[1:-1]]
-        return None if None in parts else (tree[0], *parts, tree[-1])
+        quotients = [_over(operand, factor) for operand in tree[1:-1]]
+        return None if None in quotients else (tree[0], *quotients, tree[-1])
     for at in {"*": (1, 2), "/": (1,)}.get(tree[0], ()):
         if (over := _over(tree[at], factor)) is not None:
             return (*tree[:at], over, *tree[at + 1 :])
@@ -381,19 +395,21 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     """
     from flint import acb, ctx
 
-    balls = {name: acb(number) for name, number in ({each: each for each in constants_of(tree)} | dict(numbers)).items()}
+    balls = {
+        name: acb(number) for name, number in ({constant: constant for constant in constants_of(tree)} | dict(numbers)).items()
+    }
     before, tree = ctx.prec, named(tree)
     try:
         for ctx.prec in PRECISIONS:
             value = evaluate(tree, balls, acb)
-            parts = value.real, value.imag
-            if all(part == 0 or part.rel_accuracy_bits() > ENOUGH for part in parts):
+            components = value.real, value.imag
+            if all(component == 0 or component.rel_accuracy_bits() > ENOUGH for component in components):
                 break
     except ZeroDivisionError:
         return math.nan
     finally:
         ctx.prec = before
-    real, imag = map(_rounded, parts)
+    real, imag = map(_rounded, components)
     return complex(real, imag) if imag else real
 
 
@@ -408,12 +424,12 @@ def named(tree: Tree) -> Tree:
     """Return the tree with a name in place of each constant, the constant itself, except for exponents that are constants."""
     if tree[0] == "number":
         return ("name", tree[1], tree[2])
-    parts = [named(part) if isinstance(part, tuple) else part for part in tree[1:-1]]
-    return (tree[0], parts[0], *tree[2:]) if tree[0] == "**" and is_constant(tree[2]) else (tree[0], *parts, tree[-1])
+    operands = [named(operand) if isinstance(operand, tuple) else operand for operand in tree[1:-1]]
+    return (tree[0], operands[0], *tree[2:]) if tree[0] == "**" and is_constant(tree[2]) else (tree[0], *operands, tree[-1])
 
 
 @lru_cache(maxsize=1024)
 def constants_of(tree: Tree) -> frozenset[float]:
     """Return the constants of a tree."""
-    own = [tree[1]] if tree[0] == "number" else []
-    return frozenset(own).union(*(constants_of(part) for part in tree[1:-1] if isinstance(part, tuple)))
+    constants = [tree[1]] if tree[0] == "number" else []
+    return frozenset(constants).union(*(constants_of(operand) for operand in tree[1:-1] if isinstance(operand, tuple)))

@@ -24,19 +24,21 @@ def at_axes(keys: Mapping[str, Any], name: str) -> Rows:
     if not m:
         return [[0] * n for _ in range(n)]
     if len(m) == 1 < len(m[0]):
-        m = [[each if i == j else 0 for j in range(len(m[0]))] for i, each in enumerate(m[0])]
-    if not J:
-        return m
-    half = [[sum(a * row[j] for a, row in zip(each, J, strict=True)) for j in range(n)] for each in m]
-    return [[sum(row[i] * other[j] for row, other in zip(J, half, strict=True)) for j in range(n)] for i in range(n)]
+        m = [[entry if i == j else 0 for j in range(len(m[0]))] for i, entry in enumerate(m[0])]
+    return _product([list(column) for column in zip(*J, strict=True)], _product(m, J)) if J else m
+
+
+def _product(left: Rows, right: Rows) -> Rows:
+    columns = list(zip(*right, strict=True))
+    return [[sum(a * b for a, b in zip(row, column, strict=True)) for column in columns] for row in left]
 
 
 def determinant(rows: Rows, sign: int = -1) -> Any:
     """Return the determinant; with sign 1 the permanent, which is the size of its terms if the entries are sizes."""
     if not rows:
         return 1
-    parts = (sign**i * row[0] * determinant(_without(rows, i, 0), sign) for i, row in enumerate(rows))
-    return sum(parts)
+    terms = (sign**i * row[0] * determinant(_without(rows, i, 0), sign) for i, row in enumerate(rows))
+    return sum(terms)
 
 
 def adjugate(rows: Rows, sign: int = -1) -> Rows:
@@ -46,14 +48,14 @@ def adjugate(rows: Rows, sign: int = -1) -> Rows:
 
 
 def _without(rows, i, j):
-    return [[each for q, each in enumerate(row) if q != j] for p, row in enumerate(rows) if p != i]
+    return [[entry for q, entry in enumerate(row) if q != j] for p, row in enumerate(rows) if p != i]
 
 
 def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
     """Return whether the mass matrix is symmetric, and positive definite at the axes; entries: of MASS, in order."""
     left = iter(entries)
-    given = {name: [[next(left) for _ in row] for row in keys[name]] for name in MASS}
-    m, M = given["mass"], at_axes({**keys, **given}, "mass")
+    matrices = {name: [[next(left) for _ in row] for row in keys[name]] for name in MASS}
+    m, M = matrices["mass"], at_axes({**keys, **matrices}, "mass")
     pairs = [(m[i][j], m[j][i]) for i in range(len(m)) for j in range(i) if len(m) > 1]
     good = [abs(a - b) <= SAME * (abs(a) + abs(b)) for a, b in pairs]
     return reduce(operator.and_, good + [determinant([row[:n] for row in M[:n]]) > 0 for n in range(1, len(M) + 1)])

@@ -30,44 +30,52 @@ def parse(text: str) -> Tree:
     tokens = deque(_tokens(text))
     if len(tokens) > LONGEST:
         raise Fault(0, f"at most {LONGEST} numbers, names and signs", f"{len(tokens) - 1}")
-    tree = _part(tokens, 1, 0)
+    tree = _operand(tokens, 1, 0)
     kind, rest, at = tokens.popleft()
     if kind != "end":
         raise Fault(at, "an operator or the end", show(rest))
     return tree
 
 
-def _part(tokens: deque, least: int, depth: int) -> Tree:
-    """Read a part of a text, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
+def _operand(tokens: deque[tuple[str, str, int]], least: int, depth: int) -> Tree:
+    """Read an operand, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
     kind, text, at = tokens.popleft()
     if depth > DEEPEST:
         raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
+    tree: Tree
     if kind == "number":
         if not math.isfinite(float(text)):
             raise Fault(at, "a finite number", text)
         tree = ("number", float(text), at)
     elif text in ("+", "-"):
-        tree = _part(tokens, RANKS["**"][0], depth + 1)
+        tree = _operand(tokens, RANKS["**"][0], depth + 1)
         tree = ("negative", tree, at) if text == "-" else tree
-    elif text == "(" or text in FUNCTIONS or (kind == "name" and tokens[0][1] == "("):
-        if kind == "name" and text not in (PREVIOUS, *FUNCTIONS):
-            raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(text), nearest(text, FUNCTIONS))
-        if kind == "name":
-            _expect(tokens, "(", f"( after {text}")
-        inner = _part(tokens, 1, depth + 1)
+    elif text == "(":
+        tree = _operand(tokens, 1, depth + 1)
         _expect(tokens, ")", ") to close a parenthesis")
-        tree = (text, inner, at) if kind == "name" else inner
     elif kind == "name":
-        tree = ("number", math.pi, at) if text == "pi" else ("name", text, at)
+        tree = _named(tokens, text, at, depth)
     else:
         raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
     while tokens[0][0] == "sign" and RANKS.get(tokens[0][1], (0,))[0] >= least:
         _, sign, at = tokens.popleft()
-        tree = (sign, tree, _part(tokens, RANKS[sign][1][1], depth + (sign == "**")), at)
+        tree = (sign, tree, _operand(tokens, RANKS[sign][1][1], depth + (sign == "**")), at)
     return tree
 
 
-def _expect(tokens: deque, sign: str, expected: str) -> None:
+def _named(tokens: deque[tuple[str, str, int]], name: str, at: int, depth: int) -> Tree:
+    """Return the tree of a name, which may be a function, whose argument is read, or pi."""
+    if name not in FUNCTIONS and tokens[0][1] != "(":
+        return ("number", math.pi, at) if name == "pi" else ("name", name, at)
+    if name not in (PREVIOUS, *FUNCTIONS):
+        raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(name), nearest(name, FUNCTIONS))
+    _expect(tokens, "(", f"( after {name}")
+    argument = _operand(tokens, 1, depth + 1)
+    _expect(tokens, ")", ") to close a parenthesis")
+    return (name, argument, at)
+
+
+def _expect(tokens: deque[tuple[str, str, int]], sign: str, expected: str) -> None:
     _, text, at = tokens.popleft()
     if text != sign:
         raise Fault(at, expected, show(text) if text else "the end")

@@ -107,22 +107,37 @@ def check(key: Key, value: object) -> float | int | str | bool:
         raise Rejected(expectation(key), show(value), nearest(value, key.choices) if isinstance(value, str) else "")
     if key.type == "boolean" and isinstance(value, bool):
         return value
+    return _number(key, value)
+
+
+def _number(key: Key, value: object) -> float | int:
+    """Return `value` as a number that the key accepts, or raise `Rejected`."""
     number: Any = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-    try:
-        finite = number is not None and math.isfinite(number)
-    except OverflowError:  # a whole number beyond the largest double
-        finite = False
+    finite = _is_finite(number)
     if not finite or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
         expected = expectation(key)
         expected = expected if number is None or finite else expected.replace("a number", "a finite number")
         raise Rejected(expected, show(value), key.instead if isinstance(value, str) == key.instead.startswith('"') else "")
-    beyond = (key.low is not None and number < key.low) or (key.above_low and number == key.low)
-    if (key.choices and number not in key.choices) or beyond or (key.high is not None and number > key.high):
+    if _is_beyond(key, number):
         raise Rejected(expectation(key, number), show(value))
     if not computable(number):
         raise Rejected(SIZES, show(value))
     # Adding 0.0 turns -0.0 into 0.0, so that equal specs have equal digests.
     return int(number) if key.type == "integer" else float(number) + 0.0
+
+
+def _is_finite(number: Any) -> bool:
+    try:
+        return math.isfinite(number)
+    except (OverflowError, TypeError):  # a whole number beyond the largest double, or None
+        return False
+
+
+def _is_beyond(key: Key, number: float) -> bool:
+    """Return whether a number is beyond the limits of a key, or none of its choices."""
+    below = key.low is not None and (number < key.low or (key.above_low and number == key.low))
+    above = key.high is not None and number > key.high
+    return below or above or (bool(key.choices) and number not in key.choices)
 
 
 def computable(number: Any) -> Any:
@@ -136,12 +151,12 @@ def expectation(key: Key, number: float | None = None) -> str:
         return "one of " + ", ".join(map(show, key.choices))
     if key.type in (words := {"string": "a string", "boolean": "true or false", "list": "a list"}):
         return words[key.type]
-    what = "a whole number" if key.type == "integer" else "a number"
+    noun = "a whole number" if key.type == "integer" else "a number"
     if key.high is not None and number is not None and number > key.high:
-        return f"{what} <= {key.high:g}"
+        return f"{noun} <= {key.high:g}"
     if key.low is None:
-        return what
-    return f"{what} {'>' if key.above_low else '>='} {key.low:g}"
+        return noun
+    return f"{noun} {'>' if key.above_low else '>='} {key.low:g}"
 
 
 def show(value: object) -> str:
@@ -171,25 +186,25 @@ def _shorten(text: str) -> str:
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return the most likely intended name among `known`, or an empty string.
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Return the most likely intended name among `names`, or an empty string.
 
     The same name in another table or in other case is preferred to the closest spelling.
     """
-    known = list(dict.fromkeys(known))
+    names = list(dict.fromkeys(names))
     if len(name) > LONGEST_COMPARED:
         return ""
     last = _last(name)
     for folded in (str, str.lower):  # as it stands, then in any case
-        matches = [candidate for candidate in known if folded(_last(candidate)) == folded(last)]
+        matches = [candidate for candidate in names if folded(_last(candidate)) == folded(last)]
         if len(matches) == 1:
             return matches[0]
     import difflib
 
-    if close := difflib.get_close_matches(name, known, n=1):
+    if close := difflib.get_close_matches(name, names, n=1):
         return close[0]
-    lasts = difflib.get_close_matches(last, [_last(one) for one in known], n=1)
-    return next((one for one in known if _last(one) in lasts), "")
+    lasts = difflib.get_close_matches(last, [_last(candidate) for candidate in names], n=1)
+    return next((candidate for candidate in names if _last(candidate) in lasts), "")
 
 
 def _last(name: str) -> str:

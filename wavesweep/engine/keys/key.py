@@ -65,10 +65,10 @@ class Key:
         return self.type != "number" or derived_from or self.shaping
 
 
-def number(path: str, default: float | None, unit: str, description: str, *, positive: bool = False, **more: Any) -> Key:
+def number(path: str, default: float | None, unit: str, description: str, *, positive: bool = False, **limits: Any) -> Key:
     """Return the key of a number, which is above 0 if it is positive. more: `low`, `high`, `required`."""
-    more = {"low": 0.0, "above_low": True, **more} if positive else more
-    return Key(path, "number", default, unit, description, **more)
+    limits = {"low": 0.0, "above_low": True, **limits} if positive else limits
+    return Key(path, "number", default, unit, description, **limits)
 
 
 def whole(path: str, default: int | None, description: str, low: int, high: int | None, unit: str = "1", **more: Any) -> Key:
@@ -78,8 +78,8 @@ def whole(path: str, default: int | None, description: str, low: int, high: int 
 
 def word(path: str, default: str | None, description: str, meanings: Iterable[str] = (), required: bool = False) -> Key:
     """Return the key of a text; one of several words if there are `meanings` of them, or names alone."""
-    known = meanings if isinstance(meanings, Mapping) else {}
-    return Key(path, "string", default, "", description, choices=tuple(meanings), required=required, meanings=known)
+    described = meanings if isinstance(meanings, Mapping) else {}
+    return Key(path, "string", default, "", description, choices=tuple(meanings), required=required, meanings=described)
 
 
 positive = partial(number, positive=True)

@@ -85,4 +85,4 @@ def plain(value: object) -> object:
 
 def split_names(path: Path, depth: int) -> Path:
     """Return a path with the names below `depth` split at their dots, as those of wires: `"motor.u"` is `motor.u`."""
-    return (*path[:depth], *(part for name in path[depth:] for part in name.split(".")))
+    return (*path[:depth], *(piece for name in path[depth:] for piece in name.split(".")))
