@@ -4,21 +4,16 @@ import http.client
 import json
 import os
 import re
-import select
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 from support.program import PROGRAM
 
-from wavesweep.explore import server as module
 from wavesweep.explore.server import GRACE, LARGEST, Server, as_json
-from wavesweep.program.platform_compat import peer_user
 
 QUESTION = json.dumps({"values": {}})
 
@@ -140,81 +135,6 @@ def opened(server, path):
     text = answer.read().decode()
     connection.close()
     return answer.status, answer.getheader("Location"), text
-
-
-def test_the_address_for_a_browser_leads_to_the_page_once(client):
-    server = client.server
-    path = server.invite().partition(str(server.server_address[1]))[2]
-    assert server.token not in path
-    assert opened(server, path)[:2] == (303, f"/{server.token}/")
-    status, place, text = opened(server, path)
-    assert (status, place) == (410, None)
-    assert "another user of this computer may have it" in text
-    assert server.token not in text
-    assert client.send("POST", "quick", QUESTION, token=path.strip("/"))[0] == 403
-
-
-def test_the_address_for_a_browser_is_worthless_later(client, monkeypatch):
-    monkeypatch.setattr(module, "TICKET", -1.0)
-    path = client.server.invite().partition(str(client.server.server_address[1]))[2]
-    assert opened(client.server, path)[0] == 410
-
-
-@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="this system does not tell whose a connection is")
-@pytest.mark.parametrize("family", ["AF_INET", "AF_INET6"])
-def test_a_process_of_another_user_is_answered_nothing(client, monkeypatch, family):
-    """Even if it was quicker than the browser. A socket of IPv6 can reach the server as well."""
-    port = client.server.server_address[1]
-    with socket.socket(getattr(socket, family)) as own:
-        try:
-            own.connect(("127.0.0.1" if family == "AF_INET" else "::ffff:127.0.0.1", port))
-        except OSError:
-            pytest.skip("no IPv6 here")
-        assert peer_user(("127.0.0.1", port), ("127.0.0.1", own.getsockname()[1])) == os.geteuid()
-    path = client.server.invite().partition(str(port))[2]
-    monkeypatch.setattr(module, "peer_user", lambda *_: os.geteuid() + 1)
-    assert client.send("GET", "")[0] == opened(client.server, path)[0] == 403
-    monkeypatch.undo()
-    assert opened(client.server, path)[0] == 303  # it has not used up the address
-
-
-def test_half_open_requests_keep_nobody_out(client, monkeypatch):
-    monkeypatch.setattr(module, "HURRY", 1e6)
-    strangers = []
-    for _ in range(3 * module.STRANGERS):
-        strangers.append(socket.create_connection(("127.0.0.1", client.server.server_address[1]), timeout=300))
-        strangers[-1].sendall(b"GET / HTTP/1.1\r\nHost: ")
-    assert client.send("GET", "")[0] == 200
-    for oldest in strangers[: 2 * module.STRANGERS]:
-        assert oldest.recv(1) == b""
-    for each in strangers:
-        each.close()
-
-
-def test_a_request_that_drips_is_given_up(client, monkeypatch):
-    """Each byte is soon after the last one, so that the server never waits long."""
-    monkeypatch.setattr(module, "HURRY", 0.0)
-    with socket.create_connection(("127.0.0.1", client.server.server_address[1]), timeout=300) as slow:
-        slow.sendall(b"GET / HTTP/1.1\r\nX: ")
-        while not select.select([slow], [], [], 0.01)[0]:
-            slow.sendall(b"x")
-        assert slow.recv(1) == b""
-
-
-def test_a_page_that_has_been_answered_is_not_hurried(client, monkeypatch):
-    """The browser asks again over the same connection."""
-    monkeypatch.setattr(module, "HURRY", 0.5)
-    connection = http.client.HTTPConnection("127.0.0.1", client.server.server_address[1], timeout=300)
-    sockets = []
-    for pause in (2 * module.HURRY, 0):
-        connection.request("GET", f"/{client.server.token}/")
-        answer = connection.getresponse()
-        assert answer.status == 200
-        answer.read()
-        sockets.append(connection.sock)
-        time.sleep(pause)
-    assert sockets[0] is sockets[1]
-    connection.close()
 
 
 SPEC = 'controller.kind = "pmw"\n'

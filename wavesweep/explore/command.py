@@ -65,7 +65,7 @@ def explore(spec: str, overrides: tuple[str, ...], save: str | None, overwrite: 
         import threading
         import webbrowser
 
-        threading.Thread(target=webbrowser.open, args=(server.invite(),), daemon=True).start()
+        threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
     server.serve()
 
 

@@ -1,35 +1,23 @@
 """The server of a page: on this machine's loopback alone, behind a token, and over as soon as the page is closed.
 
 A request is answered only if it names this address as its host (a page of another site cannot make a browser do so), comes
-from the page itself if it has an origin, comes from a process of this user as far as the system shows, and has the token in its
-path. There is no path to any file. A browser is started with another address, since all users can see its arguments; that
-address leads to the page once, and only for a minute. (A cookie would also go to the servers of other users, whose addresses
-differ in the port alone.)
+from the page itself if it has an origin, and has the token in its path. There is no path to any file.
 """
 
 import hmac
 import json
-import os
 import secrets
-import socket
 import sys
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from functools import cached_property
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock
-
-from wavesweep.program.platform_compat import peer_user
 
 LOOPBACK = "127.0.0.1"
 LARGEST = 64 * 1024  # bytes of a question
 BEAT = 1.0  # s between two signs of life on the connection that a page keeps open
 GRACE = 3.0  # s without any page after which the server ends; a page that is loaded again takes less
-HURRY = 5.0  # s that a connection has for its first request with the secret
-STRANGERS = 64  # connections without one, beyond which the oldest is closed
-TICKET = 60.0  # s in which a browser has to be there
 LOOK = 0.25  # s between two looks at the pages
 HEADERS = {
     "Cache-Control": "no-store",
@@ -38,11 +26,6 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "X-Frame-Options": "DENY",
 }
-
-USED = (
-    "This address works once and soon. The one on the terminal opens the page again. If no page of yours was opened by it, "
-    "another user of this computer may have it: end wavesweep with Ctrl-C.\n"
-)
 
 Answer = Callable[[Mapping[str, object]], Mapping[str, object]]
 
@@ -64,61 +47,17 @@ class Server(ThreadingHTTPServer):
         super().__init__((LOOPBACK, port), Handler)
         self.page, self.answers, self.token = page, answers, secrets.token_urlsafe(24)
         self._pages, self._seen, self._lock = 0, None, Lock()
-        self._strangers: dict[socket.socket, float] = {}
-        self.ticket, self._until = secrets.token_urlsafe(24), 0.0
 
     @property
     def address(self) -> str:
         """The address of the page."""
         return f"http://{LOOPBACK}:{self.server_address[1]}/{self.token}/"
 
-    def invite(self) -> str:
-        """An address that leads to the page once, within TICKET seconds."""
-        self._until = time.monotonic() + TICKET
-        return self.address.replace(self.token, self.ticket)
-
-    def redeem(self) -> bool:
-        """Redeem the one-time ticket; true the first time only, and until it expires."""
-        with self._lock:
-            good, self._until = time.monotonic() < self._until, 0.0
-        return good
-
     def serve(self) -> None:
         """Answer until the last page has been closed for GRACE seconds."""
         with self:
             while not self.over():
                 self.handle_request()
-                self._close_strangers()
-
-    def process_request(self, request, client_address) -> None:
-        """Answer a connection in a thread of its own."""
-        with self._lock:
-            self._strangers[request] = time.monotonic()
-        super().process_request(request, client_address)
-
-    def shutdown_request(self, request) -> None:
-        """Close a connection."""
-        self.know(request)
-        super().shutdown_request(request)
-
-    def know(self, request) -> None:
-        """Let a connection stay, or end: it had the secret, or is over."""
-        with self._lock:
-            self._strangers.pop(request, None)
-
-    def _close_strangers(self) -> None:
-        """Close connections that are too many or have taken too long, which ends their threads."""
-        with self._lock:
-            late, many = time.monotonic() - HURRY, len(self._strangers) - STRANGERS
-            closed = [
-                connection
-                for number, (connection, since) in enumerate(self._strangers.items())
-                if since < late or number < many
-            ]
-            for connection in closed:
-                del self._strangers[connection]
-                with suppress(OSError):
-                    connection.shutdown(socket.SHUT_RDWR)
 
     def over(self) -> bool:
         """Whether the last page has been closed for GRACE seconds."""
@@ -154,11 +93,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """The page, and the connection that it keeps open."""
-        address = self.path.partition("?")[0]
-        if self._from_here() and hmac.compare_digest(address.strip("/").encode(), self.server.ticket.encode()):
-            self._let_in()
-            return
-        name = self._asked()
+        address, name = self.path.partition("?")[0], self._asked()
         if name == "" and not address.endswith("/"):  # addresses of questions are relative to the page's
             self._head(HTTPStatus.PERMANENT_REDIRECT, "text/plain; charset=utf-8", 0, place=f"{address}/")
         elif name == "":
@@ -193,31 +128,16 @@ class Handler(BaseHTTPRequestHandler):
         if not (self._from_here(asking) and hmac.compare_digest(token.encode(), self.server.token.encode())):
             self._refuse(HTTPStatus.FORBIDDEN)
             return None
-        self.server.know(self.connection)
         return name
 
     def _from_here(self, asking: bool = False) -> bool:
-        """Whether host and origin are those of the page, and the process on the other end is of this user, or of root."""
+        """Whether host and origin are those of the page."""
         port = self.server.server_address[1]
         hosts = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]
         origin = self.headers.get("Origin")
         right = self.headers.get_all("Host") in [[host] for host in hosts]
         right &= origin in [f"http://{host}" for host in hosts] or (origin is None and not asking)
-        right &= not asking or self.headers.get_content_type() == "application/json"
-        return right and self._own
-
-    @cached_property
-    def _own(self) -> bool:
-        user = peer_user(self.server.server_address, self.client_address)
-        return user in {None, 0} or user == os.geteuid()
-
-    def _let_in(self) -> None:
-        """Lead the browser that was started to the page."""
-        if self.server.redeem():
-            self._head(HTTPStatus.SEE_OTHER, "text/plain; charset=utf-8", 0, place=f"/{self.server.token}/")
-        else:
-            self.close_connection = True
-            self._send(HTTPStatus.GONE, USED.encode(), "text/plain; charset=utf-8")
+        return right and (not asking or self.headers.get_content_type() == "application/json")
 
     def _stay(self) -> None:
         """Keep the connection until the page has gone; a browser does not slow this down in a tab that is not seen."""

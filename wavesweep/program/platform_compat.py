@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 from collections.abc import Iterable
 from contextlib import suppress
 
@@ -23,23 +22,6 @@ def memory() -> float:
     """Bytes of memory that this machine has; infinite if it does not say."""
     has_sysconf = hasattr(os, "sysconf") and {"SC_PAGE_SIZE", "SC_PHYS_PAGES"} <= os.sysconf_names.keys()
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if has_sysconf else float("inf")
-
-
-def peer_user(own: tuple[str, int], peer: tuple[str, int]) -> int | None:
-    """The id of the user whose process has the other end of a connection within this machine; None if it is not known.
-
-    own, peer: addresses (IPv4, port) of both ends. A process may reach an IPv4 address by a socket of IPv6 as well.
-    """
-    import socket
-
-    ends = [f"{int.from_bytes(socket.inet_aton(host), sys.byteorder):08X}:{port:04X}" for host, port in (peer, own)]
-    for table in ("tcp", "tcp6"):
-        with suppress(OSError), open(f"/proc/net/{table}", encoding="ascii") as lines:  # noqa: PTH123 - specs load this, and no pathlib
-            for line in lines:
-                words = line.split()
-                if words[1].endswith(ends[0]) and words[2].endswith(ends[1]):
-                    return int(words[7])
-    return None
 
 
 KEPT = 2**27  # bytes that the allocator keeps
