@@ -131,6 +131,21 @@ def test_a_search_for_intervals_loads_no_response():
     assert not {name for name in loaded if name.startswith(("wavesweep.engine.response.", "wavesweep.engine.energy."))}
 
 
+def test_no_modules_import_each_other_in_a_circle():
+    """Imports within functions and for type checkers count too: what stands in a circle can only be read at once.
+
+    `seams` alone may name types of all that is offered, since it has nothing but types.
+    """
+    files, imports = {dotted(source) for source in SOURCES} - {"wavesweep.program.seams"}, {}
+    for source in SOURCES:
+        nodes = [node for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))) if isinstance(node, ast.ImportFrom)]
+        names = {(node.module, f"{node.module}.{alias.name}") for node in nodes for alias in node.names}
+        imports[dotted(source)] = {name if name in files else module for module, name in names} & files
+    while loose := {name for name in imports if not imports[name] or not any(name in others for others in imports.values())}:
+        imports = {name: others - loose for name, others in imports.items() if name not in loose}
+    assert imports == {}
+
+
 def test_every_folder_is_engine_program_or_a_capability():
     folders = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
     assert folders - {"engine", "program"} == set(NAMES)

@@ -11,7 +11,9 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.controllers import WALL
-from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.search.interval_search import intervals_of
+from wavesweep.engine.search.open_loops import Opened
+from wavesweep.engine.search.question import Question, Slices
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
 NEAR_ZERO = 1e-5
@@ -53,8 +55,8 @@ def _intervals(question):
     along, other = WALL if question.along == "K_VE" else WALL[::-1]
     loops = Loops(loop_drawing(question.values), question.values | {other: np.array(question.fixed, float)}).read
     size = len(question.fixed)
-    search = Search(along, question.span, ((np.arange(size), loops),), felt=False)
-    return search.between_breaks(loops, size, search.opened(loops, size))
+    asked = Question(along, question.span)
+    return intervals_of(asked, Slices(loops, size, Opened.of(loops, asked.number, size, felt=False)))
 
 
 def _must_be_numbers(found):

@@ -14,9 +14,8 @@ from wavesweep.engine.energy.lifted_map import TickMaps, damping_peak, squared_n
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Rejected, check, computable, nearest
 from wavesweep.engine.keys.key import Key, Names
-from wavesweep.engine.loops.batch import Loops, distinct
+from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
 from wavesweep.engine.loops.common_tick import with_common_tick
-from wavesweep.engine.loops.dead_time import batches_built_alike
 from wavesweep.engine.loops.domain import refuse_unsuitable
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.monodromy.periodic import ticks_of

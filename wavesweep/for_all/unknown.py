@@ -11,9 +11,9 @@ import numpy as np
 from wavesweep.engine.loops.batch import Loops, distinct
 from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.loops.resolution import Resolution, Side
-from wavesweep.engine.search.by_frames import frames_where_solvable
-from wavesweep.engine.search.interval_records import TINY
+from wavesweep.engine.search.frames_along import frames_where_solvable
 from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.stability.positive import Cover, largest_free
 from wavesweep.engine.stability.radii import drift_of, radii_of
 from wavesweep.for_all.guardian_maps import cover

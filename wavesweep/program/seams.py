@@ -149,7 +149,7 @@ class TicksModule(Protocol):
 
 
 class BoundModule(Protocol):
-    """The region of eigenvalues that a spec asks for in place of the unit circle; see `engine.search.required_region`."""
+    """The region of eigenvalues that a spec asks for in place of the unit circle; see `engine.search.question`."""
 
     BOUNDED: str
     """What helps where nothing decides whether a loop that conserves energy is stable."""

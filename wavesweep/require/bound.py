@@ -23,7 +23,7 @@ class Bound:
     SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`. gain: what a gain stays
     below; None if none is required.
 
-    The protocol is that of `engine.search.required_region`.
+    The protocol is that of `engine.search.question`.
     """
 
     radius: float = 1.0

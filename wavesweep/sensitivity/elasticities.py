@@ -11,8 +11,8 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.ports import feels
 from wavesweep.engine.response.at_hand import felt_of
-from wavesweep.engine.search.interval_records import TINY
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
+from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.stability.radii import drift_of, frames
 from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.program.columns import Columns

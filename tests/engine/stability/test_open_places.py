@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.search.subloops import common
+from wavesweep.engine.search.intervals_of_slices import common
 from wavesweep.engine.stability import along_any
 from wavesweep.engine.stability.certificate import COUNTS, CROWDED
 from wavesweep.engine.stability.intervals import in_rows, intervals_of, joined, without_seams

@@ -7,8 +7,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.monodromy.cut import with_batch
-from wavesweep.engine.search import open_loops
+from wavesweep.engine.search import one_gain, open_loops
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -76,7 +75,7 @@ def test_loops_with_other_numbers_of_slices_go_together(opened):
         open_loops.Opened.of(loop.changed({"numbers.b": b[some], "numbers.B": B[some]}), "K", len(some), felt=False)
         for some in ([0, 1, 2, 3], [0], [1], [2], [3])
     ]
-    whole, *each = (part.intervals(with_batch(part.loops.cut, part.which.max() + 1), (0.0, 20000.0)) for part in found)
+    whole, *each = (one_gain.of_cut(part, (0.0, 20000.0)) for part in found)
     assert opened == [True] * 4  # the slices [0] and [1] alone have one loop, which is remembered
     assert whole.column.tolist() == [0, 1, 2, 3]
     assert whole.high.tolist() == [float(part.high[0]) for part in each]

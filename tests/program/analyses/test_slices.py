@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.search import interval_search
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
@@ -97,10 +97,10 @@ K_VE = {"start": 0, "stop": 4000}
 def failing_at(function, path, value, error):
     """The function, but it raises the error for loops among which this value is."""
 
-    def failing(own, loops, *rest, **named):
-        if np.any(np.asarray(loops.values[path]) == value):
+    def failing(question, slices, *rest, **named):
+        if np.any(np.asarray(slices.loops.values[path]) == value):
             raise error
-        return function(own, loops, *rest, **named)
+        return function(question, slices, *rest, **named)
 
     return failing
 
@@ -110,7 +110,7 @@ def failing_at(function, path, value, error):
 def test_a_slice_whose_search_fails_is_in_doubt_and_ends_none_of_the_others(monkeypatch, error):
     tables = PMW | {"sweep": {"K_VE": K_VE, "b": [5.0, 10.0, 20.0, 40.0, 80.0], "device.mass": [0.1, 0.2]}}
     right = rows(tables)
-    monkeypatch.setattr(Search, "between_breaks", failing_at(Search.between_breaks, "controller.b", 20.0, error))
+    monkeypatch.setattr(interval_search, "intervals_of", failing_at(interval_search.intervals_of, "controller.b", 20.0, error))
     with pytest.warns(RuntimeWarning, match=type(error).__name__):
         found = rows(tables)
     failed = found["b"] == 20

@@ -1,6 +1,6 @@
 """Loops of one structure with their numbers put in, one loop or a batch, and which of them are alike."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -94,3 +94,21 @@ def items_of(values: Mapping[str, object]) -> tuple:
 def selected(values: Mapping[str, object], part) -> dict:
     """The flat values of some of the loops; part: an index, a slice or an array of indices."""
     return {path: v[part] if np.ndim(v) else v for path, v in values.items()}
+
+
+def batches_built_alike(
+    drawing: "Drawing", members: np.ndarray, values: Mapping[str, object]
+) -> Iterator[tuple[np.ndarray, Loops]]:
+    """Yield some of the members, and their loops with the whole numbers of ticks of their dead times.
+
+    members: of the loops, `(n,)`. values: flat, numbers or arrays over these.
+    """
+    from wavesweep.engine.loops.dead_time import structure
+
+    if not drawing.dead_times:
+        yield members, Loops(drawing, values)
+        return
+    building = {path: np.broadcast_to(number, members.shape).astype(int) for path, number in structure(drawing, values).items()}
+    for batch in distinct(list(building.values()), members.size):
+        ticks = {path: int(number[batch[0]]) for path, number in building.items()}
+        yield members[batch], Loops(drawing, selected(values, batch) | ticks)

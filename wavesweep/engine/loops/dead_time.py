@@ -21,7 +21,6 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import AT, Drawing, name_of, scalars
 from wavesweep.engine.drawing.drawn_block import Plant
 from wavesweep.engine.drawing.expressions import names_in, value_of
-from wavesweep.engine.loops.batch import Loops, distinct, selected
 from wavesweep.engine.loops.block import Block, concatenated
 from wavesweep.engine.loops.blocks import held
 from wavesweep.engine.loops.values import values_of
@@ -42,22 +41,6 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
         path: ticks[names[0]] if len(names) == 1 else sum(ticks[name] - ratio[name] for name in names) > 1
         for path, names in drawing.building.items()
     }
-
-
-def batches_built_alike(
-    drawing: Drawing, members: np.ndarray, values: Mapping[str, object]
-) -> Iterator[tuple[np.ndarray, Loops]]:
-    """Yield some of the members, and their loops with the whole numbers of ticks of their dead times.
-
-    members: of the loops, `(n,)`. values: flat, numbers or arrays over these.
-    """
-    if not drawing.dead_times:
-        yield members, Loops(drawing, values)
-        return
-    building = {path: np.broadcast_to(number, members.shape).astype(int) for path, number in structure(drawing, values).items()}
-    for batch in distinct(list(building.values()), members.size):
-        ticks = {path: int(number[batch[0]]) for path, number in building.items()}
-        yield members[batch], Loops(drawing, selected(values, batch) | ticks)
 
 
 def timing(drawing: Drawing) -> set[str]:

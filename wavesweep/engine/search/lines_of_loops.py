@@ -11,7 +11,7 @@ from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse
 from wavesweep.engine.search.open_loops import Opened
-from wavesweep.engine.search.required_region import RequiredRegion
+from wavesweep.engine.search.question import RequiredRegion
 from wavesweep.engine.stability.boundary import times
 from wavesweep.engine.stability.radii import drift_of, named_loops
 from wavesweep.engine.stability.spectral_lines import lines_of, share_of_first

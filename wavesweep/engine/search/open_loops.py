@@ -1,8 +1,8 @@
 """Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -20,16 +20,13 @@ from wavesweep.engine.loops.ports import Ports, feels, hand_of
 from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
-from wavesweep.engine.rows import different
-from wavesweep.engine.search.required_region import RequiredRegion
-from wavesweep.engine.stability.intervals import Intervals
 from wavesweep.engine.stability.radii import drift_of, named_loops
-from wavesweep.engine.stability.stable import stable_intervals
 
 if TYPE_CHECKING:
     from wavesweep.engine.response.resting import DcGain
 
 ANY = np.array([0.5, 2.0])  # a number that varies
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 FEW = 200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
 
 
@@ -169,43 +166,6 @@ class Opened:
         """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all; NaN if the frame hides it."""
         pair = p, self.beside[at]
         return self.loops.at_rest.stiffness(self.which[at], *(pair[::-1] if self.swapped else pair))
-
-    def intervals(self, cut, span, bound: RequiredRegion | None = None) -> Intervals:
-        """The intervals of the cut loops, sorted by slice; bound: on the eigenvalues, in place of the unit circle."""
-        parts = []
-        for some, slices in self.alike:
-            loops = cut if some.size == cut.batch[0] else cut.at(some)
-            radius = bound and bound.radius_of(loops.period)
-            found = stable_intervals(loops, self.along, span, self.beside[slices], radius)
-            parts.append(replace(found, column=slices.reshape(-1)[found.column]))
-        return by_slice(parts)
-
-    @property
-    def along(self) -> str:
-        """Which number of the cut the intervals are those of."""
-        return "B_VE" if self.swapped else "K_VE"
-
-    @property
-    def alike(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Loops with equally many slices, `(loops,)`, and these, `(loops, slices)`."""
-        order, counts = np.argsort(self.which, kind="stable"), np.bincount(self.which)
-        starts = np.cumsum(counts) - counts
-        few = [(np.flatnonzero(counts == count), np.arange(count)) for count in different(counts[counts > 0]).tolist()]
-        return [(some, order[starts[some][:, None] + own]) for some, own in few]
-
-
-def by_slice(parts: Sequence[Intervals]) -> Intervals:
-    """Intervals of several parts in one, sorted by slice."""
-    whole = Intervals.join(parts)
-    return whole.take(np.argsort(whole.column, kind="stable"))
-
-
-def in_place(found: Intervals, columns: np.ndarray, new: Intervals, some: np.ndarray | None = None) -> Intervals:
-    """Intervals with others in place of those of some columns, which `new` numbers from 0; some: of these, those that are."""
-    if some is not None:
-        columns, new = columns[some], new.take(np.isin(new.column, some))
-        new = replace(new, column=np.searchsorted(some, new.column))
-    return by_slice([found.take(~np.isin(found.column, columns)), replace(new, column=columns[new.column])])
 
 
 def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:

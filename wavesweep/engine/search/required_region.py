@@ -1,47 +1,28 @@
-"""The region of eigenvalues that [sweep] requires in place of the unit circle: a capability offers it, see `Bound`."""
+"""A required region of eigenvalues that is no circle, such as that of a damping ratio, by a search of its own.
 
-from typing import Protocol
+Applies if the bound has one. It proves where the eigenvalues are in that region; a bound on their size is found beside it by
+the other methods, and both hold where the intervals have values in common.
+"""
 
-import numpy as np
+from dataclasses import replace
 
+from wavesweep.engine.search.intervals_of_slices import common
+from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.intervals import Intervals
 
 
-class RequiredRegion(Protocol):
-    """Where the eigenvalues of a drawing's frame have to be; without a bound, within the unit circle.
+def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
+    """Whether the bound has a search of its own."""
+    return bool(question.bound and question.bound.cost)
 
-    The search takes a bound on their size as the unit circle of frames over its radius. What else is bounded has a search of
-    its own, `intervals`, beside it. cost: s per slice of that search, 0 without one. of_size: the bounds on the size alone;
-    None if there are none. on_circle: whether a mode that meets its bound is on the circle of that radius. gain: whether a gain
-    of the whole loop is bounded too. of_modes: what is required of eigenvalues alone; None if nothing is.
-    """
 
-    cost: float
-    of_size: "RequiredRegion | None"
-    on_circle: bool
-    gain: object
-    of_modes: "RequiredRegion | None"
+def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
+    """The intervals in which every eigenvalue is in the region."""
+    from wavesweep.engine.search.frames_along import FramesAlong, in_own_time
 
-    def over(self, frames: int) -> "RequiredRegion":
-        """The same for so many frames in place of one."""
-
-    def radius_of(self, period) -> np.ndarray:
-        """The radius of loops with these periods of a frame, in s. Errors: UsageError if it is too small."""
-
-    def logarithms(self, period, omega) -> np.ndarray:
-        """The logarithms of eigenvalues of that frequency (rad/s) that just meet a bound, `(..., bounds)`."""
-
-    def intervals(self, frames, errors, span, columns: int, period, bounds, resolved) -> Intervals:
-        """All intervals in which eigenvalues are where they have to be, apart from their size; see `stable_along_any`."""
-
-    def within_gain(self, loops, along: str, span, period, bounds, resolved, stable: Intervals) -> Intervals:
-        """All intervals along a number in which the gain is within its bound, as far as they are in `stable`.
-
-        An omega at an end that the gain sets has a minus.
-        """
-
-    def method(self, of_size: str) -> str:
-        """How the intervals are found, in a line; of_size: how those of the unit circle are."""
-
-    def refuse_rates(self, name: str) -> None:
-        """Raise UsageError if no intervals can be found along the number `name`, which changes the time of a frame."""
+    bound, frames = question.bound, FramesAlong.of(question, slices.loops, slices.size)
+    inside = bound.intervals(
+        frames.frames, frames.errors, question.span, slices.size, frames.period, frames.bounds, frames.resolved
+    )
+    inside = in_own_time(inside, slices.loops, question.along)
+    return common([inside, rest(replace(question, bound=bound.of_size), slices)]) if bound.of_size else inside

@@ -1,6 +1,11 @@
-"""Loops drawn in one spec that do not act on each other both ways: each by itself, and the values at which all are stable."""
+"""Loops drawn in one spec that do not act on each other both ways: each by itself, and the values at which all are stable.
 
-from collections.abc import Mapping, Sequence
+Applies if the drawing has several such subloops. The eigenvalues of the loops are those of all subloops, so that intervals that
+are proved of each of them are proved of the loops where they have values in common.
+"""
+
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 
@@ -9,9 +14,55 @@ import numpy as np
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.domain import domains
 from wavesweep.engine.loops.values import numbers_of, values_of
-from wavesweep.engine.stability.certificate import NONE
+from wavesweep.engine.search.intervals_of_slices import common
+from wavesweep.engine.search.open_loops import Opened
+from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.radii import drift_of
+
+
+def applies(question: Question, slices: Slices) -> bool:
+    """Whether there are several subloops."""
+    return len(subloops_along(question, slices.loops)) > 1
+
+
+def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
+    """The intervals in which all subloops are stable."""
+    loops, along, span, bound = slices.loops, question.along, question.span, question.bound
+    drawings = subloops_along(question, loops)
+    if not _drift_alike(question, loops, drawings):  # a cut would leave out a mode that grows and that the number does not see
+        return rest(question, Slices(loops, slices.size))
+    domains(*loops, along, span, slices.size)  # of what leads from one subloop to another, too
+    ticks, answers = loops.drawn().ticks if bound else 0, []
+    for subloop in (Loops(drawing, loops.values) for drawing in drawings):
+        asked = replace(question, bound=bound.over(ticks // subloop.drawn().ticks)) if bound else question
+        opened = None
+        with suppress(IllPosedLoopError):  # it may have no solution at 0 of the number, which may be beyond the range
+            opened = Opened.of(subloop, question.number, slices.size, felt=False)
+        answers.append(rest(asked, Slices(subloop, slices.size, opened)))
+    return common(answers)
+
+
+def subloops_along(question: Question, loops: Loops) -> tuple[Drawing, ...]:
+    """The drawings of the subloops, without terms whose gain is 0 in every loop."""
+    without = silent(*loops.changed({question.along: 1.0}), question.number)
+    return subloops(loops.drawing, without, every=question.bound is not None)
+
+
+def _drift_alike(question, loops, drawings):
+    """Whether as many shifts of the subloops are opposed by nothing as of all together, and nothing else is left out of them.
+
+    A block that reads a subloop, or a hand that moves it, may make a shift of it a mode that grows with time.
+    """
+    over = loops.changed({question.along: np.array(question.span)})
+    drifts = [drift_of(Loops(drawing, over.values)) for drawing in (loops.drawing, *drawings)]
+    unread, *of_subloops = ({drift.states[state] for state in drift.unobserved} for drift in drifts)
+    shifts, *counts = (len(drift.constant) + len(drift.varying) for drift in drifts)
+    return shifts == sum(counts) and unread >= set().union(*of_subloops)
 
 
 @lru_cache(maxsize=64)
@@ -32,7 +83,7 @@ def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(),
             if source in feeds:
                 feeds[source].add(port.rpartition(".")[0])
     reached = {name: _reached(feeds, name) for name in feeds}
-    parts = dict.fromkeys(frozenset({name, *(each for each in reached[name] if name in reached[each])}) for name in feeds)
+    parts = dict.fromkeys(frozenset({name, *(other for other in reached[name] if name in reached[other])}) for name in feeds)
     alone = [block for block in drawing.blocks if block.name not in reached[block.name]]
     rests = {frozenset({block.name}) for block in alone if TYPES[block.type].settles}
     return tuple(_part(drawing, names) for names in parts if every or names not in rests) or (drawing,)
@@ -43,9 +94,9 @@ def silent(drawing: Drawing, values: Mapping[str, object], number: str) -> froze
 
     values: flat numbers, or arrays over a batch.
     """
-    known, (reading, others) = numbers_of(values), _terms(drawing, number)
+    numbers, (reading, others) = numbers_of(values), _terms(drawing, number)
     with np.errstate(all="ignore"):
-        gains = [(place, values_of(gain, known)) for place, gain in others]
+        gains = [(place, values_of(gain, numbers)) for place, gain in others]
     acting = {place for place, gain in gains if (np.any(gain) if np.ndim(gain) else gain)}
     return frozenset({place for place, _ in others} - acting - reading)
 
@@ -61,70 +112,20 @@ def _terms(drawing, number):
 
 def _reached(feeds, name):
     """The blocks that a block acts on, by way of others too."""
-    found, open_ = set(), {name}
-    while open_:
-        open_ = set().union(*(feeds[each] for each in open_)) - found
-        found |= open_
-    return found
+    reached, front = set(), {name}
+    while front:
+        front = set().union(*(feeds[block] for block in front)) - reached
+        reached |= front
+    return reached
 
 
 def _part(drawing, names):
     """The drawing of these blocks without the others that act on them, and without a hand."""
 
-    def own(wires):
-        found = ((port, terms) for port, terms in wires if port.rpartition(".")[0] in names)
-        return tuple((port, tuple(term for term in terms if term[0].rpartition(".")[0] in names)) for port, terms in found)
+    def within(wires):
+        inner = ((port, terms) for port, terms in wires if port.rpartition(".")[0] in names)
+        return tuple((port, tuple(term for term in terms if term[0].rpartition(".")[0] in names)) for port, terms in inner)
 
     blocks = tuple(block for block in drawing.blocks if block.name in names)
-    return replace(drawing, blocks=blocks, wires=own(drawing.wires), couplings=own(drawing.couplings), hand=None, wall=None)
-
-
-def common(found: Sequence[Intervals]) -> Intervals:
-    """Return the intervals in which all of several loops are stable, for every column.
-
-    found: of each loop, the same columns. A doubt of one is one of the column, unless the others are never stable together.
-    """
-    rows = [_by_column(each) for each in found]
-    whole = {name: [] for name in ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")}
-    for column in rows[0]:
-        certain = [each[column][0] for each in rows if each[column][1] == NONE]
-        shared, doubt = _of_all(certain), NONE
-        if len(certain) < len(rows) and not (certain and not shared):
-            shared, doubt = _of_all([each[column][0] for each in rows]), max(each[column][1] for each in rows)
-        stable = [known for *_, known in shared]
-        for at, interval in enumerate(shared or [(np.nan, np.nan, np.nan, np.nan, 0.0, False)]):
-            facts = (column, sum(stable[:at]) if interval[5] else -1, sum(stable), *interval[:4], doubt, interval[4])
-            for name, value in zip(whole, facts, strict=True):
-                whole[name].append(value)
-    kinds = {name: getattr(found[0], name).dtype for name in whole}
-    return Intervals(**{name: np.array(values, kinds[name]) for name, values in whole.items()})
-
-
-def _by_column(found):
-    """Column -> its elements as (low, high, low_omega, high_omega, residual, known to be stable), and its doubt."""
-    columns = {}
-    for at in range(found.column.size):
-        intervals, _ = columns.setdefault(int(found.column[at]), ([], int(found.doubt[at])))
-        if not np.isnan(found.low[at]):
-            ends = (float(getattr(found, name)[at]) for name in ("low", "high", "low_omega", "high_omega", "residual"))
-            intervals.append((*ends, bool(found.index[at] >= 0)))
-    return dict(sorted(columns.items()))
-
-
-def _of_all(loops):
-    """What several lists have in common, in order."""
-    shared = loops[0] if loops else []
-    for other in loops[1:]:
-        shared = [both for one in shared for two in other if (both := _overlap(one, two)) is not None]
-    return shared
-
-
-def _overlap(one, two):
-    """The part that two elements have in common, each end with its frequency, open if one is; None if there is none."""
-    begins = max(one, two, key=lambda each: each[0])
-    ends = min(one, two, key=lambda each: each[1])
-    if begins[0] >= ends[1]:
-        return None
-    known = one[5] and two[5]
-    omegas = (begins[2], ends[3]) if known else (np.nan, np.nan)
-    return begins[0], ends[1], *omegas, max(one[4], two[4]) * known, known
+    wires, couplings = within(drawing.wires), within(drawing.couplings)
+    return replace(drawing, blocks=blocks, wires=wires, couplings=couplings, hand=None, wall=None)

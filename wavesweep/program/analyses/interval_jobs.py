@@ -14,8 +14,8 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loops.batch import Loops, items_of
 from wavesweep.engine.loops.dead_time import breaks, timing
 from wavesweep.engine.loops.domain import domain, unsuitable
-from wavesweep.engine.search.interval_records import FAILURES, RECORD, ends_of, loop_by_loop
-from wavesweep.engine.search.interval_search import Search, Searches
+from wavesweep.engine.search.interval_records import FAILURES, RECORD, ends_of
+from wavesweep.engine.search.interval_search import Search, Searches, loop_by_loop
 from wavesweep.engine.search.open_loops import FEW, exact_cut
 from wavesweep.engine.stability.certificate import words
 from wavesweep.engine.stability.radii import drift_of, frames, frames_of
@@ -231,7 +231,7 @@ def _orders_of_few(spec, asked, changes, size, resolved):
     """States of loops that are all cut at the number, as their search cuts them, which remembers them; otherwise nothing."""
     with suppress(IllPosedLoopError, *FAILURES):
         searches = _searches(spec, asked, changes, size, resolved, checked=True).searches
-        opened = [loops for search in searches for *_, loops in search.opened_groups()]
+        opened = [slices.opened for search in searches for _, slices in search.opened_groups()]
         if all(loops and loops.loops.cut for loops in opened):
             return [loops.loops.cut.order for loops in opened]
     return []

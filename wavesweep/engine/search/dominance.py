@@ -1,0 +1,62 @@
+"""Dominance of the diagonal of frames along any number, with ball arithmetic where doubles leave a doubt.
+
+Applies always. Frames are interpolated on panels of the number with a bound on the error; eigenvalues are held off the unit
+circle by discs about the diagonal in eigenvectors of a place nearby. Stretches in doubt are asked of balls, if there is a
+prover.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.loops.controllers import WALL
+from wavesweep.engine.search.question import Question, Rest, Slices
+from wavesweep.engine.stability.intervals import Intervals
+
+
+def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
+    """Whether it can be asked: always."""
+    return True
+
+
+def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: ARG001
+    """The intervals from frames whose diagonal dominates."""
+    from wavesweep.engine.loops.domain import bends_at_zero
+    from wavesweep.engine.search.frames_along import FramesAlong, in_own_time
+    from wavesweep.engine.stability.along_any import BENT, FROM_ZERO, stable_along_any
+
+    loops, along, span, bound = slices.loops, question.along, question.span, question.bound
+    frames = FramesAlong.of(question, loops, slices.size)
+    frames = replace(frames, radius=bound and bound.radius_of(frames.period))
+    variable = FROM_ZERO if span[0] == 0 and bends_at_zero(loops.drawing, along) else ""
+    variable = BENT if along in WALL and span[0] >= 0 else variable
+    balls = question.prover(loops, along, frames.period) if question.prover and not bound else None
+    intervals = stable_along_any(
+        frames.frames, span, slices.size, frames.period, frames.bounds, variable, frames.errors, balls, frames.resolved
+    )
+    if span[0] <= 0 <= span[1] and not bound:
+        intervals = _meeting_one_at_zero(question, intervals, loops)
+    return in_own_time(intervals, loops, along)
+
+
+def _meeting_one_at_zero(question, intervals, loops):
+    """Intervals that end at 0 with an eigenvalue 1, if a drift of the loop is stopped by the number alone.
+
+    An end is there if it is as near as ends are promised.
+    """
+    from wavesweep.engine.stability.crossings import SLIVER
+    from wavesweep.engine.stability.radii import drift_of
+
+    nothing = SLIVER * (question.span[1] - question.span[0])
+    near = {end: np.abs(getattr(intervals, end)) <= nothing for end in ("low", "high")}
+    if not any(map(np.any, near.values())):
+        return intervals
+    held, free = (drift_of(loops.changed({question.along: value})) for value in (np.array(question.span), 0.0))
+    if len(free.constant) + len(free.varying) <= len(held.constant) + len(held.varying):
+        return intervals
+    changes = {}
+    for end, at_zero in near.items():
+        omega = getattr(intervals, f"{end}_omega")
+        changes[end] = np.where(at_zero, 0.0, getattr(intervals, end))
+        changes[f"{end}_omega"] = np.where(at_zero & ~(omega > 0), 0.0, omega)  # another mode may cross there as well
+    return replace(intervals, **changes)

@@ -1,0 +1,55 @@
+"""A cut at the number, where it is one scalar gain of a frame: the unit circle is searched for crossings.
+
+Applies if the frame without the number has a cut. All crossings are roots of one real polynomial; between two of them the
+number of eigenvalues outside of the circle is counted, and the count is proved by signs or discs.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.rows import different
+from wavesweep.engine.search.intervals_of_slices import by_slice, in_place
+from wavesweep.engine.search.open_loops import Opened, by_zeros
+from wavesweep.engine.search.question import Question, RequiredRegion, Rest, Slices
+from wavesweep.engine.stability.certificate import NONE
+from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.stable import stable_intervals
+
+
+def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
+    """Whether the loops are known without the number, and can be cut there."""
+    return slices.opened is not None and slices.opened.loops.cut is not None
+
+
+def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
+    """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the rest is asked."""
+    loops, opened = slices.loops, slices.opened
+    intervals = of_cut(opened, question.span, question.bound)
+    doubtful = different(intervals.column[intervals.doubt != NONE])
+    if not doubtful.size:
+        return intervals
+    if opened.alone or slices.size == 1:
+        return in_place(intervals, doubtful, rest(question, Slices(loops.some(doubtful), doubtful.size)))
+    for alike in by_zeros(loops, doubtful):
+        columns = doubtful[alike]
+        few = loops.some(columns)
+        alone = Slices(few, columns.size, Opened.of_each(few, question.number, columns.size, felt=bool(opened.loops.hand)))
+        answer = find(question, alone, rest) if applies(question, alone) else rest(question, alone)
+        intervals = in_place(intervals, columns, answer)
+    return intervals
+
+
+def of_cut(opened: Opened, span: tuple[float, float], bound: RequiredRegion | None = None) -> Intervals:
+    """The intervals of slices whose loops are cut, sorted by slice; loops with equally many slices go together."""
+    cut = opened.loops.batch(int(opened.which.max()) + 1)
+    order, counts = np.argsort(opened.which, kind="stable"), np.bincount(opened.which)
+    starts, batches = np.cumsum(counts) - counts, []
+    for count in different(counts[counts > 0]).tolist():
+        alike = np.flatnonzero(counts == count)
+        slices = order[starts[alike][:, None] + np.arange(count)]
+        loops = cut if alike.size == cut.batch[0] else cut.at(alike)
+        radius = bound and bound.radius_of(loops.period)
+        intervals = stable_intervals(loops, "B_VE" if opened.swapped else "K_VE", span, opened.beside[slices], radius)
+        batches.append(replace(intervals, column=slices.reshape(-1)[intervals.column]))
+    return by_slice(batches)
