@@ -227,63 +227,83 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
 
     frames: of all blocks that do not run in every tick. Errors: UsageError for frames that they cannot have.
     """
-    known = scalars(values)
+    numbers = scalars(values)
     if frames:
-        _refuse(frames, [(block, *_schedule(block, known)) for block in drawing.alone])
-    rate = float(value_of(drawing.tick_hz, known))
-    waits = {name: divided(value_of(tree, known) * rate) for name, tree in drawing.dead_times.items()}
-    blocks = tuple(_part(block, known, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
-    blocks += tuple(_plant(plant, drawing, known, 1.0 / rate, waits) for plant in drawing.plants)
+        _refuse(frames, [(block, *_schedule(block, numbers)) for block in drawing.alone])
+    rate = float(value_of(drawing.tick_hz, numbers))
+    waits = {name: divided(value_of(tree, numbers) * rate) for name, tree in drawing.dead_times.items()}
+    blocks = tuple(_part(block, numbers, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
+    blocks += tuple(_plant(plant, drawing, numbers, 1.0 / rate, waits) for plant in drawing.plants)
     for name, (ticks, _) in waits.items():
         law = dead_time(ticks)
         blocks += (RunningBlock(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law),)
-    terms, hand = dict(drawing.wires), ""
-    if drawing.hand:
-        hand, *signals = drawing.hand
-        terms |= {
-            name: terms_of_signal
-            for name, terms_of_signal in zip((POSITION, REACTION), signals, strict=True)
-            if terms_of_signal is not None
-        }
-    named = {name if name not in RUN_COLUMNS else f"signals.{name}": terms_of_name for name, terms_of_name in drawing.named}
-    named |= {name: terms_of_name for name, terms_of_name, _ in drawing.outputs}
-    taken_names = [name for name, _, _ in drawing.inputs]
-    wall, shares = _wall_of(drawing, terms, known) if drawing.wall else (None, {})
-    without_wall = known | dict.fromkeys(wall.names if wall else (), 0.0)
-    inside, silent = drawing.inside, without_wall | dict.fromkeys(known.keys() & {*LOCAL}, 0.0)
-
-    def wired(numbers):
-        sums = {port: (*_valued(terms_of_port, numbers), *shares.get(port, ())) for port, terms_of_port in terms.items()}
-        sums |= {SEEN + name: _valued(terms_of_name, known) for name, terms_of_name in named.items() if name not in taken_names}
-        return {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sums[port]) for port in sums}
-
-    wires, away = wired(without_wall), wired(silent)
+    hand, *at_hand = drawing.hand or ("", None, None)
+    terms = dict(drawing.wires)
+    terms |= {name: sum_ for name, sum_ in zip((POSITION, REACTION), at_hand, strict=True) if sum_ is not None}
+    wall, shares = _wall_of(drawing, terms, numbers) if drawing.wall else (None, {})
+    without_wall = numbers | dict.fromkeys(wall.names if wall else (), 0.0)
+    silent = without_wall | dict.fromkeys(numbers.keys() & {*LOCAL}, 0.0)
+    shown = {SEEN + name: _valued(sum_, numbers) for name, sum_ in _shown_signals(drawing).items()}
+    wires, away = (_wires(drawing, terms, values_of, shares, shown) for values_of in (without_wall, silent))
     for name, wiring in product(waits, (wires, away)):
         _within_ticks(name, drawing, wiring)
     loop = MarchedLoop(1.0 / rate, rate, blocks, wires, away)
-    if (end := loop.only("wave", "force")) and loop.only("local_model"):
-        fast_outputs = {
-            f"{block.name}.{port}" for block in blocks if not (block.rhythm.slow or block.plant) for port in block.outputs
-        }
-        wires[LOCAL_WAVE] = away[LOCAL_WAVE] = tuple(term for term in wires[f"{end}.in"] if term[1] in fast_outputs)
-    masses = [block.name for block in drawing.blocks if TYPES[block.type].body]
-    speeds = {inside.get(f"{mass}.x", f"{mass}.x"): inside.get(f"{mass}.v", f"{mass}.v") for mass in masses}
-    if hand and wires[POSITION] and all(name in speeds for _, name in wires[POSITION]):
-        wires[VELOCITY] = away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in wires[POSITION])
-    plants = {f"{block.name}.{port}": block.name for block in blocks if block.plant for port in block.inputs}
-    moved = [plants[port] for port, sum_ in wires.items() if port in plants and any(name == hand for _, name in sum_)]
-    sensed = {plant.name for plant in drawing.plants if plant.sensed}
-    movable = {block.name for block in drawing.apart}.intersection(masses) - sensed
-    device = moved[0] if len(moved) == 1 and moved[0] in movable else ""
+    _add_local_wave(loop)
+    _add_velocity(drawing, hand, loop)
+    device = _device_of(drawing, hand, loop)
     arriving = [name for plant in drawing.plants if plant.name == device for _, name in plant.arriving if waits[name][1]]
     for name, wiring in product(arriving, (wires, away)):  # by how much the force of the motors is about to change
         wiring[AT + name] = tuple((gain, f"{name}.next") for gain, signal in wiring.get(REACTION, ()) if signal == f"{name}.y")
     late = next(((name, 1.0 - waits[name][1]) for name in arriving), ("", 1.0))
-    body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
+    body = next((tuple(_numbers(block, numbers).values()) for block in drawing.blocks if block.name == device), ())
     entries = tuple((name, signal) for name, signal, _ in drawing.inputs if signal != hand)
-    channels = {block.name: _numbers(block, known) for block in drawing.channels}
+    channels = {block.name: _numbers(block, numbers) for block in drawing.channels}
     loop = replace(loop, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
     return replace(loop, device=device, body=body, late=late, wall=wall, walled=bool(drawing.wall), frames=frames)
+
+
+def _shown_signals(drawing):
+    """The terms of named signals and outputs by their columns; those with the name of an input are left out."""
+    named = {name if name not in RUN_COLUMNS else f"signals.{name}": terms for name, terms in drawing.named}
+    named |= {name: terms for name, terms, _ in drawing.outputs}
+    inputs = {name for name, _, _ in drawing.inputs}
+    return {name: terms for name, terms in named.items() if name not in inputs}
+
+
+def _wires(drawing, terms, numbers, shares, shown):
+    """The sums of wires with these numbers, the shares of the wall's force, and what is shown, by names inside of plants."""
+    sums = {port: (*_valued(sum_, numbers), *shares.get(port, ())) for port, sum_ in terms.items()} | shown
+    inside = drawing.inside
+    return {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sums[port]) for port in sums}
+
+
+def _add_local_wave(loop):
+    """Add what returns from the local model to the wires of a loop that has one at the end of a wave channel."""
+    if (end := loop.only("wave", "force")) and loop.only("local_model"):
+        fast = [block for block in loop.blocks if not (block.rhythm.slow or block.plant)]
+        outputs = {f"{block.name}.{port}" for block in fast for port in block.outputs}
+        loop.wires[LOCAL_WAVE] = loop.away[LOCAL_WAVE] = tuple(term for term in loop.wires[f"{end}.in"] if term[1] in outputs)
+
+
+def _masses(drawing):
+    return [block.name for block in drawing.blocks if TYPES[block.type].body]
+
+
+def _add_velocity(drawing, hand, loop):
+    """Add the velocity at the hand to the wires, if the position there is that of masses."""
+    inside = drawing.inside
+    speeds = {inside.get(f"{mass}.x", f"{mass}.x"): inside.get(f"{mass}.v", f"{mass}.v") for mass in _masses(drawing)}
+    if hand and loop.wires[POSITION] and all(name in speeds for _, name in loop.wires[POSITION]):
+        loop.wires[VELOCITY] = loop.away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in loop.wires[POSITION])
+
+
+def _device_of(drawing, hand, loop):
+    """The mass that the hand's force moves, if it is a single one by itself; else empty."""
+    plants = {f"{block.name}.{port}": block.name for block in loop.blocks if block.plant for port in block.inputs}
+    moved = [plants[port] for port, sum_ in loop.wires.items() if port in plants and any(name == hand for _, name in sum_)]
+    sensed = {plant.name for plant in drawing.plants if plant.sensed}
+    movable = {block.name for block in drawing.apart}.intersection(_masses(drawing)) - sensed
+    return moved[0] if len(moved) == 1 and moved[0] in movable else ""
 
 
 def _refuse(frames, schedules):
@@ -381,31 +401,15 @@ def _valued(terms, numbers) -> Sum:
 
 def _wall_of(drawing, terms, known):
     """The wall, and the term of its force in each wire; None if its numbers do more than multiply signals in wires."""
+    if _read_elsewhere(drawing):
+        return None, {}
     names, first, shares = drawing.wall, None, {}
-    if any(name in names for _, terms_of_port in drawing.couplings for _, tree in terms_of_port for name, _ in names_in(tree)):
-        return None, {}
-    inside = {f"wire.{port}" for port, _ in drawing.wires} | {"ports.hand.reaction"}
-    inside |= {f"ports.outputs.{name}" for name, _, _ in drawing.outputs}
-    if any(path not in inside and any(name in names for name, _ in names_in(tree)) for path, tree in drawing.trees()):
-        return None, {}
-    none = known | dict.fromkeys(names, 0.0)
     for port, terms_of_port in terms.items():
-        factors: dict[tuple[int, str], float] = {}  # of each number and signal, the factor of their product
-        for signal, gain in terms_of_port:
-            read = [name for name, _ in names_in(gain) if name in names]
-            if not read:
-                continue
-            rest, *ones, both = (
-                value_of(gain, none | ones_for)
-                for ones_for in ({}, *({name: 1.0} for name in names), dict.fromkeys(names, 1.0))
-            )
-            slopes = [with_one - rest for with_one in ones]
-            if any(degree(gain, name) > 1 for name in read) or abs(both - sum(slopes) - rest) > SAME * abs(both):
-                return None, {}
-            factors |= {(i, signal): factors.get((i, signal), 0.0) + slope for i, slope in enumerate(slopes) if slope}
+        factors = _wall_factors(names, terms_of_port, known)
+        if factors is None:
+            return None, {}
         if not factors:
             continue
-        factors = dict(sorted(factors.items(), key=lambda item: item[0][0]))
         lead = next(iter(factors.values()))
         first = first or {place: value if lead > 0 else -value for place, value in factors.items()}
         share = lead / next(iter(first.values()))
@@ -418,6 +422,31 @@ def _wall_of(drawing, terms, known):
     depth, speed = (tuple((value, inside.get(name, name)) for (i, name), value in first.items() if i == at) for at in (0, 1))
     K, B = (*(float(known[name]) for name in names), 0.0)[:2]
     return Wall(names, K, B, depth, speed), shares
+
+
+def _read_elsewhere(drawing):
+    """Whether the wall's numbers stand anywhere but in wires that are held, the reaction and outputs."""
+    wires = {f"wire.{port}" for port, _ in drawing.wires} | {"ports.hand.reaction"}
+    wires |= {f"ports.outputs.{name}" for name, _, _ in drawing.outputs}
+    trees = [tree for _, terms in drawing.couplings for _, tree in terms]
+    trees += [tree for path, tree in drawing.trees() if path not in wires]
+    return any(name in drawing.wall for tree in trees for name, _ in names_in(tree))
+
+
+def _wall_factors(names, terms, known):
+    """Of each of the wall's numbers and signal, the factor of their product in a wire; None if it is no such product."""
+    none, factors = known | dict.fromkeys(names, 0.0), {}
+    for signal, gain in terms:
+        read = [name for name, _ in names_in(gain) if name in names]
+        if not read:
+            continue
+        changes = ({}, *({name: 1.0} for name in names), dict.fromkeys(names, 1.0))
+        rest, *ones, both = (value_of(gain, none | change) for change in changes)
+        slopes = [with_one - rest for with_one in ones]
+        if any(degree(gain, name) > 1 for name in read) or abs(both - sum(slopes) - rest) > SAME * abs(both):
+            return None
+        factors |= {(i, signal): factors.get((i, signal), 0.0) + slope for i, slope in enumerate(slopes) if slope}
+    return dict(sorted(factors.items(), key=lambda item: item[0][0]))
 
 
 def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:

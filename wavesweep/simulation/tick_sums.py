@@ -149,35 +149,41 @@ class TickSums:
             sums |= {f"{block.name}.{name}": _named(block, terms) for name, terms in law.gives.items()}
             keeps |= {f"{block.name}.{name}": _named(block, terms) for name, terms in law.keeps.items()}
             limits |= {f"{block.name}.{name}": pair for name, pair in law.limits.items()}
-            stops |= {
-                f"{block.name}.{name}": [f"{block.name}.{source}" for source in sources] for name, sources in law.stops.items()
-            }
+            for name, sources in law.stops.items():
+                stops[f"{block.name}.{name}"] = [f"{block.name}.{source}" for source in sources]
             for source, names in law.moves:
                 first = self.at(f"{block.name}.{names[0]}")
                 moves.append((self.at(f"{block.name}.{source}"), first, first + len(names)))
+        self._add_pushed_apart(sums, wires)
+        for name in self.loop.signals:
+            sums[name] = self._read(wires[name], slow=False)
+            if name in (POSITION, VELOCITY):
+                sums[name] = tuple((gain, actual(s) if s.rpartition(".")[0] in self.host else s) for gain, s in wires[name])
+        sums |= {arrived(name): ((1.0, name),) for name in sorted(arriving)}
+        sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
+        first, met, second = self._ordered(running, sums, limits)
+        limits = {self.at(name): pair for name, pair in limits.items()}
+        stops = [(line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops]
+        return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves, limits, stops)
+
+    def _add_pushed_apart(self, sums, wires):
+        """Let inputs of plants read what comes from outside apart from the rest."""
         for port in (f"{block.name}.{port}" for block in self.loop.blocks if block.plant for port in block.inputs):
             pushed = [term for term in wires.get(port, ()) if term[1] in self.loop.inputs]
             sums[besides(port)] = self._read([term for term in wires.get(port, ()) if term not in pushed], slow=False)
             if port in sums:
                 sums[port] = ((1.0, besides(port)), *pushed)
-        for name, terms in ((name, wires[name]) for name in self.loop.signals):
-            sums[name] = self._read(terms, slow=False)
-            if name in (POSITION, VELOCITY):
-                sums[name] = tuple((gain, actual(s) if s.rpartition(".")[0] in self.host else s) for gain, s in terms)
-        sums |= {arrived(name): ((1.0, name),) for name in sorted(arriving)}
-        sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
+
+    def _ordered(self, running, sums, limits):
+        """The sums in the order in which they can be computed, before and behind the wall's force if it is computed then."""
         wall = self.loop.wall
         if wall and {Rhythm(), *(block.rhythm for block in running)}.intersection(self.loop.readers(FORCE)):
             slow = self.loop.wall_rhythm.slow
-            sums |= {DEPTH: self._read(wall.depth, slow), SPEED: self._read(wall.speed, slow)}
+            sums = sums | {DEPTH: self._read(wall.depth, slow), SPEED: self._read(wall.speed, slow)}
             _refuse_limits_on_circles(limits, sums | {FORCE: ((1.0, DEPTH), (1.0, SPEED))})
-            first, met, second = _around(sums, wall)
-        else:
-            _refuse_limits_on_circles(limits, sums)
-            first, met, second = straight(sums)[0], None, []
-        limits = {self.at(name): pair for name, pair in limits.items()}
-        stops = [(line, *map(self.at, stops[name])) for line, name in enumerate(keeps) if name in stops]
-        return Program(self.lines(first), met, self.lines(second), self.lines(keeps.items()), moves, limits, stops)
+            return _around(sums, wall)
+        _refuse_limits_on_circles(limits, sums)
+        return straight(sums)[0], None, []
 
     def _read(self, terms, slow):
         """A sum as a block reads it: messages as they have arrived, and if the block is not slow, slow results too."""

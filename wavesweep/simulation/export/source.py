@@ -136,29 +136,34 @@ def controller_of(loop: MarchedLoop, late: bool) -> ExportedController:
     one_sided = loop.wall is not None and loop.wall.position is not None
     results = results_of(loop) if late or one_sided else []
     outside = [*loop.inputs, *(signal for _, signal in loop.entries)]
-    pushed = [f"{block.name}.{port}" for block in plants for port in block.inputs]
-    pushed = [port for port in pushed if any(gain and name not in outside for gain, name in loop.wires.get(port, ()))]
-    unforced = {f"{block.name}.{port}" for block in plants for port in block.inputs}.difference(pushed)
-    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports and port not in unforced}
-    cut = replace(loop, wires=ports, away={port: terms for port, terms in loop.away.items() if port not in unforced})
-    if cut.wall_rhythm != loop.wall_rhythm:  # the force against the hand reads the wall's in every tick
-        cut = replace(loop, wires=ports | {REACTION: loop.wires[REACTION]})
+    at_plants = [f"{block.name}.{port}" for block in plants for port in block.inputs]
+    pushed = [port for port in at_plants if any(gain and name not in outside for gain, name in loop.wires.get(port, ()))]
+    unforced = {*at_plants}.difference(pushed)
+    cut = _cut_at_plants(loop, unforced)
     delayed = [signal for result in results for signal in result.signals] if late else ()
     ticks = TickSums(cut, [block.name for block in plants], delayed)
     programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
     names = list(ticks.places)
     read = {names[source] for program in programs for _, terms in _lines(program) for _, source in terms}
-    inputs = [f"{block.name}.{port}" for block in plants for port in block.outputs]
-    inputs += outside
-    outputs = [besides(port) for port in pushed]
+    inputs = [*(f"{block.name}.{port}" for block in plants for port in block.outputs), *outside]
     inputs = [name for name in inputs if name in read]
-    if not outputs or not inputs:
+    if not pushed or not inputs:
         raise UsageError("export: expected a controller that reads the device and acts on it, found one that does not")
     for name in (DEPTH, SPEED, FORCE, *(naming(s) for s in delayed for naming in (str, arrived))):
         ticks.at(name)  # even if nothing reads it
     places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_z_"), strict=True))
     sums = {port: loop.wires[port] for port in sorted(unforced) if loop.wires.get(port)}
+    outputs = [besides(port) for port in pushed]
     return ExportedController(cut, ticks, programs, table, results, inputs, outputs, late, places, sums)
+
+
+def _cut_at_plants(loop: MarchedLoop, unforced: set[str]) -> MarchedLoop:
+    """The wires that a controller computes: those of ports, without the ports of plants that it does not push."""
+    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports and port not in unforced}
+    cut = replace(loop, wires=ports, away={port: terms for port, terms in loop.away.items() if port not in unforced})
+    if cut.wall_rhythm != loop.wall_rhythm:  # the force against the hand reads the wall's in every tick
+        cut = replace(loop, wires=ports | {REACTION: loop.wires[REACTION]})
+    return cut
 
 
 def _refuse(loop: MarchedLoop, plants: Sequence[RunningBlock]) -> None:
