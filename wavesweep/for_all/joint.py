@@ -8,8 +8,6 @@ from wavesweep.for_all.graph import Family
 from wavesweep.for_all.norm_check import Norms, shrink_along
 from wavesweep.for_all.norms import WORK, Centre, advanced, find_norms, finer, first_centre
 from wavesweep.for_all.patterns import (
-    KEPT,
-    LONGEST,
     Word,
     crossing,
     growing,
@@ -33,7 +31,7 @@ BACK = 0.3, 0.1, 0.03  # of a refuted number, how far back words are searched th
 ROUNDS = 8  # of the search for words that refute a number closer to the start, from each of these
 MORE = 3  # times as many words are searched where no proof is found
 SPENT = 0.9  # part of the work after which no more norms are searched
-SEARCHES = 8  # into which the work that is left is divided: one for norms that do not exist ends soon
+SEARCHES = 4  # into which the work that is left is divided: one for norms that do not exist ends soon
 STRIDE = 0.35  # the next number for which norms are searched leaves this part of the way to the refuted one
 FINER, FINEST, FINE = 3.0, 3e-4, 1e9  # factor and last value of finer tolerances that follow if cheap, and the work for them
 FRUITLESS = 3  # finer graphs without a longer stretch, after which rounding leaves no room
@@ -102,7 +100,7 @@ def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
     centre, factor = find_norms(A, family.follows, work=work)
     if factor == 1 and (norms := _proved(family, (x,), (centre,))):
         return Decision(PROVED, *norms)
-    for word in growing(A, family.follows, centre.basis, (), MORE * KEPT, MORE * LONGEST):
+    for word in growing(A, family.follows, centre.basis, (), MORE, norms=centre.norms):
         if is_refuted(family, word, x):
             return Decision(REFUTED, word=word)
     return Decision(UNKNOWN)
@@ -176,7 +174,8 @@ def _side(family, start, limit, tolerance, first, work, near=0.0):
         if further:
             stretches, reached = (*stretches, *further), aim
             continue
-        nearer = _grown(family, start, aim, centre, word, MORE)
+        tried = (aim, (aim + fails) / 2) if word else (aim,)
+        nearer = next(filter(None, (_grown(family, start, x, centre, word, MORE) for x in tried)), None)
         if nearer and abs(nearer[0] - start) > abs(reached - start):
             (fails, word), ceiling = nearer, None
             goal = _farther(_inside(fails, start, WITHIN * tolerance), reached, start)
@@ -276,7 +275,7 @@ def nearest_refuted(family: Family, start: float, limit: float, tolerance: float
 
 def _grown(family, start, x, centre, word=(), more=1):
     """The refuted number closest to the start of words that grow at x, and its word; None if none is found."""
-    words = growing(family.at(x), family.follows, centre.basis, [word] if word else [], more * KEPT, more * LONGEST)
+    words = growing(family.at(x), family.follows, centre.basis, [word] if word else [], more, norms=centre.norms)
     found = _first(family, words, start, x, x)
     return found if found[1] else None
 

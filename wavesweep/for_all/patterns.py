@@ -7,7 +7,8 @@ import numpy as np
 
 from wavesweep.engine.monodromy.rounding import both
 from wavesweep.engine.stability.spectrum import count_outside
-from wavesweep.for_all.graph import Family
+from wavesweep.for_all.graph import Family, Graph
+from wavesweep.for_all.norm_check import Norms
 
 KEPT = 60  # words of each length that are extended
 LOOKED_AT = 120  # words of each length whose eigenvalues are computed
@@ -15,6 +16,7 @@ LONGEST = 14  # matrices in a word
 RUN = 12  # matrices of each of the two runs of a word
 LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
 WALKS, WALKED = 32, 160  # walks of a state, and their matrices
+TINY = 1e-290  # a state that is gone
 IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
@@ -56,16 +58,23 @@ def growth(A: np.ndarray, word: Word) -> float:
 
 
 def growing(
-    A: np.ndarray, follows: np.ndarray, basis: np.ndarray, known: Sequence[Word] = (), kept: int = KEPT, longest: int = LONGEST
+    A: np.ndarray,
+    follows: np.ndarray,
+    basis: np.ndarray,
+    known: Sequence[Word] = (),
+    more: int = 1,
+    longest: int = LONGEST,
+    norms: Norms | None = None,
 ) -> list[Word]:
     """Return words of matrices A `(symbols, n, n)` whose products have a spectral radius of 1 or more, fastest growth per
     matrix first.
 
-    basis: one in which the matrices are small. known: words to start from. kept: words of each length, those with the largest
-    norms, that are extended. Beside these there are words of two runs, and the ends of walks. The best of all are changed
-    matrix by matrix. This is a search: it may return nothing although there are such words.
+    basis: one in which the matrices are small. known: words to start from. norms: in which the matrices nearly
+    shrink. Of words of each length, `more` times KEPT, those with the largest matrices, are extended. Beside these there are
+    words of two runs, and the ends of walks. The best of all are changed matrix by matrix. This is a search: it may return
+    nothing although there are such words.
     """
-    A = np.linalg.inv(basis) @ A @ basis
+    A, longest = np.linalg.inv(basis) @ A @ basis, more * longest
     rates = {word: growth(A, word) ** (1 / len(word)) for word in known} | _of_two_runs(A, follows)
     words, products = np.arange(len(A))[:, None], A
     for length in range(1, longest + 1):
@@ -75,11 +84,13 @@ def growing(
             radius = np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
             best = np.argsort(-radius)[:LEADING]
             rates |= {_least(tuple(words[closing[i]].tolist())): radius[i] for i in best}
-        first, symbol = np.nonzero(follows[words[order[:kept], -1]])
+        first, symbol = np.nonzero(follows[words[order[: more * KEPT], -1]])
         first = order[first]
         words = np.concatenate([words[first], symbol[:, None]], axis=1)
         products = A[symbol] @ products[first]
-    rates |= _of_walks(A, follows)
+    graph = norms.graph if norms else Graph.least(follows)
+    P = basis.T @ norms.P @ basis if norms else np.broadcast_to(np.eye(len(basis)), (graph.nodes, *basis.shape))
+    rates |= _of_walks(A, follows, Norms(P, graph))
     for word in sorted(rates, key=rates.get, reverse=True)[:IMPROVED]:
         better = improved(A, follows, word)
         rates[better] = growth(A, better) ** (1 / len(better))
@@ -110,19 +121,20 @@ def _of_two_runs(A, follows):
     return rates
 
 
-def _of_walks(A, follows):
-    """The growth per matrix of the ends of walks, on which each matrix is that which leaves the state largest."""
-    symbols, n = A.shape[:2]
+def _of_walks(A, follows, norms):
+    """The growth per matrix of the ends of walks, on which each matrix is that which leaves the state largest in norms."""
+    graph, n = norms.graph, A.shape[-1]
     scale = np.linalg.norm(A, axis=(-2, -1)).max() or 1.0
     A, state = A / scale, np.random.default_rng(0).normal(size=(WALKS, n))
-    may, walks = np.ones((WALKS, symbols), bool), np.empty((WALKS, WALKED), int)
+    leads_to = np.full((graph.nodes, len(A)), -1)
+    leads_to[graph.source, graph.symbol] = graph.target
+    node, walker, walks = np.arange(WALKS) % graph.nodes, np.arange(WALKS), np.empty((WALKS, WALKED), int)
     for step in range(WALKED):
-        moved = np.einsum("sij,wj->wsi", A, state)
-        size = np.where(may, np.linalg.norm(moved, axis=-1), -1.0)
-        symbol = size.argmax(1)
-        largest = size[np.arange(WALKS), symbol]
-        state = moved[np.arange(WALKS), symbol] / np.where(largest > 0, largest, 1.0)[:, None]
-        walks[:, step], may = symbol, follows[symbol]
+        moved, target = np.einsum("sij,wj->wsi", A, state), leads_to[node]
+        size = np.einsum("wsi,wsij,wsj->ws", moved, norms.P[target], moved)
+        walks[:, step] = symbol = np.where(target < 0, -1.0, size).argmax(1)
+        state, node = moved[walker, symbol], target[walker, symbol]
+        state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), TINY)
     ends = np.unique(walks[:, -LONGEST_IMPROVED:], axis=0)
     products, closed = np.broadcast_to(np.eye(n), (len(ends), n, n)), []
     for length in range(1, 1 + LONGEST_IMPROVED):
