@@ -26,16 +26,16 @@ def plane_curve(cut: LinearFractional, theta) -> np.ndarray:
     t = _terms(cut, np.asarray(theta, float))
     with np.errstate(all="ignore"):
         common = (np.conj(t.x) * t.v).imag
-        return np.stack([(np.conj(t.one) * t.v).imag, (np.conj(t.x) * t.one).imag]) / common
+        return np.stack([(np.conj(t.unit) * t.v).imag, (np.conj(t.x) * t.unit).imag]) / common
 
 
 def plane_lines(cut: LinearFractional) -> np.ndarray:
-    """Return the straight parts of the boundary, `one = K_VE x + B_VE v` at z = 1 and at z = -1: rows (one, x, v), `(2, 3)`.
+    """Return the straight parts of the boundary, `unit = K_VE x + B_VE v` at z = 1 and at z = -1: rows (unit, x, v), `(2, 3)`.
 
     cut: one loop. A row with x = v = 0 is no line.
     """
     t = _terms(cut, np.array([0.0, np.pi]))
-    return np.stack([t.one.real, t.x.real, t.v.real], -1)
+    return np.stack([t.unit.real, t.x.real, t.v.real], -1)
 
 
 def _terms(cut, theta):

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.engine.monodromy.cut import FIRST, SECOND
 from wavesweep.engine.rows import different
 from wavesweep.engine.search.intervals_of_slices import by_slice, in_place
 from wavesweep.engine.search.open_loops import Opened, by_zeros
@@ -50,6 +51,6 @@ def of_cut(opened: Opened, span: tuple[float, float], bound: RequiredRegion | No
         slices = order[starts[alike][:, None] + np.arange(count)]
         loops = cut if alike.size == cut.batch[0] else cut.at(alike)
         radius = bound and bound.radius_of(loops.period)
-        intervals = stable_intervals(loops, "B_VE" if opened.swapped else "K_VE", span, opened.beside[slices], radius)
+        intervals = stable_intervals(loops, SECOND if opened.swapped else FIRST, span, opened.beside[slices], radius)
         batches.append(replace(intervals, column=slices.reshape(-1)[intervals.column]))
     return by_slice(batches)

@@ -1,7 +1,9 @@
 """Stable intervals along any number of a loop, from its eigenvalues."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,8 +36,8 @@ def stable_along_any(
 
     period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
     """
-    found = regions_along_any(frames, span, columns, bounds, variable, errors, balls, resolved)
-    return intervals_of(found, doubts_of(found, np.full(columns, NONE)), period)
+    regions = regions_along_any(frames, span, columns, bounds, variable, errors, balls, resolved)
+    return intervals_of(regions, doubts_of(regions, np.full(columns, NONE)), period)
 
 
 def regions_along_any(
@@ -66,47 +68,65 @@ def regions_along_any(
     low, high = span
     if variable == FROM_ZERO:
         low = EXACT * NEAR_ZERO * high
-    if variable == BENT:
-        unit, slope = (high - low) / TURN, lambda t: unit * np.exp(t)
-        offset, scale = low - unit, unit
-        into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
-    elif low > 0 and high > WIDE * low:
-        unit, into, out, slope, offset, scale = low, np.log, np.exp, None, 0.0, 1.0
-    else:
-        unit, into, out, slope, offset, scale = np.inf, _same, _same, np.ones_like, 0.0, 0.0
-    ends = into(low), into(high)
+    v = _variable_of(low, high, variable)
+    ends = v.into(low), v.into(high)
     with np.errstate(all="ignore"):  # of the logarithm of what has none
         bounds = np.stack([np.zeros(columns) + end for end in bounds])
-        bounds = np.where(bounds > low - unit, into(bounds), -np.inf)
+        bounds = np.where(bounds > low - v.unit, v.into(bounds), -np.inf)
 
     def slack(t):
-        return EXACT + 0 * t if slope is None else EXACT * (np.abs(out(t)) + NEAR_ZERO * (high - low)) / slope(t)
+        if v.slope is None:
+            return EXACT + 0 * t
+        return EXACT * (np.abs(v.out(t)) + NEAR_ZERO * (high - low)) / v.slope(t)
+
+    def through(function, column, t):
+        with np.errstate(over="ignore"):  # beside the largest doubles
+            p = v.out(t)
+        return function(column, p)
 
     errors = partial(_rounded, frames) if errors is None else errors
-    through = [partial(_through, each, out) for each in (frames, errors)]
+    functions = partial(through, frames), partial(through, errors)
     order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
     few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
-    parts = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
-    own = balls and _in_variable(balls, into, out)
-    narrow = resolved and (lambda column, low, high: resolved(column, low, high, offset, scale))
-    found = Regions.join([_regions(*through, ends, names, bounds[:, names], slack, own, narrow) for names in parts])
-    # The range's own ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
+    portions = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
+    balls = balls and _in_variable(balls, v.into, v.out)
+    narrow = resolved and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale))
+    regions = Regions.join([_regions(*functions, ends, names, bounds[:, names], slack, balls, narrow) for names in portions])
+    # The range's ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
     lows, highs = (
-        np.where(part == end, own, np.where(np.abs(out(part)) <= nothing, 0.0, out(part)))
-        for part, end, own in zip((found.low, found.high), ends, span, strict=True)
+        np.where(t == end, p, np.where(np.abs(v.out(t)) <= nothing, 0.0, v.out(t)))
+        for t, end, p in zip((regions.low, regions.high), ends, span, strict=True)
     )
-    return replace(found, low=lows, high=highs)
+    return replace(regions, low=lows, high=highs)
+
+
+class _Variable(NamedTuple):
+    """The variable t in which panels are taken: t = into(p), p = out(t) = offset + scale exp(t), or t itself if scale is 0.
+
+    slope: dp/dt as a function of t, None of a logarithm, whose ends are relative. unit: how far p may lie below the span.
+    """
+
+    into: Callable
+    out: Callable
+    slope: Callable | None
+    unit: float
+    offset: float
+    scale: float
+
+
+def _variable_of(low, high, variable):
+    if variable == BENT:
+        unit = (high - low) / TURN
+        into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
+        return _Variable(into, out, lambda t: unit * np.exp(t), unit, low - unit, unit)
+    if low > 0 and high > WIDE * low:
+        return _Variable(np.log, np.exp, None, low, 0.0, 1.0)
+    return _Variable(_same, _same, np.ones_like, np.inf, 0.0, 0.0)
 
 
 def _same(p):
     return p
-
-
-def _through(function, out, column, t):
-    with np.errstate(over="ignore"):  # beside the largest doubles
-        p = out(t)
-    return function(column, p)
 
 
 def _in_variable(balls, into, out):
@@ -114,11 +134,11 @@ def _in_variable(balls, into, out):
 
     def proved_there(column, low, high):
         a, b = float(out(low)), float(out(high))
-        found = balls(column, a, b)
-        if found is None:
+        intervals = balls(column, a, b)
+        if intervals is None:
             return None
-        known = {a: low, b: high}
-        return [(*(known.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in found]
+        exact = {a: low, b: high}
+        return [(*(exact.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in intervals]
 
     return proved_there
 
@@ -148,20 +168,23 @@ def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Reg
         ratio, plain, rough = units[:, None, :] / units[:, :, None], of_frames, of_errors
 
         def scaled(E, column, t):
-            own = ratio[np.broadcast_to(column, t.shape).ravel()]
-            return E * own if E.shape[-1] == own.shape[-1] else np.full_like(E, np.nan)
+            factors = ratio[np.broadcast_to(column, t.shape).ravel()]
+            return E * factors if E.shape[-1] == factors.shape[-1] else np.full_like(E, np.nan)
 
-        of_frames = lambda column, t: replace(found := plain(column, t), E=scaled(found.E, column, t))  # noqa: E731
-        of_errors = lambda column, t: tuple(scaled(part, *np.broadcast_arrays(column, t)) for part in rough(column, t))  # noqa: E731
+        of_frames = lambda column, t: replace(sampled := plain(column, t), E=scaled(sampled.E, column, t))  # noqa: E731
+        of_errors = lambda column, t: tuple(scaled(M, *np.broadcast_arrays(column, t)) for M in rough(column, t))  # noqa: E731
     narrow = resolved and (lambda column, low, high: resolved(names[column], low, high))
     panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds, narrow, E.shape[-1])
-    parts, panels = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)], [] if panels is None else panels.without_forgotten()
-    for some, kept in panels:
-        own = lambda *at, kept=kept: (part[:, kept[:, None], kept] for part in of_errors(*at))  # noqa: E731
-        parts.append(tiles_of(some, own, span, names.size, slack))
-    tiles = Tiles.join(parts)
+    tiles_of_kinds, panels = (
+        [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)],
+        [] if panels is None else panels.without_forgotten(),
+    )
+    for reduced, states in panels:
+        off = lambda *at, states=states: (M[:, states[:, None], states] for M in of_errors(*at))  # noqa: E731
+        tiles_of_kinds.append(tiles_of(reduced, off, span, names.size, slack))
+    tiles = Tiles.join(tiles_of_kinds)
     attached = slack(span[0]), slack(span[1])
     if balls is not None:
-        tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *part: balls(int(names[at]), *part))
-    found = regions_of(tiles, lost, span, names.size, attached)
-    return replace(found, column=names[found.column])
+        tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *ends: balls(int(names[at]), *ends))
+    regions = regions_of(tiles, lost, span, names.size, attached)
+    return replace(regions, column=names[regions.column])

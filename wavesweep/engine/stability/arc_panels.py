@@ -1,6 +1,7 @@
 """Roots of analytic functions on an interval: Chebyshev panels, split until their roots are proved."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +29,7 @@ for _array in (NODE, TRANSFORM, RIM):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class PanelRoots:
     """Roots and the state of the panels.
 
     column, function, x, within, slope_sign: a root each: its column, its function, its place and the distance to which that is
@@ -60,7 +61,7 @@ def panel_roots(
     bounds=(-np.inf, np.inf),
     end_bit=0.0,
     settling=None,
-) -> Found:
+) -> PanelRoots:
     """Find all roots of several functions of each column, real analytic in x.
 
     sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real or complex) the functions'
@@ -80,31 +81,36 @@ def panel_roots(
     frame as a high power; it is large on the rim if it is large anywhere on the panel.
     """
     bounds = [np.broadcast_to(end, columns) for end in bounds]
-    found, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
+    roots, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
     given_up = {"lost": [], "overflown": [], "settled": []}
     open_low, open_high = np.zeros(columns, bool), np.zeros(columns, bool)
 
-    def give(kind, which):
-        given_up[kind].append((column[which], low[which], high[which]))
+    def give(kind, index):
+        given_up[kind].append((column[index], low[index], high[index]))
 
     while column.size:
         column, low, high = _with_ellipses(column, low, high, smallest, bounds)
         panels = _panels(column, low, high, bounds)
-        proved, settled, finite, nothing, roots, share = _judged(sample, panels, bounds, settling)
-        found += roots
-        at_ends = [~proved & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
+        judged = _judged(sample, panels, bounds, settling)
+        roots += judged.roots
+        at_ends = [~judged.proved & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
         open_low[column[at_ends[0]]], open_high[column[at_ends[1]]] = True, True
-        give("settled", settled)
-        give("overflown", nothing)
-        open_ = ~(proved | settled | nothing | at_ends[0] | at_ends[1])
+        give("settled", judged.settled)
+        give("overflown", judged.overflown)
+        open_ = ~(judged.proved | judged.settled | judged.overflown | at_ends[0] | at_ends[1])
         hopeless = open_ & ((high - low <= smallest) | (np.bincount(column[open_], minlength=columns)[column] > many // 2))
-        give("lost", hopeless & finite)
-        give("overflown", hopeless & ~finite)
-        column, low, high = _cut(column, low, high, share, open_ & ~hopeless)
-    parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
+        give("lost", hopeless & judged.finite)
+        give("overflown", hopeless & ~judged.finite)
+        column, low, high = _cut(column, low, high, judged.cut_at, open_ & ~hopeless)
+    facts = (
+        [np.concatenate(arrays) for arrays in zip(*roots, strict=True)] if roots else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
+    )
     none = (np.zeros(0, int), np.zeros(0), np.zeros(0))
-    edges = {kind: tuple(map(np.concatenate, zip(*some, strict=True))) if some else none for kind, some in given_up.items()}
-    return Found(*parts, **edges, open_low=open_low, open_high=open_high)
+    edges = {
+        kind: tuple(map(np.concatenate, zip(*panels_of_kind, strict=True))) if panels_of_kind else none
+        for kind, panels_of_kind in given_up.items()
+    }
+    return PanelRoots(*facts, **edges, open_low=open_low, open_high=open_high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,19 +143,30 @@ def _with_ellipses(column, low, high, smallest, bounds):
         beyond &= np.bincount(column[beyond], minlength=column.max(initial=0) + 1)[column] <= MOST_BEYOND
         if not beyond.any():
             return column, low, high
-        parts = zip(_cut(column, low, high, CUT_AT, beyond), (column, low, high), strict=True)
-        column, low, high = (np.concatenate([part, whole[~beyond]]) for part, whole in parts)
+        pairs = zip(_cut(column, low, high, CUT_AT, beyond), (column, low, high), strict=True)
+        column, low, high = (np.concatenate([halves, values[~beyond]]) for halves, values in pairs)
 
 
 def _ellipse_within(panels, bounds):
     """Whether the ellipse about each panel is within the bounds of its column."""
     least, most = (end[panels.column] for end in bounds)
-    there = panels.half > 0  # none of a panel that is beyond the bounds itself
-    return there & (panels.middle - EXTENT * panels.half >= least) & (panels.middle + EXTENT * panels.half <= most)
+    proper = panels.half > 0  # none of a panel that is beyond the bounds itself
+    return proper & (panels.middle - EXTENT * panels.half >= least) & (panels.middle + EXTENT * panels.half <= most)
 
 
-def _judged(sample, panels, bounds, settling):
-    """Return (proved, settled, finite, not finite anywhere) of every panel, the roots on proved panels, and places to cut."""
+class _Judged(NamedTuple):
+    """What is known of panels, `(panels,)`: whether their roots are proved, they are settled, all samples are finite, and none
+    is; the roots on proved panels as (column, function, x, within, slope sign); and the places to cut, as shares of a width."""
+
+    proved: np.ndarray
+    settled: np.ndarray
+    finite: np.ndarray
+    overflown: np.ndarray
+    roots: list[tuple[np.ndarray, ...]]
+    cut_at: np.ndarray
+
+
+def _judged(sample, panels, bounds, settling) -> _Judged:
     phase, log, error = sample(panels.column, panels.at(NODE))
     functions, reached, finite = log.shape[0], np.isfinite(log).all(0).any(-1), np.isfinite(log).all((0, -1))
     sign = np.where(finite[:, None], phase.real, 0.0)
@@ -157,30 +174,33 @@ def _judged(sample, panels, bounds, settling):
     trend = np.where(_tail(sign, log, trend) < _tail(sign, log, 0 * trend), trend, 0.0)
     value, peak = _scaled(sign, log, trend)
     size = np.where(finite[:, None], np.abs(value) * error, np.inf)
-    parts = [_interpolate(value[function], size[function]) for function in range(functions)]
+    series, noise, ready = (np.stack(a) for a in zip(*map(_interpolate, value, size), strict=True))
     counted = [function for function in range(functions) if function != settling]
-    decayed = np.logical_and.reduce([parts[function][2] for function in counted])
-    worth = decayed | (parts[settling][2] if settling is not None else False)
+    decayed = ready[counted].all(0)
+    worth = decayed if settling is None else decayed | ready[settling]
     hidden = _hidden(sample, panels, bounds, np.flatnonzero(worth & finite), trend, peak)
     proved, settled, roots = decayed & finite, np.zeros(panels.column.size, bool), []
-    good = [proved if function != settling else parts[function][2] for function in range(functions)]
-    which, panel = np.nonzero(good & np.isfinite(hidden))
-    coefficients, noise = (np.stack([part[i] for part in parts])[which, panel] for i in (0, 1))
+    ready[counted] = proved
+    function_of, panel = np.nonzero(ready & np.isfinite(hidden))
+    coefficients, noise = series[function_of, panel], noise[function_of, panel] + hidden[function_of, panel]
     sure = np.zeros((functions, panels.column.size), bool)
-    for rows, some in _proved_roots(coefficients, noise + hidden[which, panel]):
-        mine, there = which[rows], panel[rows]
-        sure[mine, there] = True
+    for rows, discs in _proved_roots(coefficients, noise):
+        function, at = function_of[rows], panel[rows]
+        sure[function, at] = True
         if settling is not None:
-            of = mine == settling
-            settled[there[of]] = ~some.inside[of].any(-1) & (value[settling, there[of]] > 0).all(-1)
-        at, root = np.nonzero(some.inside & (mine != settling)[:, None])
-        half = panels.half[there[at]]
-        found = half * some.value[at, root], half * some.radius[at, root]
-        roots.append((there[at], mine[at], panels.middle[there[at]] + found[0], found[1], some.slope_sign[at, root]))
+            of = function == settling
+            settled[at[of]] = ~discs.inside[of].any(-1) & (value[settling, at[of]] > 0).all(-1)
+        row, root = np.nonzero(discs.inside & (function != settling)[:, None])
+        half = panels.half[at[row]]
+        x, within = panels.middle[at[row]] + half * discs.value[row, root], half * discs.radius[row, root]
+        roots.append((at[row], function[row], x, within, discs.slope_sign[row, root]))
     proved &= sure[counted].all(0)
     settled &= ~proved
-    kept = [(panels.column[at][proved[at]], *(part[proved[at]] for part in rest)) for at, *rest in roots]
-    return proved, settled, finite, ~reached, kept, _share(np.abs(value[counted]))
+    roots = [(panels.column[at][proved[at]], *(fact[proved[at]] for fact in facts)) for at, *facts in roots]
+    # Roots may crowd next to the smallest sample, so it is put into a small half if it is near an end.
+    place = NODE[np.argmin(np.abs(value[counted]).min(0), axis=-1)]
+    cut_at = np.where(np.abs(place) < CROWDED, CUT_AT, np.where(place > 0, 0.76, 0.24))
+    return _Judged(proved, settled, finite, ~reached, roots, cut_at)
 
 
 def _trend(log, finite):
@@ -219,23 +239,23 @@ def _transformed(value, transform):
     return total
 
 
-def _hidden(sample, panels, bounds, which, trend, peak):
+def _hidden(sample, panels, bounds, index, trend, peak):
     """Return a bound on features between the nodes of the panels `which`, in units of each function's largest sample.
 
     It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
     """
     hidden = np.full(peak.shape, np.inf)
-    which = which[_ellipse_within(panels, bounds)[which]]
-    if not which.size:
+    index = index[_ellipse_within(panels, bounds)[index]]
+    if not index.size:
         return hidden
-    some = panels.take(which)
-    _, log, error = sample(some.column, some.at(RIM))
-    log = log + np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH)) - trend[:, which, None] * RIM.real
+    chosen = panels.take(index)
+    _, log, error = sample(chosen.column, chosen.at(RIM))
+    log = log + np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH)) - trend[:, index, None] * RIM.real
     with np.errstate(over="ignore", invalid="ignore"):
         # Between two points of the rim it may be larger than at both, by no more than they differ, and twice for good measure.
         steepest = np.abs(np.diff(log, axis=-1)).max(-1)
-        most = 2 * INTERPOLANT_ERROR * np.exp(log.max(-1) + steepest / 2 - peak[:, which])
-    hidden[:, which] = np.where(np.isfinite(most), most, np.inf)
+        most = 2 * INTERPOLANT_ERROR * np.exp(log.max(-1) + steepest / 2 - peak[:, index])
+    hidden[:, index] = np.where(np.isfinite(most), most, np.inf)
     return hidden
 
 
@@ -266,15 +286,6 @@ def _proved_roots(coefficients, noise):
         proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
         yield rows[proved], roots.take(proved)
         rows = rows[~proved]
-
-
-def _share(size):
-    """Return the place at which a panel is best cut, as a share of its width.
-
-    Roots may crowd next to the smallest sample, so it is put into a small part if it is near an end.
-    """
-    place = NODE[np.argmin(size.min(0), axis=-1)]
-    return np.where(np.abs(place) < CROWDED, CUT_AT, np.where(place > 0, 0.76, 0.24))
 
 
 def _cut(column, low, high, share, split):

@@ -1,5 +1,7 @@
 """Crossings by adaptive arcs: slower than one polynomial, and reliable even if the poles crowd at several scales."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavesweep.engine.monodromy.cut import LinearFractional, open_in
@@ -9,6 +11,7 @@ from wavesweep.engine.stability.arc_panels import panel_roots
 from wavesweep.engine.stability.boundary import polish
 from wavesweep.engine.stability.crossings import Crossings, at_both_ends, poles_at_one
 from wavesweep.engine.stability.spectrum import count_outside
+from wavesweep.engine.state_space import StateSpace
 
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
@@ -34,23 +37,22 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
     def sample(column, theta):
-        value, size, beyond, unsure = _boundary([part[column][:, None] for part in opened], lines, theta, max(map(abs, span)))
+        system = StateSpace(*(matrix[column][:, None] for matrix in opened))
+        value, size, beyond, unsure = _boundary(system, lines, theta, max(map(abs, span)))
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
-        distance = [
-            on_circle(sign * theta)[..., None] - some
-            for sign, some in ((1, poles[column][:, None, :]), (-1, poles[column].conj()[:, None, :]))
-        ]
-        magnitude, far = np.maximum(np.abs([value, beyond]), TINY), [np.maximum(np.abs(some), TINY) for some in distance]
+        poles_of = poles[column][:, None, :]
+        distance = [on_circle(theta)[..., None] - poles_of, on_circle(-theta)[..., None] - poles_of.conj()]
+        magnitude, far = np.maximum(np.abs([value, beyond]), TINY), [np.maximum(np.abs(d), TINY) for d in distance]
         phase, log = np.array([value, beyond], complex) / magnitude, np.log(magnitude)
         phase *= (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
-        log += sum(np.log(some).sum(-1) for some in far)
+        log += sum(np.log(d).sum(-1) for d in far)
         return phase, log, np.minimum([size, unsure] / magnitude, MOST_ERROR)
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
-    found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
-    if (some := np.flatnonzero(found.open_low)).size:
-        found.open_low[some] = ~_is_clear_next_to_one([part[some] for part in opened], lines, poles[some])
-    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta)[0], found)
+    roots = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
+    if (at := np.flatnonzero(roots.open_low)).size:
+        roots.open_low[at] = ~_is_clear_next_to_one(StateSpace(*(matrix[at] for matrix in opened)), lines, poles[at])
+    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta).value, roots)
 
 
 @np.errstate(all="ignore")
@@ -62,12 +64,12 @@ def _is_clear_next_to_one(opened, lines, poles):
     other eigenvalue is in. F(0) is the mean of its rim, and by Schwarz's lemma F is off from that by at most the largest
     difference on the rim times the part of the way there.
     """
-    E, m = opened[0], poles_at_one(opened[0])
+    E, m = opened.E, poles_at_one(opened.E)
     away = np.sort(np.abs(poles), axis=-1)
     radius = np.minimum(WIDEST, away[:, m] / 4) if m < away.shape[-1] else np.full(len(E), WIDEST)
     count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
-    value, size, _, _ = _boundary([part[:, None] for part in opened], lines, theta)
+    value, size, _, _ = _boundary(StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta)
     q = m + m % 2
     F, noise = value * theta**q, (np.finfo(float).eps * size * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
@@ -75,55 +77,62 @@ def _is_clear_next_to_one(opened, lines, poles):
     return clear & (count == E.shape[-1] - m) & (np.abs(middle) > off + 2 * noise)
 
 
-@np.errstate(all="ignore")
-def _boundary(opened, lines, theta, largest=0.0):
-    """Return the two functions of the boundary at angles theta, and the sizes of their terms.
+class _BoundaryFunctions(NamedTuple):
+    """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of its terms; `1 - largest^2 |H|^2`, which is positive if |K| is
+    larger than `largest`, and the size of its terms."""
 
-    The first is `Im K / sin(theta)` times |H|^2, H = 1/K, followed by the size of its terms. The second is
-    `1 - largest^2 |H|^2`, which is positive if |K| is larger than `largest`, followed by the size of its terms.
+    value: np.ndarray
+    size: np.ndarray
+    beyond: np.ndarray
+    unsure: np.ndarray
+
+
+@np.errstate(all="ignore")
+def _boundary(opened, lines, theta, largest=0.0) -> _BoundaryFunctions:
+    """Return the two functions of the boundary at angles theta.
 
     `Im H(z) = -sin(theta) C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B`, `w(z) = z - 1`, by the resolvent identity: nothing cancels,
     not even at the points of the circle on the real axis. theta may be complex.
     """
     E, B, C, D = opened
     left, right = lines.row(E, C, -theta), lines.reached(E, B, theta)
-    parts = left * right, C[..., 0, :] * right, left * B[..., 0]
-    value, there, back = (part.sum(-1) for part in parts)
-    size, *sizes = (np.abs(part).sum(-1) for part in parts)
+    terms = left * right, C[..., 0, :] * right, left * B[..., 0]
+    value, forward, back = (term.sum(-1) for term in terms)
+    size, *sizes = (np.abs(term).sum(-1) for term in terms)
     D, roundings = D[..., 0, 0], CAUTION + max(map(len, lines.lines), default=0)
-    beyond = 1 - (largest * (there + D)) * (largest * (back + D))
+    beyond = 1 - (largest * (forward + D)) * (largest * (back + D))
     unsure = 1 + 2 * (largest * (sizes[0] + np.abs(D))) * (largest * (sizes[1] + np.abs(D)))
     if not np.iscomplexobj(theta):
         value, beyond = value.real, beyond.real
-    return value, roundings * size, beyond, roundings * unsure
+    return _BoundaryFunctions(value, roundings * size, beyond, roundings * unsure)
 
 
-def _collect(cut, along, fixed, span, boundary, found):
+def _collect(cut, along, fixed, span, boundary, roots):
     """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1 and -1."""
-    inside, complete = (found.x > 0) & (found.x < np.pi), np.ones(fixed.size, bool)
-    for lost in (found.lost, found.overflown):
+    inside, complete = (roots.x > 0) & (roots.x < np.pi), np.ones(fixed.size, bool)
+    for lost in (roots.lost, roots.overflown):
         complete[lost[0]] = False
-    column, seed, jump = found.column[inside], found.x[inside], 2.0 * found.slope_sign[inside]
+    column, seed, jump = roots.column[inside], roots.x[inside], 2.0 * roots.slope_sign[inside]
     theta, value, converged, inverses = polish(cut.at(column), along, fixed[column], seed, max(map(abs, span)))
-    astray = np.abs(theta - seed) > found.within[inside] + 1e-9
+    astray = np.abs(theta - seed) > roots.within[inside] + 1e-9
     complete[column[~converged | astray]] = False
     order = np.lexsort((theta, column))
-    column, theta, value, jump, at = (part[order] for part in (column, theta, value, jump, np.arange(column.size)))
+    column, theta, value, jump, at = (array[order] for array in (column, theta, value, jump, np.arange(column.size)))
     new = np.ones(column.size, bool)
     close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
     new[1:] = (np.diff(column) != 0) | ~close_by
-    column, theta, value, jump, at = (part[new] for part in (column, theta, value, jump, at))
+    column, theta, value, jump, at = (array[new] for array in (column, theta, value, jump, at))
     first, last = np.full(fixed.size, np.pi), np.zeros(fixed.size)
     np.minimum.at(first, column, theta)
     np.maximum.at(last, column, theta)
-    of, low, high = found.settled  # what lies there is not known
+    of, low, high = roots.settled  # what lies there is not known
     np.minimum.at(first, of[low > 0], low[low > 0])
     np.maximum.at(last, of[high < np.pi], high[high < np.pi])
     at_one, at_minus_one = (np.sign(boundary(a)) for a in (first / 2, (np.pi + last) / 2))
-    ends, more = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
-    complete &= ~(found.open_low | found.open_high)
-    parts = (np.concatenate(pair) for pair in zip((column, value, theta, jump, at), ends, strict=True))
-    column, value, theta, jump, at = parts
+    ends, at_ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
+    complete &= ~(roots.open_low | roots.open_high)
+    pairs = zip((column, value, theta, jump, at), ends, strict=True)
+    column, value, theta, jump, at = (np.concatenate(pair) for pair in pairs)
     at[at.size - 2 * fixed.size :] += len(inverses)
     nothing = np.full(fixed.size, np.nan)
-    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, more]), complete, nothing)
+    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, at_ends]), complete, nothing)

@@ -30,7 +30,7 @@ def roots_by_sign(coefficients, noise):
     (row, low, high, b), complete = _isolated(*_whole(coefficients), noise)
     value = low + (high - low) * _single_root(b)
     order = np.lexsort((value, row))
-    row, value, low, high, slope = (part[order] for part in (row, value, low, high, np.sign(b[-1])))
+    row, value, low, high, slope = (array[order] for array in (row, value, low, high, np.sign(b[-1])))
     first = np.diff(row, prepend=-1) != 0
     last = np.append(first[1:], True)[: row.size]
     before, after = np.where(first, -1.0, np.roll(high, 1)), np.where(last, 1.0, np.roll(low, -1))
@@ -52,38 +52,34 @@ def _isolated(b, rounding, noise):
     """Return pieces with a single root, (row, low, high, Bernstein coefficients), and which rows are completely decided."""
     n, rows = b.shape
     row, low, high = np.arange(rows), np.full(rows, -1.0), np.full(rows, 1.0)
-    farthest, found = largest_bernstein(n - 1), []
+    farthest, pieces = largest_bernstein(n - 1), []
     # A root at an end itself is no matter of signs.
     complete = np.isfinite(b).all(0) & (np.minimum(np.abs(b[0]), np.abs(b[-1])) > noise + rounding)
-    row, low, high, b, rounding = (part[..., complete] for part in (row, low, high, b, rounding))
+    row, low, high, b, rounding = (array[..., complete] for array in (row, low, high, b, rounding))
     for _ in range(HALVINGS):
-        own = noise[row]
-        none = (b.min(0) > own + rounding) | (b.max(0) < -own - rounding)
-        single = ~none & _changes_once(b, farthest * own + rounding)
-        found.append(tuple(part[..., single] for part in (row, low, high, b)))
+        level = noise[row]
+        none = (b.min(0) > level + rounding) | (b.max(0) < -level - rounding)
+        threshold = farthest * level + rounding
+        sign = (b > threshold).astype(np.int8) - (b < -threshold)
+        changes, unknown = (sign[1:] != sign[:-1]).sum(0), (sign == 0).sum(0)
+        # The signs change once; one may be unknown if it is between the two.
+        single = ~none & (sign[0] * sign[-1] == -1) & (unknown <= 1) & (changes == 1 + unknown)
+        pieces.append(tuple(array[..., single] for array in (row, low, high, b)))
         rest = ~none & ~single
-        complete[row[rest & (np.abs(b).max(0) <= own + rounding)]] = False  # a piece that noise alone may be
+        complete[row[rest & (np.abs(b).max(0) <= level + rounding)]] = False  # a piece that noise alone may be
         rest = np.flatnonzero(rest & complete[row])
         if not rest.size:
             break
-        row, low, high, b, rounding = (part[..., rest] for part in (row, low, high, b, rounding))
+        row, low, high, b, rounding = (array[..., rest] for array in (row, low, high, b, rounding))
         rounding = rounding + 4 * n * np.finfo(float).eps * np.abs(b).max(0)
         middle = low + SHARE * (high - low)
         b = np.concatenate(_halves(b), axis=-1)
         row, rounding, low, high = np.tile(row, 2), np.tile(rounding, 2), np.append(low, middle), np.append(middle, high)
     else:
         complete[row] = False
-    row, low, high = (np.concatenate(part) for part in list(zip(*found, strict=True))[:3])
-    b = np.concatenate([part[3] for part in found], axis=-1)
-    kept = complete[row]
-    return (row[kept], low[kept], high[kept], b[:, kept]), complete
-
-
-def _changes_once(b, threshold):
-    """Return whether the coefficients' signs change exactly once; one sign may be unknown if it is between the two signs."""
-    sign = (b > threshold).astype(np.int8) - (b < -threshold)
-    changes, unknown = (sign[1:] != sign[:-1]).sum(0), (sign == 0).sum(0)
-    return (sign[0] * sign[-1] == -1) & (unknown <= 1) & (changes == 1 + unknown)
+    row, low, high, b = (np.concatenate(arrays, axis=-1) for arrays in zip(*pieces, strict=True))
+    decided = complete[row]
+    return (row[decided], low[decided], high[decided], b[:, decided]), complete
 
 
 def _halves(b):

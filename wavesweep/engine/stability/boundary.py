@@ -1,17 +1,17 @@
 """The stability boundary as a curve on the unit circle: point by point, polished to rounding, with its rounding errors.
 
-The wall's characteristic equation is `one = K_VE x + B_VE v` at each point: `1 = K_VE G_x + B_VE G_v`, multiplied by w if the
-loop integrates.
+The characteristic equation is `unit = K x + B v` at each point, K and B being the first and the second number, as stiffness and
+damping of a wall: `1 = K G_x + B G_v`, multiplied by w if the loop integrates.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, LinearFractional
+from wavesweep.engine.monodromy.cut import ADVANCE, FIRST, OFFSET, VELOCITY, LinearFractional
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 
-K_VE, B_VE = "K_VE", "B_VE"
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2
 LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
 NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
@@ -20,32 +20,25 @@ NEAR = 1e-8  # of a state, by which it may change from where an inverse was take
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """The terms of `one = K_VE*x + B_VE*v` at points of the circle, scaled alike; each an array over the points."""
+    """The terms of `unit = K*x + B*v` at points of the circle, scaled alike; each an array over the points."""
 
-    one: np.ndarray
+    unit: np.ndarray
     x: np.ndarray
     v: np.ndarray
 
     def along(self, name: str):
-        """Return (term of the parameter that is solved for, term of the one that is fixed)."""
-        return (self.x, self.v) if name == K_VE else (self.v, self.x)
+        """Return (term of the number that is solved for, term of the fixed number)."""
+        return (self.x, self.v) if name == FIRST else (self.v, self.x)
 
 
-def terms_of(cut: LinearFractional, w, G, one=1.0) -> Terms:
+def terms_of(cut: LinearFractional, w, G, unit=1.0) -> Terms:
     """Return the terms from the rows VELOCITY, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
 
-    one: a factor that the rows of G have as well.
+    unit: a factor that the rows of G have as well.
     """
     if not cut.integrates:
-        return Terms(one + 0 * G[..., VELOCITY], G[..., OFFSET], G[..., VELOCITY])
-    return Terms(w * one + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY])
-
-
-def _slopes_of(cut, w, G, dG) -> Terms:
-    """Return the derivatives of the terms by w."""
-    if not cut.integrates:
-        return Terms(0.0, dG[..., OFFSET], dG[..., VELOCITY])
-    return Terms(1.0, dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET], w * dG[..., VELOCITY] + G[..., VELOCITY])
+        return Terms(unit + 0 * G[..., VELOCITY], G[..., OFFSET], G[..., VELOCITY])
+    return Terms(w * unit + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY])
 
 
 def terms(cut: LinearFractional, w) -> Terms:
@@ -106,18 +99,26 @@ def _outputs(cut, state):
 
 def residual(t: Terms, K, B, least=0.0):
     """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless; least: size of a further term."""
-    parts = np.abs(t.one) + np.abs(K * t.x) + np.abs(B * t.v) + least
-    return np.abs(t.one - K * t.x - B * t.v) / parts
+    size = np.abs(t.unit) + np.abs(K * t.x) + np.abs(B * t.v) + least
+    return np.abs(t.unit - K * t.x - B * t.v) / size
+
+
+class PolishedCrossings(NamedTuple):
+    """theta: the angles (rad per frame). value: the number there. converged: whether Newton's last step is at rounding.
+    inverse: of `w I - E` there or next to it, `(seeds, n, n)`."""
+
+    theta: np.ndarray
+    value: np.ndarray
+    converged: np.ndarray
+    inverse: np.ndarray
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
-def polish(cut: LinearFractional, along: str, fixed, theta, scale):
-    """Solve `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, by Newton's method from the seeds theta.
+def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> PolishedCrossings:
+    """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the seeds theta.
 
     cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; if K is beyond it,
-    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K. Returns (theta, value,
-    converged, inverse): the angle (rad per frame), the wall parameter there, whether Newton's last step is at rounding, and the
-    inverse of `w I - E` there or next to it, `(seeds, n, n)`.
+    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K.
     Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
     """
     theta, value, inverses = theta.astype(float), np.full(theta.shape, np.nan), None
@@ -125,8 +126,8 @@ def polish(cut: LinearFractional, along: str, fixed, theta, scale):
     for _ in range(ROUNDS):
         if not active.size and inverses is not None:
             break
-        some = cut if active.size == theta.size else cut.at(active)
-        now, slope, back, speed = _value_and_slope(some, along, fixed[active], theta[active])
+        loops = cut if active.size == theta.size else cut.at(active)
+        (now, slope), back, speed = _value_and_slope(loops, along, fixed[active], theta[active])
         far = np.abs(now) > scale
         now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
         step = -now.imag / slope.imag
@@ -147,26 +148,30 @@ def polish(cut: LinearFractional, along: str, fixed, theta, scale):
     moved = np.flatnonzero(far_off)
     if moved.size:  # by more than what one refinement makes up for
         inverses[moved] = inverse(_shifted(cut.at(moved), on_circle(theta[moved])))
-    return theta, value, done, inverses
+    return PolishedCrossings(theta, value, done, inverses)
 
 
 def _value_and_slope(cut, along, fixed, theta):
-    """Return K(theta) and dK/dtheta, complex; the inverse there; and the relative change of the states per angle."""
+    """Return K(theta) and dK/dtheta, complex, as a pair; the inverse there; and the relative change of the states per angle."""
     w = on_circle(theta)
     back, state = _states(cut, w)
     turn = back @ state
     G, dG = _outputs(cut, state), -times(cut.C, turn)[..., 0]
     with np.errstate(all="ignore"):
         speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
-    return *_solved(terms_of(cut, w, G), _slopes_of(cut, w, G, dG), along, fixed, w), back, speed
+    slopes = Terms(0.0, dG[..., OFFSET], dG[..., VELOCITY])  # by w
+    if cut.integrates:
+        of_x = dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET]
+        slopes = Terms(1.0, of_x, w * dG[..., VELOCITY] + G[..., VELOCITY])
+    return _solved(terms_of(cut, w, G), slopes, along, fixed, w), back, speed
 
 
 def _solved(t, slopes, along, fixed, w):
     """Return the wall parameter that solves the equation, and its derivative by theta, complex."""
-    (solved, other), (d_solved, d_other) = t.along(along), slopes.along(along)
+    (solved, fixed_term), (d_solved, d_fixed) = t.along(along), slopes.along(along)
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = (t.one - fixed * other) / solved
-        return value, (slopes.one - fixed * d_other - value * d_solved) / solved * (1j * (1 + w))
+        value = (t.unit - fixed * fixed_term) / solved
+        return value, (slopes.unit - fixed * d_fixed - value * d_solved) / solved * (1j * (1 + w))
 
 
 def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back=None, least: float = 0.0):
@@ -181,9 +186,9 @@ def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back
     `y dE R B`, R the resolvent and y what it makes of the row that the wall reads, and the wall parameter with it; if that
     grazes the real axis, the angle changes by `Im dK/Im K'`, which moves K by `Re K'` times as much.
     """
-    w, pair = np.asarray(w), (value, fixed) if along == K_VE else (fixed, value)
+    w, pair = np.asarray(w), (value, fixed) if along == FIRST else (fixed, value)
     back, state = _states(cut, w, back)
-    G, row = _outputs(cut, state), _seen(cut, w, pair, cut.C)
+    G, row = _outputs(cut, state), _read_row(cut, w, pair, cut.C)
     left = _adjoint(cut, w, row, back)
     t = terms_of(cut, w, G)
     slope = (left * state[..., 0]).sum(-1)
@@ -193,18 +198,18 @@ def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back
         solved, _ = t.along(along)
         turned = slope / solved * (1j * (1 + w))
         grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
-        more = least * np.abs(solved)
-        size = np.abs(t.one) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + more
-        size = np.where(size > 0, size, 1)  # at K_VE = 0 the equation is 0 = 0 by structure
+        further = least * np.abs(solved)
+        size = np.abs(t.unit) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + further
+        size = np.where(size > 0, size, 1)  # at K = 0 the equation is 0 = 0 by structure
         rounding, error = _with_errors(
             cut, np.abs(w), tuple(map(np.abs, pair)), np.abs(left), np.abs(state), _left(cut, w, state)
         )
-        return residual(t, *pair, more), error / np.abs(solved) * grazing, rounding / size
+        return residual(t, *pair, further), error / np.abs(solved) * grazing, rounding / size
 
 
-def _seen(cut, w, pair, rows):
+def _read_row(cut, w, pair, rows):
     """Return the row that the wall reads with both of its parameters, `(..., n)`; rows: those of C, `(..., 3, n)`."""
-    (K, B), w = (np.asarray(each)[..., None] for each in pair), w[..., None]
+    (K, B), w = (np.asarray(value)[..., None] for value in pair), w[..., None]
     if not cut.integrates:
         return K * rows[..., OFFSET, :] + B * rows[..., VELOCITY, :]
     return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., VELOCITY, :]
@@ -230,8 +235,8 @@ def _with_errors(cut, w, pair, reach, size, missed):
     def reached(of_states, read, direct):
         return (
             (reach * of_states).sum(-1)
-            + (_seen(cut, w, pair, read) * size[..., 0]).sum(-1)
-            + _seen(cut, w, pair, direct)[..., 0]
+            + (_read_row(cut, w, pair, read) * size[..., 0]).sum(-1)
+            + _read_row(cut, w, pair, direct)[..., 0]
         )
 
     missed = (reach * np.abs(missed)[..., 0]).sum(-1)

@@ -23,41 +23,42 @@ def unstable_counts(frames, errors, span, columns: int, bounds, resolved=None) -
     and C of the states that no delay line has, closed by the lines L, which are of any length. Over an arc of the circle and a
     part of the range no entry of S changes by more than D. If `|S^-1| D` takes some weights to less, S is nonsingular there.
     """
-    found = np.full(columns, -1)
+    counts = np.full(columns, -1)
     for column in range(columns):
-        own = [lambda _, p, of=of, at=column: of(np.full(p.size, at), p.ravel()) for of in (frames, errors)]
+        samples = [lambda _, p, of=of, at=column: of(np.full(p.size, at), p.ravel()) for of in (frames, errors)]
         with np.errstate(all="ignore"):
-            E = own[0](0, np.linspace(*span, 3)).E
+            E = samples[0](0, np.linspace(*span, 3)).E
             lines = DelayLines.of(E) if np.isfinite(E).all() else DelayLines(np.arange(len(E)), ())
             if lines.delayed.size < max(LONG, E.shape[-1] / 2):
                 continue
             narrow = resolved and (lambda at, low, high, column=column: resolved(at + column, low, high))
-            panels, lost = panels_of(*own, span, 1, bounds[:, column : column + 1], narrow)
+            panels, lost = panels_of(*samples, span, 1, bounds[:, column : column + 1], narrow)
             if panels is not None and not lost[0].size and all(_is_clear(lines, panels, at) for at in range(panels.low.size)):
                 count, clear = count_outside(E[1:2])
-                found[column] = count[0] if clear[0] else -1
-    return found
+                counts[column] = count[0] if clear[0] else -1
+    return counts
 
 
 def _is_clear(lines, panels, at):
     """Whether it is proved that no eigenvalue is on the circle on a panel."""
     k, d = lines.solved, lines.delayed
     places = (k[:, None], k), (k[:, None], d), (d[:, None], k)
-    c, error = ([part[at][..., rows, columns] for rows, columns in places] for part in (panels.coefficients, panels.error))
+    c = [panels.coefficients[at][..., rows, columns] for rows, columns in places]
+    error = [panels.error[at][..., rows, columns] for rows, columns in places]
     order = np.arange(len(c[0]))
-    steepest = [np.tensordot(order**2.0, np.abs(part), 1) for part in c]
+    steepest = [np.tensordot(order**2.0, np.abs(series), 1) for series in c]
     longest = max(map(len, lines.lines))
     count = int(np.ceil(np.pi * longest / (2 * TURN)))
     arcs = np.pi * np.arange(1, 2 * count, 2) / (2 * count), np.full(count, np.pi / (2 * count))
-    parts, work = [(0.0, 1.0, *arcs)], WORK * count
-    while parts:
-        x, half, *arcs = parts.pop()
-        E = [np.tensordot(np.cos(order * np.arccos(x)), part, 1) for part in c]
-        off = [half * slope + part for slope, part in zip(steepest, error, strict=True)]
+    ranges, work = [(0.0, 1.0, *arcs)], WORK * count
+    while ranges:
+        x, half, *arcs = ranges.pop()
+        E = [np.tensordot(np.cos(order * np.arccos(x)), series, 1) for series in c]
+        off = [half * slope + rounding for slope, rounding in zip(steepest, error, strict=True)]
         used, *arcs = _open_arcs(lines, longest, E, off, *arcs)
         work -= used
         if arcs[0].size:
-            parts += [(x - half / 2, half / 2, *arcs), (x + half / 2, half / 2, *arcs)]
+            ranges += [(x - half / 2, half / 2, *arcs), (x + half / 2, half / 2, *arcs)]
             if half < 0.5**HALVED or work < 0:
                 return False
     return True
@@ -69,15 +70,15 @@ def _open_arcs(lines, longest, E, off, theta, half):
     Others are halved until they are proved. E, off: A, C and B in the middle of that part, and what they may be off in it.
     """
     (A, C, B), (dA, dC, dB) = E, off
-    one, at_most, used = np.eye(len(A)), np.ones((1, 1, 1)), 0
-    size, of_B = (lines.along(part, at_most)[0].real for part in (np.abs(B) + dB, dB))
-    by_angle = one + (np.abs(C) + dC) @ lines.along(size, at_most)[0].real
-    rounded = (ROUNDED + longest * np.finfo(float).eps) * (2 * one + np.abs(A) + np.abs(C) @ size)
+    eye, at_most, used = np.eye(len(A)), np.ones((1, 1, 1)), 0
+    size, of_B = lines.along(np.abs(B) + dB, at_most)[0].real, lines.along(dB, at_most)[0].real
+    by_angle = eye + (np.abs(C) + dC) @ lines.along(size, at_most)[0].real
+    rounded = (ROUNDED + longest * np.finfo(float).eps) * (2 * eye + np.abs(A) + np.abs(C) @ size)
     by_number, left = dA + dC @ size + np.abs(C) @ of_B + rounded, []
     while theta.size:
         used += theta.size
         w = on_circle(theta)[:, None, None]
-        S = w * one - A - C @ lines.along(B, 1 + w)
+        S = w * eye - A - C @ lines.along(B, 1 + w)
         back = np.abs(inverse(S))
         change = back @ (half[:, None, None] * by_angle + by_number)
         weight = np.ones((theta.size, len(A), 1))

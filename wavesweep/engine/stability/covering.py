@@ -77,8 +77,8 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack) -> Tiles:
         if not open_.panel.size:
             break
         with np.errstate(all="ignore"):
-            found, open_ = _Test(panels, errors, span, slack, open_).results()
-        done += found
+            proved, open_ = _Test(panels, errors, span, slack, open_).results()
+        done += proved
     return _with_ends_in_gaps(Tiles.join(done), errors, slack)
 
 
@@ -107,26 +107,26 @@ def _unstable_by_traces(panels):
     Far beyond the stable values entries are large and turn fast with the number, which would take thousands of tests.
     """
     n, degree, number = panels.error.shape[-1], panels.coefficients.shape[1] - 1, np.arange(panels.low.size)
-    known, x = np.zeros((number.size, CELLS), bool), np.linspace(-1, 1, 5)
+    proved, x = np.zeros((number.size, CELLS), bool), np.linspace(-1, 1, 5)
     with np.errstate(all="ignore"):
-        some = np.flatnonzero((np.abs(_traces(panels.coefficients, x)) > n).any((0, 2)))
-        c = panels.coefficients if some.size == number.size else panels.coefficients[some]
+        candidates = np.flatnonzero((np.abs(_traces(panels.coefficients, x)) > n).any((0, 2)))
+        c = panels.coefficients if candidates.size == number.size else panels.coefficients[candidates]
         points, transform = nodes(2 * degree)
         size, traces = np.eye(n) + sizes_of(c), _traces(c, points)
-        error = panels.error[some] + 8 * degree * EPS * size
+        error = panels.error[candidates] + 8 * degree * EPS * size
         errors = np.trace(error, axis1=1, axis2=2), np.einsum("pij,pji->p", 2 * size + error, error)
         for trace, error in zip(traces, errors, strict=True):
             on_cells = np.einsum("ckl,pl->pck", _restrictions(2 * degree), trace @ transform.T)
             least = np.abs(on_cells[..., 0]) - np.abs(on_cells[..., 1:]).sum(-1)
-            known[some] |= least > n + error[:, None]
+            proved[candidates] |= least > n + error[:, None]
     edges = panels.middle[:, None] + panels.half[:, None] * np.linspace(-1, 1, CELLS + 1)
     edges = np.clip(edges, panels.low[:, None], panels.high[:, None])
     edges[:, [0, -1]] = np.stack([panels.low, panels.high], 1)
     # Neighbouring cells that are alike are one stretch.
-    first = np.diff(known, axis=1, prepend=~known[:, :1])
+    first = np.diff(proved, axis=1, prepend=~proved[:, :1])
     last = np.append(first[:, 1:], np.full((number.size, 1), True), axis=1)
     panel, low, high = np.nonzero(first)[0], edges[:, :-1][first], edges[:, 1:][last]
-    done, left = ((known[first] == kind) & (high > low) for kind in (True, False))
+    done, left = ((proved[first] == kind) & (high > low) for kind in (True, False))
     open_ = _Open(panel, low, high, (low + high) / 2, 0 * panel).take(left)
     return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_
 
@@ -134,11 +134,11 @@ def _unstable_by_traces(panels):
 def _traces(coefficients, x):
     """Return `tr A` and `tr A A` at places x of panels, `(2, panels, places)`."""
     (m, k, n, _), T = coefficients.shape, chebyshev.chebvander(x, coefficients.shape[1] - 1)
-    found, few = np.zeros((2, m, x.size)), max(1, TRACED // (x.size * n * n))
-    for part in (slice(first, first + few) for first in range(0, m, few)):
-        A = np.eye(n) + (T @ coefficients[part].reshape(-1, k, n * n)).reshape(-1, x.size, n, n)
-        found[:, part] = np.trace(A, axis1=2, axis2=3), np.einsum("pxij,pxji->px", A, A)
-    return found
+    traces, portion = np.zeros((2, m, x.size)), max(1, TRACED // (x.size * n * n))
+    for index in (slice(first, first + portion) for first in range(0, m, portion)):
+        A = np.eye(n) + (T @ coefficients[index].reshape(-1, k, n * n)).reshape(-1, x.size, n, n)
+        traces[:, index] = np.trace(A, axis1=2, axis2=3), np.einsum("pxij,pxji->px", A, A)
+    return traces
 
 
 @cache
@@ -159,23 +159,23 @@ class _Test:
     def __init__(self, panels, errors, span, slack, open_):
         self.open, self.span, self.column = open_, span, panels.column[open_.panel]
         self.half = half = panels.half[open_.panel]
-        some = np.flatnonzero(open_.steps > CROSSING)
-        exact = Exact(some, *(errors(self.column[some], open_.place[some]) if some.size else (None, None)))
+        tests = np.flatnonzero(open_.steps > CROSSING)
+        exact = Exact(tests, *(errors(self.column[tests], open_.place[tests]) if tests.size else (None, None)))
         self.pad = 4 * EPS * np.abs(span).max() / half
         length = (open_.high - open_.low) / half
         x = (open_.place - panels.middle[open_.panel]) / half
         self.bent = Bent(panels, open_.panel, x, self.pad, length / 2, exact)
         self.radius, roots = self.bent.radius(), self.bent.crossings()
         best = np.argmin(np.abs(roots), 1)[:, None]
-        h, unsure, slope = (np.take_along_axis(part, best, 1)[:, 0] for part in (roots, self.bent.unsure, self.bent.slope))
+        h, unsure, slope = (np.take_along_axis(a, best, 1)[:, 0] for a in (roots, self.bent.unsure, self.bent.slope))
         self.theta = self.bent.angle(best[:, 0], h)
         self.miss = unsure / np.maximum(1, np.abs(slope * open_.place) / half)
-        self.there = open_.place + half * h
+        self.crossing = open_.place + half * h
         low, high = (np.maximum(slack(end), 4 * EPS * np.abs(end)) for end in span)
-        self.beside = np.where(self.there - span[0] <= low, -1, 0)
-        self.beside[span[1] - self.there <= high] = 1
-        off = np.where(self.beside < 0, np.maximum(slack(open_.place), low), slack(open_.place)) / half
-        eps = np.maximum(np.where(self.beside < 0, 0.9, 0.1) * off, FIRM * unsure / np.abs(slope))
+        self.at_end = np.where(self.crossing - span[0] <= low, -1, 0)
+        self.at_end[span[1] - self.crossing <= high] = 1
+        off = np.where(self.at_end < 0, np.maximum(slack(open_.place), low), slack(open_.place)) / half
+        eps = np.maximum(np.where(self.at_end < 0, 0.9, 0.1) * off, FIRM * unsure / np.abs(slope))
         eps = np.fmin(eps * WIDENED ** np.maximum(open_.steps - CROSSING - 2, 0), WIDEST)
         inside = (np.abs(h - (open_.low + open_.high - 2 * open_.place) / half / 2) <= 0.51 * length) & (self.radius == 1)
         self.closing = inside & (np.abs(h) <= NEAR) & (h + eps > (open_.low - open_.place) / half)
@@ -198,17 +198,17 @@ class _Test:
         again = self.closing & (failed | (self.rough & (open_.steps <= CROSSING))) & (open_.steps < 2 * CROSSING)
         tiles = []
         for side, (low, high) in enumerate(((left, inner[0]), (inner[1], right))):
-            some = proved[side] & ~again
-            tiles.append(Tiles.of(self.column[some], low[some], high[some], outside[side][some]))
-        some = self.closing & ~failed & ~again & (inner[0] < inner[1])  # else the crossing is beyond the stretch
-        end = np.where(self.beside < 0, *self.span)
-        value = np.where(self.beside != 0, end, np.clip(self.there, *inner))
+            chosen = proved[side] & ~again
+            tiles.append(Tiles.of(self.column[chosen], low[chosen], high[chosen], outside[side][chosen]))
+        chosen = self.closing & ~failed & ~again & (inner[0] < inner[1])  # else the crossing is beyond the stretch
+        end = np.where(self.at_end < 0, *self.span)
+        value = np.where(self.at_end != 0, end, np.clip(self.crossing, *inner))
         doubt = np.where(self.rough, ROUNDING, NONE)
         window = Tiles(self.column, *inner, np.where(self.overlaid, OVERLAID, WINDOW), value, self.theta, self.miss, doubt)
-        tiles.append(window.take(some))
+        tiles.append(window.take(chosen))
         moving = self.toward | again
         steps = np.where(again, np.maximum(open_.steps, CROSSING), open_.steps) + 1
-        new = [_Open(open_.panel, a, b, np.clip(self.there, a, b), steps).take(moving)]
+        new = [_Open(open_.panel, a, b, np.clip(self.crossing, a, b), steps).take(moving)]
         halved = failed & (b - a > RETRIED * (inner[1] - inner[0]))  # from elsewhere it may succeed
         beyond = np.where(failed & ~halved, GIVEN_UP * (inner[1] - inner[0]), 0.0)
         low, high = np.where(proved[0], left, left - beyond), np.where(proved[1], right, right + beyond)
@@ -218,20 +218,20 @@ class _Test:
             (inner[0], np.where(halved, place, inner[0]), 0),
             (place, np.where(halved, inner[1], place), 0),
         )
-        for low, high, way in sides:
-            some = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
-            new.append(self._rest(some, low[some], high[some], way, np.abs((high if way < 0 else low) - place)[some]))
+        for low, high, sign in sides:
+            chosen = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
+            new.append(self._rest(chosen, low[chosen], high[chosen], sign, np.abs((high if sign < 0 else low) - place)[chosen]))
         return tiles, _Open.join(new)
 
-    def _rest(self, some, low, high, way, gone):
+    def _rest(self, index, low, high, sign, gone):
         """What is left to one side, to be tested where an eigenvalue seems to cross, if that is near to what is proved."""
-        roots, length = self.roots[some], high - low
-        ahead = np.where(way * roots > 0, np.abs(roots), np.inf).min(1) * self.half[some]
-        place = self.open.place[some] + way * ahead
+        roots, length = self.roots[index], high - low
+        ahead = np.where(sign * roots > 0, np.abs(roots), np.inf).min(1) * self.half[index]
+        place = self.open.place[index] + sign * ahead
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length) & (ahead < np.maximum(3 * gone, 0.5 * length))
-        trusted &= (self.radius[some] == 1) & (self.open.steps[some] < CROSSING)
+        trusted &= (self.radius[index] == 1) & (self.open.steps[index] < CROSSING)
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
-        return _Open(self.open.panel[some], low, high, place, trusted.astype(int))
+        return _Open(self.open.panel[index], low, high, place, trusted.astype(int))
 
     def _reached(self, inner):
         """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there."""
@@ -239,20 +239,20 @@ class _Test:
         begin, ends = np.concatenate(self.begin), np.concatenate(inner)
         of, sign, outside = np.tile(np.arange(m), 2), np.repeat([-1.0, 1.0], m), np.zeros(2 * m, int)
         place, half, pad = self.open.place[of], self.half[of], sign * self.pad[of]
-        whole = (edge - place) / half
-        far, whole = np.abs(whole) > 1, np.clip(whole, -1, 1) - begin
+        full = (edge - place) / half
+        far, full = np.abs(full) > 1, np.clip(full, -1, 1) - begin
         away = sign[:, None] * (self.roots[of] - begin[:, None])
-        first = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(whole)
+        first = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(full)
         first = np.where(self.radius[of] == 1, np.fmin(1, first), 1.0)
         todo = np.flatnonzero((sign * (edge - ends) > 0) & ~self.toward[of])
-        for part in SHARES:
+        for share_of_way in SHARES:
             if not todo.size:
                 break
-            share = part * first[todo]
-            start, way = begin[todo], share * whole[todo]
+            share = share_of_way * first[todo]
+            start, advance = begin[todo], share * full[todo]
             start = np.where(start == 0, 0.0, start - pad[todo])
-            ok, count = self.bent.prove(of[todo], start, begin[todo] + way + pad[todo], self.radius[of[todo]])
-            reached = place[todo] + half[todo] * (begin[todo] + way)
+            ok, count = self.bent.prove(of[todo], start, begin[todo] + advance + pad[todo], self.radius[of[todo]])
+            reached = place[todo] + half[todo] * (begin[todo] + advance)
             reached = np.clip(reached, self.open.low[of[todo]], self.open.high[of[todo]])
             reached = np.where(far[todo] | (share < 1), reached, edge[todo])
             ends[todo[ok]], outside[todo[ok]] = reached[ok], count[ok]
@@ -268,42 +268,42 @@ def proved_by_balls(tiles: Tiles, lost, span, columns: int, attached, balls) -> 
     """
     ends = [Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span]
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
-    whole = Tiles.join([ends[0], tiles, ends[1]])
-    whole = whole.take(np.argsort(whole.column, kind="stable"))
-    outer, sure = np.isin(whole.low, span) & (whole.low == whole.high), np.flatnonzero(whole.outside >= 0)
+    joined = Tiles.join([ends[0], tiles, ends[1]])
+    joined = joined.take(np.argsort(joined.column, kind="stable"))
+    outer, sure = np.isin(joined.low, span) & (joined.low == joined.high), np.flatnonzero(joined.outside >= 0)
     first, last = sure[:-1], sure[1:]
-    one, other = np.minimum(whole.outside[first], 1), np.minimum(whole.outside[last], 1)
-    window, plain, rough = whole.outside <= WINDOW, whole.outside == WINDOW, whole.doubt != NONE
+    before_label, after_label = np.minimum(joined.outside[first], 1), np.minimum(joined.outside[last], 1)
+    window, plain, rough = joined.outside <= WINDOW, joined.outside == WINDOW, joined.doubt != NONE
 
     def between(size):
         """The sum over the windows between each two neighbours of `sure`."""
         total = np.append(0.0, np.cumsum(np.where(window, size, 0.0)))
         return total[last] - total[first + 1]
 
-    low, high, at_end = whole.high[first], whole.low[last], outer[first] | outer[last]
+    low, high, at_end = joined.high[first], joined.low[last], outer[first] | outer[last]
     slack = 4 * EPS * np.abs(high) + np.where(outer[first], *attached) * at_end
-    doubtful = (high - low - between(whole.high - whole.low) > slack) | (between(plain & rough) > 0)
-    doubtful |= (one * other == 0) & (between(rough) > 0)
-    alike = (one == other) & (last - first > 1) & ((one == 0) | (between(plain) > 0))
-    doubtful |= ~at_end & (alike | ((last - first == 1) & (one != other)))
-    doubtful &= whole.column[first] == whole.column[last]
-    kept, new = np.ones(whole.column.size, bool), []
+    doubtful = (high - low - between(joined.high - joined.low) > slack) | (between(plain & rough) > 0)
+    doubtful |= (before_label * after_label == 0) & (between(rough) > 0)
+    alike = (before_label == after_label) & (last - first > 1) & ((before_label == 0) | (between(plain) > 0))
+    doubtful |= ~at_end & (alike | ((last - first == 1) & (before_label != after_label)))
+    doubtful &= joined.column[first] == joined.column[last]
+    remains, new = np.ones(joined.column.size, bool), []
     pairs = np.stack([first, last], 1)[doubtful]
-    for column in different(whole.column[pairs[:, 0]]).tolist():
-        own = pairs[whole.column[pairs[:, 0]] == column]
-        for before, after in own.tolist() if len(own) <= FEW else [(own[0, 0], own[-1, 1])]:
-            a, b = float(whole.high[before]), float(whole.low[after])
-            found = balls(column, a, b)
-            if found is None:
+    for column in different(joined.column[pairs[:, 0]]).tolist():
+        of_column = pairs[joined.column[pairs[:, 0]] == column]
+        for before, after in of_column.tolist() if len(of_column) <= FEW else [(of_column[0, 0], of_column[-1, 1])]:
+            a, b = float(joined.high[before]), float(joined.low[after])
+            intervals = balls(column, a, b)
+            if intervals is None:
                 continue
-            begins, stops = bool(found) and found[0][0] == a, bool(found) and found[-1][1] == b
-            if any(not outer[at] and (whole.outside[at] == 0) != stable for at, stable in ((before, begins), (after, stops))):
+            begins, stops = bool(intervals) and intervals[0][0] == a, bool(intervals) and intervals[-1][1] == b
+            if any(not outer[at] and (joined.outside[at] == 0) != stable for at, stable in ((before, begins), (after, stops))):
                 continue  # what contradicts its neighbours is not taken for proved
-            kept[before + 1 : after] = False
-            new.append(_tiles_of_intervals(column, a, b, found))
+            remains[before + 1 : after] = False
+            new.append(_tiles_of_intervals(column, a, b, intervals))
             elsewhere = (lost[0] != column) | (lost[2] <= a) | (lost[1] >= b)
-            lost = tuple(part[elsewhere] for part in lost)
-    return Tiles.join([whole.take(kept & ~outer), *new]), lost
+            lost = tuple(fact[elsewhere] for fact in lost)
+    return Tiles.join([joined.take(remains & ~outer), *new]), lost
 
 
 def _tiles_of_intervals(column, a, b, intervals):
@@ -338,17 +338,17 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     # Inside a plain window all may be stable, also at an end of the span.
     np.maximum.at(doubt, tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, NONE))
     at = np.flatnonzero(tiles.outside > WINDOW)
-    parts, column, label = tiles.take(at), tiles.column[at], np.sign(tiles.outside[at])
-    beside = np.concatenate([at - 1, at[-1:] + 1])  # before each part, and after the last one
-    window = tiles.take(np.clip(beside, 0, tiles.column.size - 1))
+    regions, column, label = tiles.take(at), tiles.column[at], np.sign(tiles.outside[at])
+    neighbours = np.concatenate([at - 1, at[-1:] + 1])  # before each part, and after the last one
+    window = tiles.take(np.clip(neighbours, 0, tiles.column.size - 1))
     first = np.append(True, np.diff(column) != 0)
-    last, known = np.append(first[1:], True), (window.outside <= WINDOW)
-    crossed, ending = known[:-1] & (window.column[:-1] == column), known[1:] & (window.column[1:] == column)
-    low = np.where(first, span[0], np.where(crossed, window.value[:-1], parts.low))
+    last, is_window = np.append(first[1:], True), (window.outside <= WINDOW)
+    crossed, ending = is_window[:-1] & (window.column[:-1] == column), is_window[1:] & (window.column[1:] == column)
+    low = np.where(first, span[0], np.where(crossed, window.value[:-1], regions.low))
     high = np.where(last, span[1], np.append(low[1:], span[1]))
     # What lies at the low and the high end of each part: a crossing, or nothing.
     theta, miss, rough = (
-        [np.where(crossed, each[:-1], none), np.where(ending, each[1:], none)] for each, none in _facts(window)
+        [np.where(crossed, fact[:-1], none), np.where(ending, fact[1:], none)] for fact, none in _facts(window)
     )
     before = np.where(first, UNKNOWN, np.append(UNKNOWN, label[:-1]))
     same = ~first & (before == label)
@@ -374,7 +374,7 @@ def _gaps(tiles, span, columns, attached):
     left, right = np.concatenate([low, tiles.low, high]), np.concatenate([low, tiles.high, high])
     order = np.lexsort((right, left, column))
     column, left, right = column[order], left[order], right[order]
-    some = np.flatnonzero((np.diff(column) == 0) & (left[1:] > right[:-1]))
-    gaps = Tiles.of(column[some], right[some], left[some + 1], UNKNOWN)
-    whole = (gaps.low == span[0]) & (gaps.high == span[1])
-    return gaps.take(whole | (gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1]))
+    gap = np.flatnonzero((np.diff(column) == 0) & (left[1:] > right[:-1]))
+    gaps = Tiles.of(column[gap], right[gap], left[gap + 1], UNKNOWN)
+    everything = (gaps.low == span[0]) & (gaps.high == span[1])
+    return gaps.take(everything | (gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1]))

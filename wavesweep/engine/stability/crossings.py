@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import LinearFractional
+from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
-from wavesweep.engine.stability.boundary import K_VE, polish, terms_and_inverse, terms_of
+from wavesweep.engine.stability.boundary import polish, terms_and_inverse, terms_of
 from wavesweep.engine.stability.real_roots import isolate
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
@@ -56,24 +56,26 @@ def sampled_polynomial(cut: LinearFractional, along: str, scale, *, alone: bool 
     alone: whether the other wall parameter is 0, and its part of the polynomial is left out.
 
     The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
-    `f(phi) = Im[(one - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of the
-    closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
+    `f(phi) = Im[(unit - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of
+    the closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
 
     If m poles are exactly 1, as those of a mass under an integrator, d has the factor (z - 1)^m, and f, if there is only one
     parameter, `(1 - cos phi)^(m // 2)`. It is divided out, since a root at z = 1 itself would hide others next to it.
     """
     count = cut.order + SPARE
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
-    solved, fixed, one = _scaled(cut, np.exp(1j * phi), scale, along)
+    solved, fixed, unit = _scaled(cut, np.exp(1j * phi), scale, along)
     fixed = 0 * fixed if alone else fixed
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
-    on_one, on_fixed = one * solved.conj(), fixed * solved.conj()
-    size = [np.abs(part).max((0, -1)) for part in (on_one, on_fixed, solved)]
+    on_unit, on_fixed = unit * solved.conj(), fixed * solved.conj()
+    size = [np.abs(samples).max((0, -1)) for samples in (on_unit, on_fixed, solved)]
     factors = 0 if np.any(fixed) else (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
-    divided = [part / (1 - np.cos(phi)) ** factors for part in (on_one, on_fixed)] if factors else (on_one, on_fixed)
-    sizes = [np.abs(part).max((0, -1)) for part in divided] if factors else size[:2]
+    divided, sizes = (on_unit, on_fixed), size[:2]
+    if factors:
+        divided = [samples / (1 - np.cos(phi)) ** factors for samples in divided]
+        sizes = [np.abs(samples).max((0, -1)) for samples in divided]
     curve, noise = _sines([divided[0].imag, -divided[1].imag], sizes, transform, cut.order - factors)
-    real = [part * np.sin(phi) for part in (on_one.real, on_fixed.real, np.abs(solved) ** 2)]
+    real = [samples * np.sin(phi) for samples in (on_unit.real, on_fixed.real, np.abs(solved) ** 2)]
     value, value_noise = _sines(real, [*size[:2], size[2] ** 2], transform, cut.order + 1)
     return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
 
@@ -96,10 +98,10 @@ def _sines(samples, size, transform, degree):
 
     samples: `(2, loops, points)` each, computed in two ways, whose difference shows the errors of either.
     """
-    found = np.stack(samples, axis=-2) @ transform
+    series = np.stack(samples, axis=-2) @ transform
     floor = 4 * len(transform) * np.finfo(float).eps
-    beyond, apart = np.abs(found[..., degree:]).max((0, -1)), np.abs(found[0] - found[1]).max(-1)
-    return found[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
+    beyond, apart = np.abs(series[..., degree:]).max((0, -1)), np.abs(series[0] - series[1]).max(-1)
+    return series[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
 
 
 def _scaled(cut, zeta, scale, along):
@@ -112,16 +114,16 @@ def _scaled(cut, zeta, scale, along):
     a = (1 - r) / (1 + r)
     bottom = 1 + a * zeta
     w = (1 - a) * (zeta - 1) / bottom
-    n, parts = cut.E.shape[-1], (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
-    whole = in_even_units(*parts)
-    reverse = np.concatenate([whole[n - 1 :: -1], whole[n:]])[:, [0, *range(n, 0, -1)]]
-    pole, over = polynomials(reduced(np.concatenate([whole, reverse], axis=-1)), np.concatenate([w, w]))
+    n, batch = cut.E.shape[-1], cut.batch
+    system = in_even_units(*(np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in (cut.E, cut.B, cut.C)))
+    reverse = np.concatenate([system[n - 1 :: -1], system[n:]])[:, [0, *range(n, 0, -1)]]
+    pole, over = polynomials(reduced(np.concatenate([system, reverse], axis=-1)), np.concatenate([w, w]))
     pole, over = pole.reshape(2, *w.shape), over.reshape(2, len(w), -1, w.shape[-1])
     size = bottom ** (n + cut.integrates)
     size = size / np.abs(size * pole[0]).max(-1, keepdims=True)
     pole = pole * size
-    found = terms_of(cut, w, np.moveaxis(over * size[:, None] + cut.D * pole[:, :, None], -2, -1), pole)
-    return *found.along(along), found.one
+    terms = terms_of(cut, w, np.moveaxis(over * size[:, None] + cut.D * pole[:, :, None], -2, -1), pole)
+    return *terms.along(along), terms.unit
 
 
 def angle(cosine, scale):
@@ -159,24 +161,24 @@ def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial:
     polynomial: of each loop, `(loops, ...)`. The eigenvalue moves outward with the sign of d Im K/d theta at an interior
     crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the
     sign of the polynomial. A column in which a root may be at such an end itself (an undamped device crosses twice at z = 1, at
-    K_VE = 0) is not complete. Crossings that are surely outside the span are only counted.
+    K = 0) is not complete. Crossings that are surely outside the span are only counted.
     """
     coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(owner, axis=0)
     n = coefficients.shape[-1]
     noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
-    column, which = np.nonzero(roots.inside)
-    cosine, jump = roots.value[column, which], -2.0 * roots.slope_sign[column, which]
+    column, index = np.nonzero(roots.inside)
+    cosine, jump = roots.value[column, index], -2.0 * roots.slope_sign[column, index]
     side = _side(polynomial, owner[column], fixed[column], cosine, span)
     above = np.bincount(column, jump * (side > 0), minlength=fixed.size)
-    column, cosine, jump = (part[side == 0] for part in (column, cosine, jump))
+    column, cosine, jump = (array[side == 0] for array in (column, cosine, jump))
     seed = angle(cosine, polynomial.scale[owner[column]])
     theta, value, converged, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
     complete = roots.proved & np.isfinite(coefficients).all(-1)
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed)) | ~converged
     complete[column[astray]] = False
-    ends, more = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
+    ends, at_ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
     complete &= ~(roots.open_at_one | roots.open_at_minus_one)
     column, value, theta, jump, at = (
         np.concatenate(pair) for pair in zip((column, value, theta, jump, np.arange(column.size)), ends, strict=True)
@@ -184,7 +186,7 @@ def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial:
     at[theta.size - 2 * fixed.size :] += len(inverses)
     above = above + np.bincount(column, _growth_above(value, jump, span), minlength=fixed.size)
     above[~complete] = np.nan
-    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, more]), complete, above)
+    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, at_ends]), complete, above)
 
 
 def _side(polynomial, owner, fixed, cosine, span):
@@ -231,18 +233,18 @@ def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, s
         t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
         inverses.append(inverse)
         if w == 0.0 and cut.integrates:
-            values.append(np.full(fixed.shape, 0.0 if along == K_VE else np.inf))
+            values.append(np.full(fixed.shape, 0.0 if along == FIRST else np.inf))
             continue
-        solved, other = t.along(along)
+        solved, fixed_term = t.along(along)
         with np.errstate(divide="ignore", invalid="ignore"):
-            values.append((t.one[owner] - fixed * other[owner]) / solved[owner])
+            values.append((t.unit[owner] - fixed * fixed_term[owner]) / solved[owner])
         if w == 0.0 and cut.poles_at_one and not cut.integrates:  # a mass that nothing brakes, but for this wall
             values[-1] = np.where(fixed == 0, 0.0, values[-1])
-    found = (
+    ends = (
         np.tile(np.arange(fixed.size), 2),
         np.concatenate(values),
         np.repeat([0.0, np.pi], fixed.size),
         np.concatenate([sign_at_one, -sign_at_minus_one]),
         np.concatenate([owner, owner + len(inverses[0])]),
     )
-    return found, np.concatenate(inverses)
+    return ends, np.concatenate(inverses)

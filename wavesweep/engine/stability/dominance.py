@@ -49,11 +49,11 @@ def eigenbasis(E) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for at in _dependent(X, Z):
         X[at], Z[at], block[at] = _with_block(E[at])
     for size in DEFECTIVE:
-        some = _dependent(X, Z)
-        if not some.size:
+        dependent = _dependent(X, Z)
+        if not dependent.size:
             break
-        change = np.cos(np.arange(n * n) ** 2.0).reshape(n, n) * np.abs(E[some]).max((1, 2), keepdims=True)
-        (X[some], Z[some]), block[some] = _vectors(E[some] + size * change), False
+        change = np.cos(np.arange(n * n) ** 2.0).reshape(n, n) * np.abs(E[dependent]).max((1, 2), keepdims=True)
+        (X[dependent], Z[dependent]), block[dependent] = _vectors(E[dependent] + size * change), False
     return X, Z, block
 
 
@@ -68,18 +68,18 @@ def _with_block(E):
     In that basis the block N shortens every vector: its unit is P with `P = 1 + N'PN/r^2`, r being between its spectral radius
     and 1.
     """
-    n, ((w, X), (v, Y)) = len(E), (np.linalg.eig(part) for part in (E, E.T))
-    order, others = np.argsort(np.abs(1 + w)), np.argsort(np.abs(1 + v))
+    n, ((w, X), (v, Y)) = len(E), (np.linalg.eig(E), np.linalg.eig(E.T))
+    order, left_order = np.argsort(np.abs(1 + w)), np.argsort(np.abs(1 + v))
     size = np.maximum(np.abs(1 + w[order]), SMALLEST)
     gaps = np.where(size[:-1] < LARGEST, size[1:] / size[:-1], 0)
     k = 1 + int(np.argmax(gaps)) if gaps.any() else 0
-    found = np.linalg.qr(Y[:, others[k:]].conj(), mode="complete")[0][:, n - k :]
-    N = found.conj().T @ (found + E @ found)
+    basis = np.linalg.qr(Y[:, left_order[k:]].conj(), mode="complete")[0][:, n - k :]
+    N = basis.conj().T @ (basis + E @ basis)
     power, P = N / (1 - (1 - size[k - 1]) * SLACK), np.eye(k, dtype=complex)
     for _ in range(DOUBLED):
         P, power = P + power.conj().T @ P @ power, power @ power
     (alone,) = _orthonormal(w[None, order[k:]], X[None, :, order[k:]])
-    X = np.concatenate([found @ inverse(_cholesky(P)).conj().T, alone], 1)
+    X = np.concatenate([basis @ inverse(_cholesky(P)).conj().T, alone], 1)
     return X, inverse(X), np.arange(n) < k
 
 
@@ -92,13 +92,13 @@ def _orthonormal(w, X):
     """Eigenvectors that are orthonormal within clusters."""
     w, X = w.astype(complex), X.astype(complex)
     alike = _alike(w)
-    some = np.flatnonzero(alike.sum((1, 2)) > w.shape[1])
-    if some.size:
-        link, part = alike[some].astype(float), X[some]
+    clustered = np.flatnonzero(alike.sum((1, 2)) > w.shape[1])
+    if clustered.size:
+        link, vectors = alike[clustered].astype(float), X[clustered]
         for _ in range(3):
             link = np.minimum(link @ link, 1)
-        gram = link * (part.conj().swapaxes(1, 2) @ part) + EPS * np.eye(w.shape[1])
-        X[some] = part @ inverse(_cholesky(gram)).conj().swapaxes(1, 2)
+        gram = link * (vectors.conj().swapaxes(1, 2) @ vectors) + EPS * np.eye(w.shape[1])
+        X[clustered] = vectors @ inverse(_cholesky(gram)).conj().swapaxes(1, 2)
     return X
 
 
@@ -146,16 +146,16 @@ class Bent:
         n, m = panels.error.shape[-1], at.size
         degree = DEGREES[1] if panels.coefficients[at, DEGREES[0] + 1 :].any() else DEGREES[0]
         T, c = taylor(x, degree), panels.coefficients[at, : degree + 1].reshape(m, degree + 1, n * n)
-        D, aD = ((t @ each).reshape(m, ORDER, n, n) for t, each in ((T, c), (np.abs(T), np.abs(c))))
+        D, aD = ((t @ series).reshape(m, ORDER, n, n) for t, series in ((T, c), (np.abs(T), np.abs(c))))
         error, drift, eye = panels.error[at].copy(), np.zeros((m, n, n)), np.eye(n)
-        some = exact.tests
-        if some.size:
+        exact_tests = exact.tests
+        if exact_tests.size:
             # The model's error e, which is known at the place itself, changes by |e'| <= 4 degree max |e| times h at most: e is
             # a polynomial of that degree, of rounding, and q g as in `panels_of`, where |q'| < degree + 3 within the panel,
             # and |g'| < 2.2 max |g|, as the rim is 0.45 away (Cauchy).
-            off = np.abs(exact.E - D[some, 0]) <= 2 * (error[some] + exact.off)
-            drift[some], D[some, 0] = 4 * degree * error[some], exact.E
-            error[some] = np.where(off.all((1, 2), keepdims=True), exact.off, np.inf)
+            off = np.abs(exact.E - D[exact_tests, 0]) <= 2 * (error[exact_tests] + exact.off)
+            drift[exact_tests], D[exact_tests, 0] = 4 * degree * error[exact_tests], exact.E
+            error[exact_tests] = np.where(off.all((1, 2), keepdims=True), exact.off, np.inf)
         error += pad[:, None, None] * np.abs(D[:, 1])
         lost = ~np.isfinite(D[:, 0]).all((1, 2))
         D[lost], error[lost] = 0.0, np.inf
@@ -169,12 +169,12 @@ class Bent:
         B0, B1, B2, B3 = B.swapaxes(0, 1)
         KB0, K2 = K @ B0, K @ K
         C = np.stack([B0, B1 + B0 @ K - KB0, B2 + B1 @ K - K @ B1 - KB0 @ K])  # of the powers of h; what follows is bounded
-        own, d1, d2 = (np.diagonal(each, axis1=1, axis2=2) for each in (K2, *C[1:]))
-        self.mu = w, d1, d2 + w * own
-        self.c0, self.k2 = np.abs(d2), np.abs(own)
-        self.K, self.K2, self.C, self.B1, self.B2, self.B3 = (np.abs(each) for each in (K, K2, C, B1, B2, B3))
-        for each in (self.K2, *self.C):
-            each[:, range(n), range(n)] *= block
+        diagonal, d1, d2 = (np.diagonal(M, axis1=1, axis2=2) for M in (K2, *C[1:]))
+        self.mu = w, d1, d2 + w * diagonal
+        self.c0, self.k2 = np.abs(d2), np.abs(diagonal)
+        self.K, self.K2, self.C, self.B1, self.B2, self.B3 = (np.abs(M) for M in (K, K2, C, B1, B2, B3))
+        for entries in (self.K2, *self.C):
+            entries[:, range(n), range(n)] *= block
         if block.any():
             self._join(block, B0)
         self.w, d1, c2 = self.mu
@@ -199,8 +199,8 @@ class Bent:
             N = B0[at][np.ix_(block[at], block[at])] + np.eye(block[at].sum())
             self.C[0, at, -1, -1] = np.linalg.norm(np.nan_to_num(N), 2) * (1 + SURELY)
         facts = *self.mu, self.c0, self.k2, self.real
-        w, *others, self.c0, self.k2, real = ((alone @ each[..., None])[..., 0] for each in facts)
-        self.mu, self.real = (w + (alone.any(2) - 1.0), *others), real > 0
+        w, *rest, self.c0, self.k2, real = ((alone @ fact[..., None])[..., 0] for fact in facts)
+        self.mu, self.real = (w + (alone.any(2) - 1.0), *rest), real > 0
 
     def crossings(self):
         """The h next to 0 at which each eigenvalue seems to be on the unit circle, inf if none, `(tests, n)`."""
@@ -209,10 +209,10 @@ class Bent:
             h = -2 * self.excess / (self.slope + np.copysign(root, self.slope))
         return np.where(np.isfinite(h) & (self.size > REAL), h, np.inf)
 
-    def angle(self, which, h):
-        """Return the angle of eigenvalue `which` of each test at h; exactly 0 or pi if it is real."""
-        w, d1, c2 = (np.take_along_axis(part, which[:, None], 1)[:, 0] for part in self.mu)
-        z, real = 1 + w + h * d1 + h**2 * c2, np.take_along_axis(self.real, which[:, None], 1)[:, 0]
+    def angle(self, index, h):
+        """Return the angle of eigenvalue `index` of each test at h; exactly 0 or pi if it is real."""
+        w, d1, c2 = (np.take_along_axis(term, index[:, None], 1)[:, 0] for term in self.mu)
+        z, real = 1 + w + h * d1 + h**2 * c2, np.take_along_axis(self.real, index[:, None], 1)[:, 0]
         return np.abs(np.angle(np.where(real, z.real, z)))
 
     def radius(self):
@@ -235,9 +235,9 @@ class Bent:
         """
         most, n = np.maximum(np.abs(start), np.abs(stop))[:, None], self.w.shape[1]
         names = ("w", "excess", "slope", "curve", "size", "b", "c", "c0", "k2")
-        w, excess, slope, curve, size, b, c, c0, k2 = (getattr(self, each)[tests] for each in names)
+        w, excess, slope, curve, size, b, c, c0, k2 = (getattr(self, name)[tests] for name in names)
         names = ("e0", "e1", "e2", "K", "K2", "B2", "B3", "KBK", "G")
-        e0, e1, e2, K, K2, B2, B3, KBK, G = (getattr(self, each)[tests] for each in names)
+        e0, e1, e2, K, K2, B2, B3, KBK, G = (getattr(self, name)[tests] for name in names)
         C, w = self.C[:, tests], np.abs(w)
         excess = excess + (1 - radius[:, None] ** 2)
         side = np.where(excess + (start + stop)[:, None] / 2 * slope > 0, 1.0, -1.0)
@@ -265,8 +265,8 @@ class Bent:
                 return np.where(d > 0, N / d, np.inf)
 
         H = np.maximum(ratios(stop), ratios(start))
-        known = np.isfinite(H).all((1, 2))
-        H = np.where(known[:, None, None], H, 0)
+        proved = np.isfinite(H).all((1, 2))
+        H = np.where(proved[:, None, None], H, 0)
         u = solve(np.eye(n) * (1 + SURELY) - H, np.ones((len(H), n, 1)))
-        known &= (u > 0).all((1, 2)) & (H @ u < u * (1 - SURELY / 2)).all((1, 2))
-        return known, (side > 0).sum(1)
+        proved &= (u > 0).all((1, 2)) & (H @ u < u * (1 - SURELY / 2)).all((1, 2))
+        return proved, (side > 0).sum(1)

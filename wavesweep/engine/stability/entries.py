@@ -47,19 +47,19 @@ class Panels(Rows):
     rest: np.ndarray
 
     @classmethod
-    def joined(cls, parts):
-        """Return the panels of all parts, with frames of as many states as the largest has: those added have z = 0."""
-        most = max(part.error.shape[-1] for part in parts)
-        return cls.join([part if part.error.shape[-1] == most else part.filled(most) for part in parts])
+    def joined(cls, batches):
+        """Return the panels of all batches, with frames of as many states as the largest has: those added have z = 0."""
+        most = max(batch.error.shape[-1] for batch in batches)
+        return cls.join([batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches])
 
     def filled(self, order: int) -> "Panels":
-        n, parts = self.error.shape[-1], {field.name: getattr(self, field.name) for field in fields(self)}
+        n, arrays = self.error.shape[-1], {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("coefficients", "error", "rest"):
-            whole = np.zeros((*parts[name].shape[:-2], order, order))
-            whole[..., :n, :n], parts[name] = parts[name], whole
+            padded = np.zeros((*arrays[name].shape[:-2], order, order))
+            padded[..., :n, :n], arrays[name] = arrays[name], padded
         new = np.arange(n, order)
-        parts["coefficients"][:, 0, new, new] = -1
-        return Panels(**parts)
+        arrays["coefficients"][:, 0, new, new] = -1
+        return Panels(**arrays)
 
     def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
         """Return the panels without states that are 0 at the end of every frame, or that nothing reads at its beginning, and
@@ -67,22 +67,22 @@ class Panels(Rows):
 
         A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix is block-triangular.
         """
-        n, found = self.error.shape[-1], {}
+        n, groups = self.error.shape[-1], {}
         rest = self.error + sizes_of(self.coefficients[:, 1:])
-        there = np.abs(self.coefficients[:, 0]) + rest > 0
-        own = np.abs(self.coefficients[:, 0] + np.eye(n)) + rest
-        there[:, range(n), range(n)] = own[:, range(n), range(n)] >= 0.5
-        kinds, kind = np.unique(there.reshape(-1, n * n), axis=0, return_inverse=True)
+        nonzero = np.abs(self.coefficients[:, 0]) + rest > 0
+        moved = np.abs(self.coefficients[:, 0] + np.eye(n)) + rest
+        nonzero[:, range(n), range(n)] = moved[:, range(n), range(n)] >= 0.5
+        kinds, kind = np.unique(nonzero.reshape(-1, n * n), axis=0, return_inverse=True)
         for number, entries in enumerate(kinds.reshape(-1, n, n)):
-            found.setdefault(tuple(_remembered(entries)), []).append(np.flatnonzero(kind.ravel() == number))
-        parts = []
-        for kept, some in ((np.array(kept), np.concatenate(some)) for kept, some in found.items()):
-            own = {field.name: getattr(self, field.name) for field in fields(self)}
-            for name, value in own.items():
-                entries = (*np.ix_(some, *map(np.arange, value.shape[1:-2]), kept, kept),) if value.ndim > 1 else some
-                own[name] = value[entries]
-            parts.append((Panels(**own), kept))
-        return parts
+            groups.setdefault(tuple(_remembered(entries)), []).append(np.flatnonzero(kind.ravel() == number))
+        results = []
+        for states, index in ((np.array(states), np.concatenate(index)) for states, index in groups.items()):
+            values = {field.name: getattr(self, field.name) for field in fields(self)}
+            for name, value in values.items():
+                entries = (*np.ix_(index, *map(np.arange, value.shape[1:-2]), states, states),) if value.ndim > 1 else index
+                values[name] = value[entries]
+            results.append((Panels(**values), states))
+        return results
 
 
 def sizes_of(coefficients) -> np.ndarray:
@@ -92,14 +92,14 @@ def sizes_of(coefficients) -> np.ndarray:
 
 def _remembered(entries):
     """The states that are left, of frames in which only these entries may be there; at least one."""
-    kept = np.arange(len(entries))
+    states = np.arange(len(entries))
     while True:
-        some = entries[kept[:, None], kept]
-        others = some & ~np.eye(kept.size, dtype=bool)
-        gone = ~some.diagonal() & (~others.any(0) | ~others.any(1))
+        nonzero = entries[states[:, None], states]
+        coupled = nonzero & ~np.eye(states.size, dtype=bool)
+        gone = ~nonzero.diagonal() & (~coupled.any(0) | ~coupled.any(1))
         if not gone.any() or gone.all():
-            return kept.tolist()
-        kept = kept[~gone]
+            return states.tolist()
+        states = states[~gone]
 
 
 def panels_of(
@@ -125,36 +125,36 @@ def panels_of(
         middle, half = (left + right) / 2, (right - left) / 2
         inside = (middle - EXTENT * half >= bounds[0][column]) & (middle + EXTENT * half <= bounds[1][column])
         good, overflown, hopeless = np.zeros((3, column.size), bool)
-        some = np.flatnonzero(inside)
-        if resolved is not None and some.size:
-            some = some[resolved(column[some], left[some], right[some])]
-        for names in (some[first : first + few] for first in range(0, some.size, few)):
-            parts = column[names], low[names], high[names], middle[names], half[names]
+        chosen = np.flatnonzero(inside)
+        if resolved is not None and chosen.size:
+            chosen = chosen[resolved(column[chosen], left[chosen], right[chosen])]
+        for portion in (chosen[first : first + few] for first in range(0, chosen.size, few)):
+            spans = column[portion], low[portion], high[portion], middle[portion], half[portion]
             with np.errstate(all="ignore"):
-                found, at, known = _followed(frames, errors, parts)
-            good[names[at]] = True
-            overflown[names], hopeless[names] = ~known.all(1), ~known.any(1)
-            done += found
+                followed, at, finite = _followed(frames, errors, spans)
+            good[portion[at]] = True
+            overflown[portion], hopeless[portion] = ~finite.all(1), ~finite.any(1)
+            done += followed
         np.add.at(count, column[~good], 1)
         narrow = hopeless | ~good & ((high - low <= least) | (count[column] > MANY))
         lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
-        column, low, high = (part[~good & ~narrow] for part in (column, low, high))
+        column, low, high = (ends[~good & ~narrow] for ends in (column, low, high))
         cut_at = (low + high) / 2
         column, low, high = np.tile(column, 2), np.append(low, cut_at), np.append(cut_at, high)
-    lost = tuple(np.concatenate(each) for each in zip(*lost, strict=True)) if lost else tuple(np.zeros((4, 0)))
+    lost = tuple(np.concatenate(facts) for facts in zip(*lost, strict=True)) if lost else tuple(np.zeros((4, 0)))
     return (Panels.joined(done) if done else None), lost
 
 
-def _followed(frames, errors, parts):
-    """Return panels, those among `parts` that are followed, which these are, and which frames are finite, `(parts, points)`.
+def _followed(frames, errors, spans):
+    """Return panels, those among `spans` that are followed, which these are, and which frames are finite, `(spans, points)`.
 
-    parts: column, low, high, middle, half.
+    spans: column, low, high, middle, half.
     """
-    column, _, _, middle, half = parts
+    column, _, _, middle, half = spans
 
-    def sample(which, x):
-        found = Frames.of(frames(column[which, None], middle[which, None] + half[which, None] * x))
-        return (part.reshape(which.size, x.size, *part.shape[1:]) for part in (found.E, found.pivots))
+    def sample(index, x):
+        sampled = Frames.of(frames(column[index, None], middle[index, None] + half[index, None] * x))
+        return (array.reshape(index.size, x.size, *array.shape[1:]) for array in (sampled.E, sampled.pivots))
 
     done, followed, open_, A = [], [], np.arange(column.size), None
     for degree in DEGREES:
@@ -162,13 +162,13 @@ def _followed(frames, errors, parts):
         if A is None:
             A, pivots = sample(open_, x)
             inner = level(pivots, np.where(np.abs(x) == 1, 0.5, 1.0))
-            known = np.isfinite(A).all((2, 3))
+            finite = np.isfinite(A).all((2, 3))
         else:
             between, _ = sample(open_, x[1::2])
             if between.shape[2:] != A.shape[2:]:
                 break
-            whole = np.empty((open_.size, x.size, *A.shape[2:]))
-            whole[:, ::2], whole[:, 1::2], A = A, between, whole
+            all_nodes = np.empty((open_.size, x.size, *A.shape[2:]))
+            all_nodes[:, ::2], all_nodes[:, 1::2], A = A, between, all_nodes
         n = A.shape[-1]
         c = np.einsum("kj,pjmn->pkmn", transform, A, optimize=True)
         size = np.maximum(np.abs(A).max((1, 2, 3)), np.finfo(float).tiny)
@@ -189,7 +189,7 @@ def _followed(frames, errors, parts):
                 fine &= np.isfinite(off).all((1, 2))
                 error = missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
                 ready, error = ready[fine], error[fine]
-                done.append(_panels(parts, open_[ready], c[ready], error))
+                done.append(_panels(spans, open_[ready], c[ready], error))
                 followed.append(open_[ready])
             else:
                 ready = ready[:0]
@@ -201,16 +201,16 @@ def _followed(frames, errors, parts):
         open_, A = open_[going], A[going]
         if not open_.size:
             break
-    return done, np.concatenate([*followed, np.zeros(0, int)]), known
+    return done, np.concatenate([*followed, np.zeros(0, int)]), finite
 
 
-def _panels(parts, which, c, error):
+def _panels(spans, index, c, error):
     k = np.arange(c.shape[1])
     steepest = np.prod([(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(ORDER)], 0)  # at x = 1 (Markov 1892)
-    padded = np.zeros((which.size, DEGREES[-1] + 1, *c.shape[2:]))
+    padded = np.zeros((index.size, DEGREES[-1] + 1, *c.shape[2:]))
     padded[:, : c.shape[1]] = c
     rest = np.einsum("k,pkmn->pmn", np.abs(steepest), np.abs(c))
-    return Panels(*(part[which] for part in parts), padded, error, rest)
+    return Panels(*(fact[index] for fact in spans), padded, error, rest)
 
 
 @cache
@@ -241,9 +241,9 @@ def _rim(degree):
 
 def taylor(x, degree) -> np.ndarray:
     """Return the Taylor coefficients about x of the Chebyshev polynomials, `(points, ORDER, degree + 1)`."""
-    found = np.zeros((ORDER, degree + 1, x.size))
-    found[0, 0], found[0, 1], found[1, 1] = 1, x, 1
+    coefficients = np.zeros((ORDER, degree + 1, x.size))
+    coefficients[0, 0], coefficients[0, 1], coefficients[1, 1] = 1, x, 1
     for k in range(2, degree + 1):
-        found[:, k] = 2 * x * found[:, k - 1] - found[:, k - 2]
-        found[1:, k] += 2 * found[:-1, k - 1]
-    return np.ascontiguousarray(found.transpose(2, 0, 1))
+        coefficients[:, k] = 2 * x * coefficients[:, k - 1] - coefficients[:, k - 2]
+        coefficients[1:, k] += 2 * coefficients[:-1, k - 1]
+    return np.ascontiguousarray(coefficients.transpose(2, 0, 1))

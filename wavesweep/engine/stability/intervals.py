@@ -45,62 +45,62 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
     label, same = np.sign(r.unstable), np.diff(r.column) == 0
     alike = same & (label[1:] == label[:-1])
     first, last = (np.flatnonzero(edge & (label < 1)) for edge in (np.append(True, ~alike), np.append(~alike, True)))
-    beside = same & (np.minimum(label[1:], label[:-1]) < 0)  # what is next to an open place has no end there
-    thetas = (r.low_theta, np.append(False, beside), first), (r.high_theta, np.append(beside, False), last)
+    before = same & (np.minimum(label[1:], label[:-1]) < 0)  # what is next to an open place has no end there
+    thetas = (r.low_theta, np.append(False, before), first), (r.high_theta, np.append(before, False), last)
     omega = [np.where(open_, np.nan, theta)[at] / period[r.column[at]] for theta, open_, at in thetas]
     stable, none = label[first] == 0, np.flatnonzero(np.bincount(r.column[first], minlength=period.size) == 0)
     error = np.where(stable, np.maximum(r.residual[first], r.residual[last]), 0.0)
     nothing, zero = np.full(none.size, np.nan), np.zeros(none.size, int)
     rows = r.column[first], stable - 1, 0 * first, r.low[first], r.high[last], *omega, doubt[r.column[first]], error
     empty = none, zero - 1, zero, nothing, nothing, nothing, nothing, doubt[none], 0.0 * zero
-    found = Intervals(*map(np.concatenate, zip(rows, empty, strict=True)))
-    return _numbered(found.take(np.argsort(found.column, kind="stable")))
+    located = Intervals(*map(np.concatenate, zip(rows, empty, strict=True)))
+    return _numbered(located.take(np.argsort(located.column, kind="stable")))
 
 
-def _numbered(found: Intervals) -> Intervals:
+def _numbered(rows: Intervals) -> Intervals:
     """The intervals with index and count of each column; sorted, an index of 0 or more stands for a stable one."""
-    stable, column = found.index >= 0, found.column
+    stable, column = rows.index >= 0, rows.column
     count = np.bincount(column[stable], minlength=int(column.max(initial=-1)) + 1)
     index = np.where(stable, np.cumsum(stable) - 1 - (np.cumsum(count) - count)[column], -1)
-    return replace(found, index=index, count=count[column])
+    return replace(rows, index=index, count=count[column])
 
 
-def doubts_of(parts: Regions, doubt) -> np.ndarray:
+def doubts_of(regions: Regions, doubt) -> np.ndarray:
     """Return the gravest doubt of each column: its own, and those of its regions.
 
     A region without a label leaves at least COUNTS.
     """
     doubt = np.array(doubt)
-    np.maximum.at(doubt, parts.column, np.where(parts.unstable < 0, np.maximum(parts.doubt, COUNTS), parts.doubt))
+    np.maximum.at(doubt, regions.column, np.where(regions.unstable < 0, np.maximum(regions.doubt, COUNTS), regions.doubt))
     return doubt
 
 
-def joined(parts) -> Intervals:
+def joined(intervals) -> Intervals:
     """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt is that of a whole column."""
-    whole = Intervals.join(parts)
-    whole = whole.take(np.lexsort((whole.low, whole.column)))  # NaN, of a range with nothing to say, goes last
-    doubt = np.zeros(int(whole.column.max(initial=-1)) + 1, int)
-    np.maximum.at(doubt, whole.column, whole.doubt)
-    first = np.append(True, np.diff(whole.column) != 0)[: whole.column.size]
-    whole = whole.take(first | ~np.isnan(whole.low))
-    return _numbered(replace(whole, doubt=doubt[whole.column]))
+    merged = Intervals.join(intervals)
+    merged = merged.take(np.lexsort((merged.low, merged.column)))  # NaN, of a range with nothing to say, goes last
+    doubt = np.zeros(int(merged.column.max(initial=-1)) + 1, int)
+    np.maximum.at(doubt, merged.column, merged.doubt)
+    first = np.append(True, np.diff(merged.column) != 0)[: merged.column.size]
+    merged = merged.take(first | ~np.isnan(merged.low))
+    return _numbered(replace(merged, doubt=doubt[merged.column]))
 
 
-def _touching(found: Intervals) -> np.ndarray:
+def _touching(rows: Intervals) -> np.ndarray:
     """Which elements the next one begins at, without a crossing between."""
-    seam = (found.high[:-1] == found.low[1:]) & (found.column[:-1] == found.column[1:])
-    return seam & np.isnan(found.high_omega[:-1]) & np.isnan(found.low_omega[1:])
+    seam = (rows.high[:-1] == rows.low[1:]) & (rows.column[:-1] == rows.column[1:])
+    return seam & np.isnan(rows.high_omega[:-1]) & np.isnan(rows.low_omega[1:])
 
 
-def without_seams(found: Intervals) -> Intervals:
+def without_seams(rows: Intervals) -> Intervals:
     """Return intervals in which those are one that meet at an end where nothing crosses, and open places likewise."""
-    stable = found.index >= 0
-    seam = _touching(found) & (stable[:-1] == stable[1:])
+    stable = rows.index >= 0
+    seam = _touching(rows) & (stable[:-1] == stable[1:])
     first, last = np.flatnonzero(np.append(True, ~seam)), np.flatnonzero(np.append(~seam, True))
-    if first.size == found.column.size or not first.size:
-        return found
-    ends = {name: getattr(found, name)[last] for name in ("high", "high_omega")}
-    return _numbered(replace(found.take(first), **ends, residual=np.maximum.reduceat(found.residual, first)))
+    if first.size == rows.column.size or not first.size:
+        return rows
+    ends = {name: getattr(rows, name)[last] for name in ("high", "high_omega")}
+    return _numbered(replace(rows.take(first), **ends, residual=np.maximum.reduceat(rows.residual, first)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,50 +112,50 @@ class OpenPlaces:
     high: np.ndarray
 
 
-def in_rows(found: Intervals) -> tuple[Intervals, OpenPlaces]:
+def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     """Return the intervals as rows, and the open places of each: what only these keep apart is one interval in doubt.
 
     It goes from its first to its last place that is known to be stable, and has no residual if one of these is not its end. An
     open place between unstable values belongs to the interval below, or else above, or to the empty row of its column.
     """
-    at, column, stable = np.arange(found.column.size), found.column, found.index >= 0
-    open_ = ~stable & ~np.isnan(found.low)
+    at, column, stable = np.arange(intervals.column.size), intervals.column, intervals.index >= 0
+    open_ = ~stable & ~np.isnan(intervals.low)
     if not open_.any():
-        return found, OpenPlaces(0 * at, *np.full((2, at.size), np.nan))
-    linked = _touching(found) & (open_[:-1] | open_[1:])
+        return intervals, OpenPlaces(0 * at, *np.full((2, at.size), np.nan))
+    linked = _touching(intervals) & (open_[:-1] | open_[1:])
     chain = np.append(0, np.cumsum(~linked))
     begin = np.flatnonzero(np.diff(chain, prepend=-1))
-    some, of, number = np.logical_or.reduceat(stable, begin), column[begin], np.arange(begin.size)
-    below = np.maximum.accumulate(np.where(some, number, 0))
-    above = np.minimum.accumulate(np.where(some, number, number.size - 1)[::-1])[::-1]
+    is_stable, of, number = np.logical_or.reduceat(stable, begin), column[begin], np.arange(begin.size)
+    below = np.maximum.accumulate(np.where(is_stable, number, 0))
+    above = np.minimum.accumulate(np.where(is_stable, number, number.size - 1)[::-1])[::-1]
     owner = np.searchsorted(of, of)
-    for each in (above, below):
-        owner = np.where(some[each] & (of[each] == of), each, owner)
+    for neighbour in (above, below):
+        owner = np.where(is_stable[neighbour] & (of[neighbour] == of), neighbour, owner)
     begin = np.flatnonzero(np.diff(owner[chain], prepend=-1))
     last = np.maximum.reduceat(np.where(stable, at, -1), begin)
-    known = last >= 0
-    first = np.where(known, np.minimum.reduceat(np.where(stable, at, at.size), begin), begin)
-    last = np.where(known, last, begin)
-    ended = ~(np.append(False, linked)[first] | np.append(linked, False)[last]) | ~known
-    rows = replace(found.take(first), high=found.high[last], high_omega=found.high_omega[last])
-    low, high = (np.where(known, end, np.nan) for end in (rows.low, rows.high))
-    rows = replace(rows, low=low, high=high, residual=np.where(ended, np.maximum.reduceat(found.residual, begin), np.nan))
+    has_stable = last >= 0
+    first = np.where(has_stable, np.minimum.reduceat(np.where(stable, at, at.size), begin), begin)
+    last = np.where(has_stable, last, begin)
+    ended = ~(np.append(False, linked)[first] | np.append(linked, False)[last]) | ~has_stable
+    rows = replace(intervals.take(first), high=intervals.high[last], high_omega=intervals.high_omega[last])
+    low, high = (np.where(has_stable, end, np.nan) for end in (rows.low, rows.high))
+    rows = replace(rows, low=low, high=high, residual=np.where(ended, np.maximum.reduceat(intervals.residual, begin), np.nan))
     places = np.add.reduceat(open_ & ~np.append(False, linked & open_[:-1]), begin)
-    low, high = (np.where(open_, end, np.nan) for end in (found.low, found.high))
+    low, high = (np.where(open_, end, np.nan) for end in (intervals.low, intervals.high))
     return _numbered(rows), OpenPlaces(places, np.fmin.reduceat(low, begin), np.fmax.reduceat(high, begin))
 
 
-def without_any(found: Intervals, columns, span=None, doubt: int = NONE) -> Intervals:
+def without_any(intervals: Intervals, columns, span=None, doubt: int = NONE) -> Intervals:
     """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is known of their whole span."""
-    some = columns[found.column]
-    if not some.any():
-        return found
-    empty = found.take(some)
+    index = columns[intervals.column]
+    if not index.any():
+        return intervals
+    empty = intervals.take(index)
     empty = empty.take(np.unique(empty.column, return_index=True)[1])
     size = empty.column.size
     ends = (np.full(size, float(end)) for end in ((np.nan, np.nan) if doubt == NONE else span))
     nothing = dict(zip(("low", "high"), ends, strict=True)) | dict.fromkeys(("low_omega", "high_omega"), np.full(size, np.nan))
     none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
     reasons = np.full(size, NONE) if doubt == NONE else np.maximum(empty.doubt, doubt)
-    whole = Intervals.join([found.take(~some), replace(empty, **nothing, **none, doubt=reasons)])
-    return whole.take(np.argsort(whole.column, kind="stable"))
+    remaining = Intervals.join([intervals.take(~index), replace(empty, **nothing, **none, doubt=reasons)])
+    return remaining.take(np.argsort(remaining.column, kind="stable"))

@@ -33,9 +33,9 @@ def modes_of(E) -> Modes:
     for at in states_of_blocks(E):
         values, right = np.linalg.eig(E[np.ix_(at, at)])
         left = np.linalg.pinv(right)  # of a double eigenvalue there is no inverse
-        part = np.abs(right.T * left)
+        participation = np.abs(right.T * left)
         delta[first : first + at.size] = values
-        shares[first : first + at.size, at] = part / part.sum(1, keepdims=True)
+        shares[first : first + at.size, at] = participation / participation.sum(1, keepdims=True)
         first += at.size
     order = np.lexsort((-delta.imag, -np.round(np.abs(1 + delta), 12)))
     return Modes(delta[order], shares[order])
@@ -43,8 +43,8 @@ def modes_of(E) -> Modes:
 
 def named_modes(E, drawn: MultirateLoop, drift: MarginalModes) -> tuple[list[str], Modes]:
     """Return the names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
-    labels, kept = drawn.labels(), len(drift.remaining)
-    return [labels[drift.states[index]] for index in drift.remaining], modes_of(E[:kept, :kept])
+    labels, order = drawn.labels(), len(drift.remaining)
+    return [labels[drift.states[index]] for index in drift.remaining], modes_of(E[:order, :order])
 
 
 def certain_modes(delta, *, clear: bool) -> np.ndarray:

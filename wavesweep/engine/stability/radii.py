@@ -49,10 +49,10 @@ def blocks_without_solution(drawing, items):
     return None
 
 
-def drift_of(loops: Loops, out: str = "", watched=(), beside: str = "") -> MarginalModes:
+def drift_of(loops: Loops, out: str = "", watched=(), second: str = "") -> MarginalModes:
     """The drift of loops of a batch, whose numbers that vary are arrays; see `twins` and `drift_of_drawn`."""
     with np.errstate(all="ignore"):
-        return _drift(*twins(*loops, out, beside), tuple(watched))
+        return _drift(*twins(*loops, out, second), tuple(watched))
 
 
 _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects

@@ -40,17 +40,17 @@ def isolate(coefficients, noise) -> Roots:
     """
     coefficients, noise = _of_size_one(coefficients, noise)
     (row, value, within, slope), complete = roots_by_sign(coefficients, noise)
-    found = _none(coefficients)
+    roots = _none(coefficients)
     rank = np.arange(row.size) - np.searchsorted(row, row)
-    for part, those in ((found.value, value), (found.radius, within), (found.inside, True), (found.slope_sign, slope)):
-        part[row, rank] = those
-    found.proved[complete] = True
+    roots.value[row, rank], roots.radius[row, rank] = value, within
+    roots.inside[row, rank], roots.slope_sign[row, rank] = True, slope
+    roots.proved[complete] = True
     rest = np.flatnonzero(~complete)
     if rest.size:
         discs = by_discs(coefficients[rest], noise[rest])
         for field in fields(Roots):
-            getattr(found, field.name)[rest] = getattr(discs, field.name)
-    return found
+            getattr(roots, field.name)[rest] = getattr(discs, field.name)
+    return roots
 
 
 def by_discs(coefficients, noise) -> Roots:
@@ -62,9 +62,9 @@ def by_discs(coefficients, noise) -> Roots:
     real axis, no root can hide, not even two that lie close together: these would make their discs meet.
     """
     coefficients, noise = _of_size_one(coefficients, noise)
-    found = _none(coefficients)
+    none = _none(coefficients)
     if coefficients.shape[1] < 2:
-        return replace(found, proved=np.abs(coefficients).sum(-1) > 2 * noise)
+        return replace(none, proved=np.abs(coefficients).sum(-1) > 2 * noise)
     roots = _eigenvalues(coefficients)
     proved, radius, edge = _proof(coefficients, noise, roots)
     again = np.flatnonzero(~proved)
@@ -76,15 +76,15 @@ def by_discs(coefficients, noise) -> Roots:
         for side, end in zip((1, -1), at_ends(coefficients), strict=True)
     ]
     slope_sign = _slope_sign(coefficients, roots)
-    return Roots(roots.real, radius, inside, slope_sign, found.at_one, found.at_minus_one, proved, *open_)
+    return Roots(roots.real, radius, inside, slope_sign, none.at_one, none.at_minus_one, proved, *open_)
 
 
 def _of_size_one(coefficients, noise):
     """Return both divided by the largest coefficient of the row; of one that overflowed nothing is left but noise."""
     size = np.abs(coefficients).max(-1, initial=0)
-    known, size = np.isfinite(size), np.where(size > 0, size, 1)
+    finite, size = np.isfinite(size), np.where(size > 0, size, 1)
     with np.errstate(all="ignore"):
-        return np.where(known[:, None], coefficients / size[:, None], 0), np.where(known, noise / size, 1)
+        return np.where(finite[:, None], coefficients / size[:, None], 0), np.where(finite, noise / size, 1)
 
 
 def _none(coefficients) -> Roots:

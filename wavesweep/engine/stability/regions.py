@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import LinearFractional, close, errors_of_closed
+from wavesweep.engine.monodromy.cut import FIRST, LinearFractional, close, errors_of_closed
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.rows import Rows
-from wavesweep.engine.stability.boundary import K_VE, end_errors
+from wavesweep.engine.stability.boundary import end_errors
 from wavesweep.engine.stability.certificate import COUNTS, NONE, ROUNDING
 from wavesweep.engine.stability.crossings import SLIVER, Crossings
 from wavesweep.engine.stability.spectrum import count_outside
@@ -42,7 +42,7 @@ class Regions(Rows):
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class CutSpan:
     """A span cut at its crossings: regions sorted by column and value, before they are labelled.
 
     column, low, high, low_theta, high_theta: as in `Regions`. gain: growth of the number of unstable eigenvalues from the
@@ -75,35 +75,35 @@ class Parts:
         return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, doubt, residual)
 
 
-def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> Parts:
-    """LinearFractional the span of every column at its crossings.
+def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> CutSpan:
+    """Cut the span of every column at its crossings.
 
     slack: distance from each end of the span within which a crossing counts as at that end.
     """
     low, high = span
-    near = np.abs(value - low) <= np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
-    beside = np.abs(value - high) <= slack[1]
-    at_low, at_high = np.full((2, columns), np.nan)
-    at_low[column[near]], at_high[column[beside]] = theta[near], theta[beside]
-    inside = np.flatnonzero((value > low) & (value < high) & ~near & ~beside)
+    at_low = np.abs(value - low) <= np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    at_high = np.abs(value - high) <= slack[1]
+    theta_low, theta_high = np.full((2, columns), np.nan)
+    theta_low[column[at_low]], theta_high[column[at_high]] = theta[at_low], theta[at_high]
+    inside = np.flatnonzero((value > low) & (value < high) & ~at_low & ~at_high)
     order = inside[np.lexsort((value[inside], column[inside]))]
     everyone = np.arange(columns)
     start = np.searchsorted(column[order], everyone) + everyone  # where each column's first region stands
     region = np.repeat(everyone, np.bincount(column[order], minlength=columns) + 1)
     lows, low_theta, gain = np.full(region.size, float(low)), np.full(region.size, np.nan), np.zeros(region.size)
-    low_theta[start] = at_low
+    low_theta[start] = theta_low
     later = np.ones(region.size, bool)
     later[start] = False
     lows[later], low_theta[later], gain[later] = value[order], theta[order], jump[order]
     highs, high_theta = np.full(region.size, float(high)), np.full(region.size, np.nan)
     earlier = np.append(later[1:], False)
-    high_theta[~earlier] = at_high
+    high_theta[~earlier] = theta_high
     highs[earlier], high_theta[earlier] = value[order], theta[order]
-    return Parts(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
+    return CutSpan(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
 
-def regions(cut: LinearFractional, owner, along: str, fixed, span, found: Crossings) -> Regions:
-    """LinearFractional the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
+def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Crossings) -> Regions:
+    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
 
     The count of the first region of each column follows from that of infinite values, which is one number of the loop, and from
     the directions of all crossings between (`_first_counts`); the counts of the other regions follow from the directions of the
@@ -113,37 +113,41 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, found: Crossi
     no label if these disagree.
     """
     slack = SLIVER * (span[1] - span[0])
-    parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump, (slack, slack))
-    doubt, rise = np.zeros(parts.column.size, int), np.cumsum(parts.gain)
-    first = np.flatnonzero(~parts.has_previous)
-    rise -= rise[first][parts.column]
+    spans = cut_span(span, fixed.size, crossings.column, crossings.value, crossings.theta, crossings.jump, (slack, slack))
+    doubt, rise = np.zeros(spans.column.size, int), np.cumsum(spans.gain)
+    first = np.flatnonzero(~spans.has_previous)
+    rise -= rise[first][spans.column]
 
-    def matrices(some, value):
-        loops, wall = cut.at(owner[parts.column[some]]), _wall(along, value, fixed[parts.column[some]])
-        return close(loops, *wall), errors_of_closed(loops, *wall)
+    def matrices(index, value):
+        column = spans.column[index]
+        numbers = (value, fixed[column]) if along == FIRST else (fixed[column], value)
+        loops = cut.at(owner[column])
+        return close(loops, *numbers), errors_of_closed(loops, *numbers)
 
     least = np.minimum.reduceat(rise, first)
-    narrow = parts.high - parts.low < NARROW * (span[1] - span[0])
-    follows = np.isfinite(found.above) & ~narrow[first]
+    narrow = spans.high - spans.low < NARROW * (span[1] - span[0])
+    follows = np.isfinite(crossings.above) & ~narrow[first]
     begins, counted = _first_counts(
-        owner, found.above, follows, least, lambda columns: count_where_clear(parts, first[columns], matrices)
+        owner, crossings.above, follows, least, lambda columns: count_where_clear(spans, first[columns], matrices)
     )
-    unstable = (rise + begins[parts.column]).astype(int)
-    unknown = (begins < 0)[parts.column]  # nothing follows from a count that is not known
+    unstable = (rise + begins[spans.column]).astype(int)
+    unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
     unstable[unknown], doubt[unknown] = -1, COUNTS
-    claimed = parts.has_previous & ~unknown & (unstable <= 0) & found.complete[parts.column] & (narrow | counted[parts.column])
+    claimed = (
+        spans.has_previous & ~unknown & (unstable <= 0) & crossings.complete[spans.column] & (narrow | counted[spans.column])
+    )
     claimed = np.flatnonzero(claimed)
-    seen = count_where_clear(parts, claimed, matrices)
-    doubt[claimed] = np.maximum(doubt[claimed], np.where(seen == unstable[claimed], NONE, COUNTS))
-    error, end_doubt = _judged_ends(cut, owner, along, fixed, span, found, parts, unstable)
-    whole = parts.labelled(unstable, doubt, end_doubt, error)
-    worst = np.where(found.complete, NONE, COUNTS)
-    np.maximum.at(worst, whole.column, whole.doubt)
-    again = np.flatnonzero(worst[parts.column] >= COUNTS)
+    judged = count_where_clear(spans, claimed, matrices)
+    doubt[claimed] = np.maximum(doubt[claimed], np.where(judged == unstable[claimed], NONE, COUNTS))
+    error, end_doubt = _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable)
+    labelled = spans.labelled(unstable, doubt, end_doubt, error)
+    worst = np.where(crossings.complete, NONE, COUNTS)
+    np.maximum.at(worst, labelled.column, labelled.doubt)
+    again = np.flatnonzero(worst[spans.column] >= COUNTS)
     if not again.size:
-        return whole
-    unstable[again] = count_where_all_agree(parts, again, matrices)
-    return replace(whole, unstable=unstable)
+        return labelled
+    unstable[again] = count_where_all_agree(spans, again, matrices)
+    return replace(labelled, unstable=unstable)
 
 
 def _first_counts(owner, above, follows, least, count):
@@ -155,36 +159,36 @@ def _first_counts(owner, above, follows, least, count):
     of the other parameter. That number less the growth at the crossings must be the same in the first and the last column of a
     loop for which all crossings are known; then it holds for those between, unless a count there is negative.
     """
-    begins, known = np.full(owner.size, -1), np.flatnonzero(follows)
+    begins, columns = np.full(owner.size, -1), np.flatnonzero(follows)
     counted = np.ones(owner.size, bool)
-    new = np.diff(owner[known], prepend=-1) != 0
-    begin, end = known[new], known[np.append(new[1:], True)[: known.size]]
-    counted[known] = False
+    new = np.diff(owner[columns], prepend=-1) != 0
+    begin, end = columns[new], columns[np.append(new[1:], True)[: columns.size]]
+    counted[columns] = False
     counted[begin] = counted[end] = True
     at = np.flatnonzero(counted)
     begins[at] = count(at)
-    grown = [np.where(begins[some] < 0, np.nan, begins[some] + above[some]) for some in (begin, end)]
+    grown = [np.where(begins[at] < 0, np.nan, begins[at] + above[at]) for at in (begin, end)]
     agreed = np.where(grown[0] == grown[1], grown[0], np.nan)[np.cumsum(new) - 1]
-    between = ~counted[known]
-    known, left = known[between], (agreed - above[known])[between]
-    sure = left + least[known] >= 0
-    begins[known[sure]] = left[sure]
-    again = known[~sure]
+    between = ~counted[columns]
+    columns, left = columns[between], (agreed - above[columns])[between]
+    sure = left + least[columns] >= 0
+    begins[columns[sure]] = left[sure]
+    again = columns[~sure]
     begins[again], counted[again] = count(again), True
     return begins, counted
 
 
-def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
+def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
     """Return residual and doubt of each inner end; ends of stable regions are in doubt if rounding could matter."""
-    column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
+    column, value, theta = (array[spans.order] for array in (crossings.column, crossings.value, crossings.theta))
     error, doubt = np.zeros(column.size), np.zeros(column.size, int)
-    of_stable = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
-    column, value, theta = (part[of_stable] for part in (column, value, theta))
+    of_stable = np.flatnonzero((unstable[spans.has_previous] == 0) | (unstable[spans.has_next] == 0))
+    column, value, theta = (array[of_stable] for array in (column, value, theta))
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
-    back = found.inverses.take(found.inverse[parts.order[of_stable]], axis=0)
+    back = crossings.inverses.take(crossings.inverse[spans.order[of_stable]], axis=0)
     least = NEAR_ZERO * (span[1] - span[0])
     left, moved, usual = end_errors(cut.at(owner[column]), along, *places, back, least)
-    # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
+    # At z = 1 an integrating loop meets the equation 0 = 0 at K = 0, by structure.
     error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
     firm = moved <= FIRM * (np.abs(value) + least)
@@ -192,35 +196,31 @@ def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
     return error, doubt
 
 
-def count_where_clear(parts: Parts, which, matrices):
-    """Count the regions `which` at the first of SHARES at which no eigenvalue is within rounding of the circle.
+def count_where_clear(spans: CutSpan, index, matrices):
+    """Count the regions `index` at the first of SHARES at which no eigenvalue is within rounding of the circle.
 
     The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less identity of these regions
     at these values, and bounds on the errors of their entries.
     """
-    unstable = np.full(which.size, -1)
+    unstable = np.full(index.size, -1)
     for share in SHARES:
         open_ = np.flatnonzero(unstable < 0)
         if not open_.size:
             break
-        some = which[open_]
-        count, sure = count_outside(*matrices(some, parts.at(share)[some]))
+        again = index[open_]
+        count, sure = count_outside(*matrices(again, spans.at(share)[again]))
         unstable[open_[sure]] = count[sure]
     return unstable
 
 
-def count_where_all_agree(parts: Parts, which, matrices):
-    """Count the regions `which` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
-    unstable, agreed = np.full(which.size, -1), np.ones(which.size, bool)
+def count_where_all_agree(spans: CutSpan, index, matrices):
+    """Count the regions `index` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
+    unstable, agreed = np.full(index.size, -1), np.ones(index.size, bool)
     for share in MANY_SHARES:
-        count, sure = count_outside(*matrices(which, parts.at(share)[which]))
+        count, sure = count_outside(*matrices(index, spans.at(share)[index]))
         agreed &= ~sure | (unstable < 0) | (count == unstable)
         unstable = np.where(sure & (unstable < 0), count, unstable)
     return np.where(agreed, unstable, -1)
-
-
-def _wall(along, value, fixed):
-    return (value, fixed) if along == K_VE else (fixed, value)
 
 
 def _place(theta):

@@ -24,14 +24,14 @@ class Frames(Rows):
     condition: np.ndarray
 
     @staticmethod
-    def of(found) -> "Frames":
+    def of(frames) -> "Frames":
         """Return frames as they are, and matrices `(..., order, order)` as frames, one after the other.
 
         The matrices have to be analytic everywhere.
         """
-        if isinstance(found, Frames):
-            return found
-        E = found.reshape(-1, *found.shape[-2:])
+        if isinstance(frames, Frames):
+            return frames
+        E = frames.reshape(-1, *frames.shape[-2:])
         return Frames(E, np.ones((len(E), 1)), np.ones(len(E)))
 
 

@@ -34,15 +34,16 @@ def lines_of(moved, s, period) -> np.ndarray:
     return hz
 
 
-def share_of_first(seen, ticks, s) -> np.ndarray:
-    """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`; seen: the states, tick by tick,
+def share_of_first(observed, ticks, s) -> np.ndarray:
+    """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`; observed: the states, tick by tick,
     `(..., states, columns)`, or an array of all of them."""
     near, total, turn, step = 0.0, 0.0, np.ones_like(s)[..., None, :], np.exp(-s / ticks)[..., None, :]
-    if isinstance(seen, np.ndarray):
-        moved = seen * np.multiply.accumulate(np.stack([turn, *[step] * (ticks - 1)]))
+    if isinstance(observed, np.ndarray):
+        moved = observed * np.multiply.accumulate(np.stack([turn, *[step] * (ticks - 1)]))
         near, total = moved.sum(0), (moved.real**2 + moved.imag**2).sum(0)
-    for each in () if isinstance(seen, np.ndarray) else seen:
-        moved = each * turn
-        near, total, turn = near + moved, total + (moved.real**2 + moved.imag**2), turn * step
+    else:
+        for states in observed:
+            moved = states * turn
+            near, total, turn = near + moved, total + (moved.real**2 + moved.imag**2), turn * step
     share = (near.real**2 + near.imag**2) / (ticks * total)
     return np.nanmean(share, axis=-2) * np.where(np.abs(s.imag) >= np.pi - REAL, 2, 1)

@@ -32,10 +32,10 @@ def eigenvalues(E):
     groups = diagonal_blocks(E)
     if not groups:
         return np.linalg.eigvals(E).astype(complex), finite
-    found = np.empty((finite.size, E.shape[-1]), complex)
-    for some, blocks, alone in groups:
-        found[some] = np.concatenate([*map(np.linalg.eigvals, blocks), alone.diagonal(axis1=-2, axis2=-1)], axis=-1)
-    return found.reshape(E.shape[:-1]), finite
+    delta = np.empty((finite.size, E.shape[-1]), complex)
+    for index, blocks, alone in groups:
+        delta[index] = np.concatenate([*map(np.linalg.eigvals, blocks), alone.diagonal(axis1=-2, axis2=-1)], axis=-1)
+    return delta.reshape(E.shape[:-1]), finite
 
 
 def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
@@ -48,29 +48,29 @@ def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
     n = E.shape[-1]
     if n < 2 or not E.size:
         return []
-    there = E.reshape(-1, n, n) != 0
-    if (there == there[0]).all():
-        kinds, kind = there[:1], np.zeros(len(there), int)
+    pattern = E.reshape(-1, n, n) != 0
+    if (pattern == pattern[0]).all():
+        kinds, kind = pattern[:1], np.zeros(len(pattern), int)
     else:
-        number, names = {}, np.packbits(there.reshape(len(there), -1), axis=-1)
+        number, names = {}, np.packbits(pattern.reshape(len(pattern), -1), axis=-1)
         kind = np.array([number.setdefault(name.tobytes(), len(number)) for name in names])
-        kinds = there[np.unique(kind, return_index=True)[1]]
-    parts = [_parts(n, each.tobytes()) for each in kinds]
-    if max(len(several) for several, _ in parts) < 2:
+        kinds = pattern[np.unique(kind, return_index=True)[1]]
+    groups = [_blocks_of_pattern(n, pattern.tobytes()) for pattern in kinds]
+    if max(len(several) for several, _ in groups) < 2:
         return []
-    found = []
-    for number, (several, alone) in enumerate(parts):
-        some = np.flatnonzero(kind == number)
-        own = E.reshape(-1, n, n)[some]
-        found.append((some, [own[:, at[:, None], at] for at in several], own[:, alone[:, None], alone]))
-    return found
+    blocks = []
+    for number, (several, alone) in enumerate(groups):
+        index = np.flatnonzero(kind == number)
+        matrices = E.reshape(-1, n, n)[index]
+        blocks.append((index, [matrices[:, at[:, None], at] for at in several], matrices[:, alone[:, None], alone]))
+    return blocks
 
 
 def states_of_blocks(E) -> list[np.ndarray]:
     """Return the states of each diagonal block of one matrix (see `diagonal_blocks`), also of those of a single state."""
     if not E.size:
         return []
-    several, alone = _parts(E.shape[-1], (E != 0).tobytes())
+    several, alone = _blocks_of_pattern(E.shape[-1], (E != 0).tobytes())
     return [*several, *(np.array([state]) for state in alone)]
 
 
@@ -88,10 +88,10 @@ def _blocks_of(acts):
 
 
 @lru_cache(maxsize=32)
-def _parts(n, pattern):
+def _blocks_of_pattern(n, pattern):
     """The states of every diagonal block of several, and those of no such block; a single block has all."""
     name = _blocks_of(np.frombuffer(pattern, bool).reshape(n, n))
-    blocks = [np.flatnonzero(name == each) for each in different(name)]
+    blocks = [np.flatnonzero(name == value) for value in different(name)]
     several = [block for block in blocks if block.size > 1]
     if len(several) < 2:
         return (np.arange(n),), np.zeros(0, int)
@@ -148,49 +148,49 @@ def radius_of(E, hidden=False) -> np.ndarray:
     delta, finite = eigenvalues(E)
     E = np.where(finite[..., None, None], E, 0.0)
     radius, groups = np.abs(1 + delta).max(-1, initial=0.0), diagonal_blocks(E)
-    found = np.array(radius) if groups or not E.size else _known(E, radius, delta)
-    for some, blocks, _ in groups:  # each of which may hide that it exceeds the whole
+    radii = np.array(radius) if groups or not E.size else _sure_radius(E, radius, delta)
+    for index, blocks, _ in groups:  # each of which may hide that it exceeds the whole
         for block in blocks:
-            found.reshape(-1)[some] += 0 * _known(block, np.reshape(radius, -1)[some], eigenvalues(block)[0])
-    found = np.where(finite, found, np.inf)
-    found = np.where(_is_rounding(np.abs(1 - found), E), 1.0, found)
-    return np.where(hidden, np.nan, found)
+            radii.reshape(-1)[index] += 0 * _sure_radius(block, np.reshape(radius, -1)[index], eigenvalues(block)[0])
+    radii = np.where(finite, radii, np.inf)
+    radii = np.where(_is_rounding(np.abs(1 - radii), E), 1.0, radii)
+    return np.where(hidden, np.nan, radii)
 
 
 def _is_rounding(distance, E):
     """Whether eigenvalues of `I + E` are beside the circle by that distance through rounding alone; NaN is not."""
     n, distance = E.shape[-1], np.asarray(distance)
     tolerance = BACKWARD * np.finfo(float).eps
-    found = np.array((distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0))))
-    some = np.flatnonzero(found)
-    if some.size:
-        balanced, _ = balance(E.reshape(-1, n, n)[some])  # whose entries are often much smaller
-        found.reshape(-1)[some] = distance.reshape(-1)[some] <= tolerance * np.maximum(1, np.abs(balanced).max((-1, -2)))
-    return found
+    rounding = np.array((distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0))))
+    index = np.flatnonzero(rounding)
+    if index.size:
+        balanced, _ = balance(E.reshape(-1, n, n)[index])  # whose entries are often much smaller
+        rounding.reshape(-1)[index] = distance.reshape(-1)[index] <= tolerance * np.maximum(1, np.abs(balanced).max((-1, -2)))
+    return rounding
 
 
-def _known(E, radius, delta):
-    """The radius where it is known, else NaN."""
-    n, found = E.shape[-1], np.array(radius).ravel()
+def _sure_radius(E, radius, delta):
+    """The radius, and NaN where rounding may move it."""
+    n, sure = E.shape[-1], np.array(radius).ravel()
     E, delta = E.reshape(-1, n, n), delta.reshape(-1, n)
-    some = np.flatnonzero(_outgrows(delta, np.abs(E).max((-1, -2), initial=0), found).any(-1))
-    if not some.size:
+    index = np.flatnonzero(_outgrows(delta, np.abs(E).max((-1, -2), initial=0), sure).any(-1))
+    if not index.size:
         return radius
-    E, delta, (balanced, units) = E[some], delta[some], balance(E[some])  # whose entries are often much smaller
+    E, delta, (balanced, units) = E[index], delta[index], balance(E[index])  # whose entries are often much smaller
     size = np.abs(balanced).max((-1, -2))
-    which, eigenvalue = np.nonzero(_outgrows(delta, size, found[some]))
-    further = found[some[which]] + TELLING * np.maximum(found[some[which]], 1)
-    points = further * np.exp(1j * np.abs(np.angle(1 + delta[which, eigenvalue]))) - 1  # E is real
+    matrix, eigenvalue = np.nonzero(_outgrows(delta, size, sure[index]))
+    further = sure[index[matrix]] + TELLING * np.maximum(sure[index[matrix]], 1)
+    points = further * np.exp(1j * np.abs(np.angle(1 + delta[matrix, eigenvalue]))) - 1  # E is real
     rounding = BACKWARD * np.finfo(float).eps * size
     if n < LARGE:
-        found[some[which[_smallest(balanced[which], points[:, None])[:, 0] <= rounding[which]]]] = np.nan
-        return found.reshape(np.shape(radius))
-    for matrix in np.unique(which):
-        w = np.unique(points[which == matrix])
-        w = w[_at_least(E[matrix], units[matrix], w) <= rounding[matrix]]
-        if any(_smallest(balanced[matrix, None], point[None, None]) <= rounding[matrix] for point in w):
-            found[some[matrix]] = np.nan
-    return found.reshape(np.shape(radius))
+        sure[index[matrix[_smallest(balanced[matrix], points[:, None])[:, 0] <= rounding[matrix]]]] = np.nan
+        return sure.reshape(np.shape(radius))
+    for at in np.unique(matrix):
+        w = np.unique(points[matrix == at])
+        w = w[_at_least(E[at], units[at], w) <= rounding[at]]
+        if any(_smallest(balanced[at, None], point[None, None]) <= rounding[at] for point in w):
+            sure[index[at]] = np.nan
+    return sure.reshape(np.shape(radius))
 
 
 def _at_least(E, units, w):
@@ -204,15 +204,15 @@ def _at_least(E, units, w):
     if k.size > d.size:
         return np.zeros(len(w))
 
-    def norm(part, rows, columns):
-        return np.linalg.norm(part * (units[columns] / units[rows, None]), axis=(-1, -2))
+    def norm(block, rows, columns):
+        return np.linalg.norm(block * (units[columns] / units[rows, None]), axis=(-1, -2))
 
     with np.errstate(all="ignore"):
         into, out = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w), lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
-        kept = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
+        bound = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
         alone = norm(lines.along(np.eye(d.size)[None], np.abs(1 + w).min(0, keepdims=True)), d, d)
-        of_out = norm(kept @ out, k, d)
-        size = norm(kept, k, k) + of_out + norm(into @ kept, d, k) + alone + norm(into, d, k) * of_out
+        of_out = norm(bound @ out, k, d)
+        size = norm(bound, k, k) + of_out + norm(into @ bound, d, k) + alone + norm(into, d, k) * of_out
         return np.where(np.isfinite(size) & (size > 0), 1 / (2 * size), 0.0)  # half of it, since it is rounded
 
 
@@ -259,10 +259,10 @@ def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarr
     if dE is None or not E.size:
         return count, clear
     size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
-    some = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= FINE * size))
-    if some.size:
-        delta = eigenvalues(E[some])[0]
-        clear[some] = ~may_have(E[some], dE[some], at_angles_of(delta, 1.0, np.abs(excess(delta))))
+    index = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= FINE * size))
+    if index.size:
+        delta = eigenvalues(E[index])[0]
+        clear[index] = ~may_have(E[index], dE[index], at_angles_of(delta, 1.0, np.abs(excess(delta))))
     return count, clear
 
 
@@ -279,10 +279,10 @@ def _count_outside(E):
     groups = diagonal_blocks(E)
     if groups:
         count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
-        for some, blocks, alone in groups:
+        for index, blocks, alone in groups:
             for block in (*blocks, alone) if alone.size else blocks:
-                more, known = _count_outside(block)
-                count[some], clear[some] = count[some] + more, clear[some] & known
+                outside_block, clear_block = _count_outside(block)
+                count[index], clear[index] = count[index] + outside_block, clear[index] & clear_block
         finite = np.isfinite(E).all((-1, -2))
         return np.where(finite, count, -1), clear & finite
     delta, finite = eigenvalues(E)
@@ -299,12 +299,12 @@ def _count_outside(E):
         if better.any():
             count[again[better]], clear[again[better]] = _count_outside(even[better])
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
-    some = np.flatnonzero(clear & ~near & may_cross(delta, size))
-    near[some] = may_cross(delta[some], np.abs(balance(E[some])[0]).max((-1, -2), initial=0)) if some.size else False
+    index = np.flatnonzero(clear & ~near & may_cross(delta, size))
+    near[index] = may_cross(delta[index], np.abs(balance(E[index])[0]).max((-1, -2), initial=0)) if index.size else False
     near = np.flatnonzero(near)
     if near.size:
         order = np.argsort(distance[near], axis=-1)
-        closest, far = (np.take_along_axis(part[near], order, axis=-1) for part in (delta, distance >= NEIGHBOURHOOD))
+        closest, far = (np.take_along_axis(a[near], order, axis=-1) for a in (delta, distance >= NEIGHBOURHOOD))
         far[:, :MEETING] = False
         most = (~far).sum(-1).max()
         balanced, _ = balance(E[near])

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ERRORS, PARTS, LinearFractional
+from wavesweep.engine.monodromy.cut import ERRORS, FIRST, PARTS, LinearFractional
 from wavesweep.engine.monodromy.periodic import size_of
 from wavesweep.engine.monodromy.radius import cut_within
 from wavesweep.engine.monodromy.rounding import UNEVEN, uneven_units
-from wavesweep.engine.stability.boundary import K_VE
 from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.engine.stability.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of, without_any
@@ -21,7 +20,7 @@ ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # results that are not finite show what overflowed
 def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None) -> Intervals:
-    """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
+    """Return all stable intervals of `along` (FIRST or SECOND) within `span`, for every loop and every value of the other one.
 
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
     radius: `(slices,)`, of a circle in place of the unit circle, up to 1.
@@ -39,47 +38,49 @@ def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None
     hundred-thousandth of the span together.
     """
     fixed = np.asarray(fixed, float)
-    if along != K_VE and cut.integrates and np.any(fixed == 0):
+    if along != FIRST and cut.integrates and np.any(fixed == 0):
         return _joined(cut, along, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    found = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner, span)
+    intervals = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner, span)
     if not span[0] < 0 < span[1]:
-        return found
+        return intervals
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
-    return replace(found, **{end: np.where(np.abs(v := getattr(found, end)) <= nothing, 0.0, v) for end in ("low", "high")})
+    return replace(
+        intervals, **{end: np.where(np.abs(v := getattr(intervals, end)) <= nothing, 0.0, v) for end in ("low", "high")}
+    )
 
 
-def _with_others(found, cut, owner, span) -> Intervals:
+def _with_others(intervals, cut, owner, span) -> Intervals:
     """The intervals, without any in columns of which a part that the wall does not act on is unstable, or may be."""
     if not cut.uncontrolled:
-        return found
+        return intervals
     outside = np.zeros(cut.batch, int)
     for block in cut.uncontrolled:
         E = np.broadcast_to(block, (*cut.batch, *block.shape[-2:]))
         count, clear = count_outside(E)
         outside = np.where((outside < 0) | ~clear, -1, outside + count)
     outside = outside[owner]
-    return without_any(without_any(found, outside > 0), outside < 0, span, COUNTS)
+    return without_any(without_any(intervals, outside > 0), outside < 0, span, COUNTS)
 
 
 def _in_own_units(cut: LinearFractional) -> LinearFractional:
     """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
-    E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
+    E, B, C = (np.broadcast_to(M, (*cut.batch, *M.shape[-2:])) for M in (cut.E, cut.B, cut.C))
     with np.errstate(over="ignore", invalid="ignore"):
-        own, into, out = (np.abs(part).max((-1, -2), initial=0.0) for part in (E, B, C))
-        some = np.flatnonzero((np.maximum(own, into * out) > UNEVEN) & np.isfinite(own + into * out))
-    if not some.size:
+        of_E, into, out = (np.abs(M).max((-1, -2), initial=0.0) for M in (E, B, C))
+        uneven = np.flatnonzero((np.maximum(of_E, into * out) > UNEVEN) & np.isfinite(of_E + into * out))
+    if not uneven.size:
         return cut
-    dE, dB, dC = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])).copy() for part in (cut.dE, cut.dB, cut.dC))
-    n, (E, B, C) = E.shape[-1], (part.copy() for part in (E, B, C))
-    whole = np.zeros((some.size, n + 1, n + 1))
-    whole[:, :n, :n], whole[:, :n, n], whole[:, n, :n] = E[some], B[some, :, 0], np.abs(C[some]).max(-2)
-    units = uneven_units(whole)
+    dE, dB, dC = (np.broadcast_to(M, (*cut.batch, *M.shape[-2:])).copy() for M in (cut.dE, cut.dB, cut.dC))
+    n, E, B, C = E.shape[-1], E.copy(), B.copy(), C.copy()
+    sizes = np.zeros((uneven.size, n + 1, n + 1))
+    sizes[:, :n, :n], sizes[:, :n, n], sizes[:, n, :n] = E[uneven], B[uneven, :, 0], np.abs(C[uneven]).max(-2)
+    units = uneven_units(sizes)
     units = (units[:, :n] / units[:, n:])[:, None, :]
     back = np.swapaxes(units, -1, -2)
     for e, b, c in ((E, B, C), (dE, dB, dC)):
-        e[some], b[some], c[some] = e[some] * (units / back), b[some] / back, c[some] * units
+        e[uneven], b[uneven], c[uneven] = e[uneven] * (units / back), b[uneven] / back, c[uneven] * units
     return replace(cut, E=E, B=B, C=C, dE=dE, dB=dB, dC=dC)
 
 
@@ -89,17 +90,18 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     cut, overflown = _finite(cut)
     divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
     for method in (_by_arcs,) if cut.order > MOST_STATES else (_by_polynomial, _by_polynomial_alone):
-        some = pending[divided[pending]] if method is _by_polynomial_alone else pending
-        if not some.size:
+        rows = pending[divided[pending]] if method is _by_polynomial_alone else pending
+        if not rows.size:
             continue
-        parts, doubt = method(cut, owner[some], along, fixed[some], span)
-        lost = overflown[owner[some]]
-        parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
+        labelled, doubt = method(cut, owner[rows], along, fixed[rows], span)
+        lost = overflown[owner[rows]]
+        labelled = replace(labelled, unstable=np.where(lost[labelled.column], -1, labelled.unstable))
         doubt = np.where(lost, OVERFLOW, doubt)
-        last = ~divided[some] if method is _by_polynomial else True
-        kept = (doubt == NONE) | lost | last
-        done.append((_select(parts, kept, some), some[kept], doubt[kept]))
-        answered[some[kept]] = True
+        last = ~divided[rows] if method is _by_polynomial else True
+        answered_now = (doubt == NONE) | lost | last
+        answers = labelled.take(answered_now[labelled.column])
+        done.append((replace(answers, column=rows[answers.column]), rows[answered_now], doubt[answered_now]))
+        answered[rows[answered_now]] = True
         pending = np.flatnonzero(~answered)
     return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
 
@@ -133,26 +135,20 @@ def _by_arcs(cut, owner, along, fixed, span):
     return _judged(cut, owner, along, fixed, span, arc_crossings(cut.at(owner), along, fixed, span))
 
 
-def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
+def _judged(cut, owner, along, fixed, span, crossed) -> tuple[Regions, np.ndarray]:
     """Return the regions between the crossings, and the doubt of each column."""
-    parts = regions(cut, owner, along, fixed, span, found)
-    parts_doubt = doubts_of(parts, np.where(found.complete, NONE, CROWDED))
+    labelled = regions(cut, owner, along, fixed, span, crossed)
+    doubts = doubts_of(labelled, np.where(crossed.complete, NONE, CROWDED))
     rough = cut.remembered("rough", lambda: _is_rough(cut))[owner]
-    return parts, np.where(rough, np.maximum(parts_doubt, ROUNDING), parts_doubt)
+    return labelled, np.where(rough, np.maximum(doubts, ROUNDING), doubts)
 
 
 def _is_rough(cut):
     """Whether errors of the entries of a frame, in no units of the states small, may hide a crossing that none points to."""
-    E, dE = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (np.abs(cut.E), cut.dE))
+    E, dE = (np.broadcast_to(M, (*cut.batch, *M.shape[-2:])) for M in (np.abs(cut.E), cut.dE))
     with np.errstate(all="ignore"):
         error = np.sqrt((dE * np.swapaxes(E + dE, -1, -2)).max((-1, -2), initial=0.0))
         return error > ROUGH * np.maximum(1.0, size_of(E))
-
-
-def _select(parts, kept, names) -> Regions:
-    """Return the regions of the columns `kept`, the columns renamed to `names`."""
-    taken = parts.take(kept[parts.column])
-    return replace(taken, column=names[taken.column])
 
 
 def _sorted(done) -> tuple[Regions, np.ndarray]:
@@ -160,26 +156,26 @@ def _sorted(done) -> tuple[Regions, np.ndarray]:
 
     done: (regions, columns, their doubts).
     """
-    parts = [part for part, _, _ in done]
-    doubt = np.concatenate([some for _, _, some in done])[np.argsort(np.concatenate([names for _, names, _ in done]))]
-    if len(parts) == 1:
-        return parts[0], doubt
-    whole = Regions.join(parts)
-    return whole.take(np.argsort(whole.column, kind="stable")), doubt
+    pieces, columns, doubts = zip(*done, strict=True)
+    doubt = np.concatenate(doubts)[np.argsort(np.concatenate(columns))]
+    if len(pieces) == 1:
+        return pieces[0], doubt
+    joined = Regions.join(pieces)
+    return joined.take(np.argsort(joined.column, kind="stable")), doubt
 
 
 def _joined(cut, along, span, fixed, radius) -> Intervals:
-    """Return the intervals along B_VE if some columns have K_VE = 0.
+    """Return the intervals along the second number if the first is 0 in some columns.
 
-    Nothing reads the scene's position in these columns, and z = 1 is no pole.
+    Nothing reads the integrator in these columns, and z = 1 is no pole.
     """
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    parts = []
+    intervals = []
     for loop, mask in ((cut, flat != 0), (replace(cut, integrates=False), flat == 0)):
         names = np.flatnonzero(mask)
         if names.size:
-            own = None if radius is None else radius[owner[names]]
-            part = stable_intervals(loop.at(owner[names]), along, span, flat[names, None], own)
-            parts.append(replace(part, column=names[part.column]))
-    whole = Intervals.join(parts)
-    return whole.take(np.argsort(whole.column, kind="stable"))
+            radii = None if radius is None else radius[owner[names]]
+            piece = stable_intervals(loop.at(owner[names]), along, span, flat[names, None], radii)
+            intervals.append(replace(piece, column=names[piece.column]))
+    joined = Intervals.join(intervals)
+    return joined.take(np.argsort(joined.column, kind="stable"))
