@@ -203,7 +203,7 @@ def _in_a_row(row, changes, errors):
     n = changes[0].shape[-1]
     if not row:
         return np.zeros((n, n)), np.zeros((n, n))
-    return product_with_errors(np.array(row), changes, [each / ENTRIES for each in errors], each=True)
+    return product_with_errors(np.array(row), changes, [each / ENTRIES for each in errors], per_loop=True)
 
 
 def _enclosure(tick, middle, half):

@@ -27,13 +27,13 @@ class Peak:
     certified: np.ndarray
 
 
-def hinf_norm(value_at, angles_at, loops: int, slack, more=(), enough=np.inf) -> Peak:
+def hinf_norm(value_at, angles_at, loops: int, slack, further=(), enough=np.inf) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
     value_at(owner, theta, floor): the response of the loops `owner` at `theta`, all `(points,)`; anything below the floor, the
     largest value so far, is as good as the response that is below it.
     angles_at(owner, level): angles at which a level may be met, `(owners, any)` with NaN for none.
-    slack(owner, value): distance of the level that is shown to be out of reach above the value. more: further
+    slack(owner, value): distance of the level that is shown to be out of reach above the value. further:
     angles that are tried first, the same or others for each loop; the largest value among low ones is then climbed to. enough:
     values, beyond which the search ends, without a certificate.
     Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma, M. Steinbuch, ibid. 14 (1990):
@@ -42,12 +42,13 @@ def hinf_norm(value_at, angles_at, loops: int, slack, more=(), enough=np.inf) ->
     """
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)
-    for grid in (START, more):
+    for grid in (START, further):
         _raise(value, theta, value_at, active, np.broadcast_to(grid, (loops, np.shape(grid)[-1])))
-    soft = np.isfinite(np.broadcast_to(more, (loops, np.shape(more)[-1]))).any(-1)
-    for factors in CLIMB if soft.any() else ():
-        slow = np.flatnonzero((theta > 0) & (theta <= START[2]) & soft)
-        _raise(value, theta, value_at, slow, theta[slow, None] * factors)
+    soft = np.isfinite(np.broadcast_to(further, (loops, np.shape(further)[-1]))).any(-1)
+    if soft.any():
+        for factors in CLIMB:
+            slow = np.flatnonzero((theta > 0) & (theta <= START[2]) & soft)
+            _raise(value, theta, value_at, slow, theta[slow, None] * factors)
     for _ in range(RAISES):
         active = active[value[active] <= np.broadcast_to(enough, (loops,))[active]]
         if not active.size:
@@ -138,7 +139,9 @@ def angles(frame: Element) -> np.ndarray:
     left, right = np.zeros((loops, 2 * n, 2 * n)), np.zeros((loops, 2 * n, 2 * n))
     left[:, :n, :n], left[:, n:, :n], left[:, n:, n:] = A, -Q, np.eye(n)
     right[:, :n, :n], right[:, :n, n:], right[:, n:, n:] = np.eye(n), G, np.swapaxes(A, -1, -2)
-    for loop in np.flatnonzero((np.isfinite(left) & np.isfinite(right)).all((-1, -2))) if n else ():
+    if not n:
+        return result
+    for loop in np.flatnonzero((np.isfinite(left) & np.isfinite(right)).all((-1, -2))):
         real, imaginary, scale, *_ = dggev(left[loop], right[loop], compute_vl=0, compute_vr=0)
         size = np.hypot(real, imaginary)
         near = np.abs(size - np.abs(scale)) <= NEAR * size

@@ -292,7 +292,7 @@ def closed(ticks: Ticks, drift: MarginalModes) -> np.ndarray:
 def errors_of_closed(ticks: Ticks, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms."""
     changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
-    E, dE = product_with_errors(ticks.kind, changes, sizes, each=True)
+    E, dE = product_with_errors(ticks.kind, changes, sizes, per_loop=True)
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
 
 

@@ -46,7 +46,7 @@ def open_frame(
     hand: str = "",
     shown: tuple[str, ...] = (),
     *,
-    each: bool = False,
+    per_loop: bool = False,
 ) -> OpenFrame | None:
     """Return the frame without a number that is one scalar gain of it; None if it is not one.
 
@@ -54,7 +54,7 @@ def open_frame(
     signal that the number multiplies, and perhaps the one that another number of the same sum multiplies. The number is one
     scalar of the frame if the product reaches the loop in a single tick of a frame, or if what it multiplies changes in a
     single one and is held in between. hand: another input. shown: more signals, which need no state that would hold them.
-    each: see `product_with_errors`.
+    per_loop: see `product_with_errors`.
     """
     ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
@@ -68,7 +68,7 @@ def open_frame(
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
     changes = [concatenated((block.E, _with_moment(block.B[..., inputs])), -1) for block in ticks.maps]
     sizes = [concatenated((block.terms[0], _with_moment(block.terms[1][..., inputs])), -1) for block in ticks.maps]
-    E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), each=each)
+    E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), per_loop=per_loop)
     D, dD = _with_moment(head.D[..., inputs]), _with_moment(head.terms[3][..., inputs])
     system = StateSpace(E[..., :n], E[..., n:], head.C, D)
     errors = dE[..., :n], dE[..., n:], ENTRIES * head.terms[2], ENTRIES * dD

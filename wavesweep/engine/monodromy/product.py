@@ -15,7 +15,7 @@ from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
 
 
 def product_with_errors(
-    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False, each: bool = False
+    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False, per_loop: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`, and bounds on its errors.
 
@@ -23,11 +23,11 @@ def product_with_errors(
     ramp: whether the last input becomes one that grows by the one before it with every tick, from 0.
     An entry that is zero by the ticks' patterns is exactly zero. Overflow gives infinities or NaN without a warning.
     sizes: per kind, the sizes of the terms of the entries of each tick (running error terms), in the form of the changes.
-    each: whether every loop of a batch has a bound of its own, at three times the cost; otherwise it is that of the largest
+    per_loop: whether every loop of a batch has a bound of its own, at three times the cost; otherwise it is that of the largest
     entries of the loops that are multiplied together, which is tight for loops that are alike.
     Accuracy: to first order in a rounding.
     """
-    over = np.asarray if each else lambda size: size.max(tuple(range(size.ndim - 2)))
+    over = np.asarray if per_loop else lambda size: size.max(tuple(range(size.ndim - 2)))
     kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
 
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes)))

@@ -70,7 +70,9 @@ class DelayLines:
         """Sums of what enters lines, or is read of them, up to each of their states, or back from the end; step: 1 or -1."""
         result = np.zeros(np.broadcast_shapes(inputs.shape, z.shape), complex)
         nonzero = np.flatnonzero(np.swapaxes(inputs, -1, -2).any(tuple(range(inputs.ndim - 1))))
-        for at in self._places() if nonzero.size else ():
+        if not nonzero.size:
+            return result
+        for at in self._places():
             power = np.repeat(z[..., 0], at.stop - at.start, axis=-1)
             power[..., 0] = 1
             power = np.cumprod(power, axis=-1, out=power)[..., None, :]

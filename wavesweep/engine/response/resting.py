@@ -99,7 +99,7 @@ def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: s
     return DcGain(shown.reshape(-1, 3, 2), error.reshape(-1, 3, 2), bool(factor))
 
 
-class RestEquations(NamedTuple):
+class DcEquations(NamedTuple):
     """The equations at rest, `A X = right`; `rows X + direct` is shown by `DcGain`."""
 
     A: np.ndarray
@@ -125,4 +125,4 @@ def _at_rest(E, B, C, D, batch, hand, reacts, free):
         A[..., :n, n], A[..., n, :n], A[..., n, n] = B[..., free], C[..., -1, :], D[..., -1, free]
         right[..., n, 0], right[..., n, 1] = -D[..., -1, hand], 1
         rows[..., : 1 + reacts, n], rows[..., 2, n] = D[..., :-1, free], 1
-    return RestEquations(A, right, rows, direct)
+    return DcEquations(A, right, rows, direct)

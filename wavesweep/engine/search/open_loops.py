@@ -109,7 +109,7 @@ def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = Fals
         hand = hand if shows_at_rest(drawn, hand, read) else None
     with named_loops(drawn), np.errstate(all="ignore"):
         seen = (hand.force, (hand.reaction,)) if hand else ("", ())
-        frame = open_frame(drawn, drift, PRODUCT, read, *seen, each=each)
+        frame = open_frame(drawn, drift, PRODUCT, read, *seen, per_loop=each)
     return frame and OpenLoops(drawn, frame, drift, hand, beside, conserved)
 
 

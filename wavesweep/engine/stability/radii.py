@@ -82,8 +82,9 @@ def frames_with_reliability(loops: Loops):
 def radii_of(loops: Loops, size: int = 1) -> np.ndarray:
     """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
     radii = np.array(np.broadcast_to(radius_of(*frames_with_reliability(loops)), (size,)))
-    for at in np.flatnonzero(np.isnan(radii)).tolist() if size > 1 else ():
-        radii[at] = radius_of(*frames_with_reliability(loops.one(at))).item()
+    if size > 1:
+        for at in np.flatnonzero(np.isnan(radii)).tolist():
+            radii[at] = radius_of(*frames_with_reliability(loops.one(at))).item()
     return radii
 
 
