@@ -103,8 +103,8 @@ def test_a_capability_of_another_package_is_there_once_it_is_installed(tmp_path)
         (tmp_path / "site" / name).write_text(text, encoding="utf-8")
     (tmp_path / "wall.toml").write_text('[controller]\nkind = "dc"\n[environment]\nK_VE = 100.0\n', encoding="utf-8")
 
-    def run(*arguments):
-        path = os.pathsep.join([str(tmp_path / "site"), os.environ.get("PYTHONPATH", "")])
+    def run(*arguments, site=str(tmp_path / "site")):
+        path = os.pathsep.join([site, os.environ.get("PYTHONPATH", "")])
         return subprocess.run(
             [sys.executable, *arguments],
             cwd=tmp_path,
@@ -129,6 +129,13 @@ def test_a_capability_of_another_package_is_there_once_it_is_installed(tmp_path)
     assert float(said.stdout.split()[-1]) == pytest.approx(2 * float(row), rel=1e-9)
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".csv", ".parquet", ".png", ".json"}
     assert "time in which the slowest mode falls to the share" in (tmp_path / "out" / "decay.datapackage.json").read_text()
+
+    # Without the package its tables are drawn plainly, with a word.
+    for suffix in ("csv", "parquet"):
+        done = run("-m", "wavesweep", "plot", f"out/decay.{suffix}", "--out", f"{suffix}.svg", site="")
+        assert done.returncode == 0, done.stderr
+        assert f"decay.{suffix}: drawn plainly, since the capability that makes tables of wavesweep decay is not" in done.stderr
+        assert "Drawn plainly" in (tmp_path / f"{suffix}.svg").read_text()
 
     # A hook with a name that nobody asks for would be silent.
     (tmp_path / "site/decays/__init__.py").write_text(FILES["decays/__init__.py"].replace('"keys",', '"keys", "on_check"'))

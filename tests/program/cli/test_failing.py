@@ -96,7 +96,7 @@ def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
         "import sys, os, signal\n"
         "from wavesweep.program.cli import main\n"
         "from wavesweep import results\n"
-        "from wavesweep.program.tables import intervals, table\n"
+        "from wavesweep.program.tables import interval_table as intervals, table\n"
         "def stream(table, out):\n"
         "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
         "results.stream = stream\n"

@@ -62,10 +62,9 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     from wavesweep.program import plots, results
     from wavesweep.program.cli.file_places import refuse_other_things
     from wavesweep.program.cli.messages import say
-    from wavesweep.program.columns import whose_column
     from wavesweep.program.plots.figure_files import save_all
     from wavesweep.program.plots.style import about_figure
-    from wavesweep.program.tables.row_kinds import COMPUTED, row_kinds
+    from wavesweep.program.tables.row_kinds import missing_for
 
     plots.refuse_settings()
     path = Path(table)
@@ -83,10 +82,8 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
         if by := facts.get("drawn_by"):
             expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
             raise UsageError(f"{path}: {expected}")
-        kinds_known = {*COMPUTED, *row_kinds()} if (whose := whose_column(columns)) in ("guarantee", "hand") else ()
-        if kinds_known and (foreign := set(columns[whose].tolist()) - kinds_known):
-            expected = f"expected the capability that makes rows of {', '.join(sorted(foreign))}, found that it is not there"
-            raise UsageError(f"{path}: {expected}; plot the table where it is")
+        if missing := missing_for(kind, columns, facts):
+            say(f"{path}: drawn plainly, since the capability that makes {missing} is not there", warning=True)
         figure = plots.figure_of(kind)(columns, facts)
         written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
         package = directory / f"{path.stem}.datapackage.json"

@@ -32,9 +32,13 @@ def __getattr__(name):
 
 
 def figure_of(kind: str) -> Callable[..., Any]:
-    """The function that draws the tables of a kind from columns and facts."""
+    """The function that draws the tables of a kind from columns and facts; one of no capability that there is, plainly."""
     if kind == "bench":
         return program("benchmarks/bench").draw
+    if kind not in HOMES:
+        from wavesweep.program.plots.plain_figure import plain
+
+        return plain
     home, _, name = kind_named(kind).figure.rpartition(".")
     return import_module(home).__dict__[name]
 

@@ -165,7 +165,8 @@ def best_row(columns: Columns) -> dict[str, Any]:
     whose, kinds = whose_column(columns), list(row_kinds())
     promise = np.zeros(rows.size, int)
     if whose in ("guarantee", "hand"):
-        promise = np.array([0 if word in COMPUTED else len(kinds) - kinds.index(word) for word in columns[whose].tolist()])
+        ranks_of_words = {word: len(kinds) - kinds.index(word) for word in kinds if word not in COMPUTED}
+        promise = np.array([ranks_of_words.get(word, 0) for word in columns[whose].tolist()])
     ranks, largest = (promise, columns["certified"], known), 0.0
     for rank in ranks:
         largest = columns["high"][rows].max() if rank is known else largest

@@ -24,7 +24,7 @@ from wavesweep.program.plots.region_figures import (
 from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
 from wavesweep.program.tables.planes import incomplete
-from wavesweep.program.tables.row_kinds import COMPUTED, row_kinds
+from wavesweep.program.tables.row_kinds import COMPUTED, row_kind
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"
@@ -118,7 +118,7 @@ def _is_red(artist: Any) -> bool:
 def _best_in_words(shown: Shown, sure: str) -> str:
     """The largest value and, of a wall, the stiffness felt; sure: what to say of it if others are in doubt."""
     best, facts = shown.best, shown.facts
-    kind = row_kinds()[best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else ""]
+    kind = row_kind(best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else "")
     sure = sure if best["certified"] and not kind.proved else ""
     sure += f", {kind.legend}" * (shown.whose == "hand")
     end = "low" if best["value"] == best["low"] else "high"

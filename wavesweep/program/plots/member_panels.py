@@ -12,7 +12,7 @@ from wavesweep.program.plots.figure_layout import rows_with, where
 from wavesweep.program.plots.labels import shortened, valued
 from wavesweep.program.plots.style import DOUBTFUL, LINES, UNKNOWN, UNPROVED, Look, distinct_look, family_looks, paler
 from wavesweep.program.tables.planes import KNOWN, PlaneCurve, View, columns_of, curves_of, open_spans
-from wavesweep.program.tables.row_kinds import COMPUTED, RowKind, row_kinds
+from wavesweep.program.tables.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
 
@@ -39,7 +39,7 @@ class Member:
     @property
     def proved(self) -> bool:
         """Whether its intervals are what is proved."""
-        return row_kinds()[self.guarantee].proved
+        return row_kind(self.guarantee).proved
 
 
 def members_of(
@@ -59,12 +59,13 @@ def members_of(
             if len(rows[name]["spec"])
         ]
     if whose:
-        rows = {word: where(columns, columns[whose] == word) for word in row_kinds()}
-        present = {word: row_kinds()[word].as_drawn(block) for word, block in rows.items() if len(block["along"])}
+        words = dict.fromkeys([*row_kinds(), *sorted(set(columns[whose].tolist()))])
+        rows = {word: where(columns, columns[whose] == word) for word in words}
+        present = {word: row_kind(word).as_drawn(block) for word, block in rows.items() if len(block["along"])}
         return [
             Member(kind.name_beside(present, block), look_of(kind), block, facts, word)
             for word, block in present.items()
-            for kind in [row_kinds()[word]]
+            for kind in [row_kind(word)]
         ]
     members = []
     for look, values in zip(family_looks(len(bars)), bars, strict=True):

@@ -275,11 +275,12 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
             raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
         if not all(isinstance(facts.get(name, {}), Mapping) for name in ("spec", "linear_loop", "ticks", "unlike_units")):
             raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
-        kind = kind_of(names, path.stem)
+        command = packaged_facts(package).get("command", "")  # which a Parquet file does not have
+        kind = kind_of(names, path.stem, {"command": command})
         if kind in kinds() and (missing := set(kind_named(kind).names) - set(names)):
             raise UsageError(f"{path}: expected a whole table {kind}, found none with {', '.join(sorted(missing))}")
         columns = in_order(kind, read(path), facts)
-        if kind not in kinds() or kind_named(kind).fields:  # the columns of a design study follow from its spec
+        if kind in kinds() and kind_named(kind).fields:  # the columns of a design study follow from its spec
             checked(fields_of(kind, columns, facts), columns)
     except (AttributeError, KeyError, IndexError, TypeError, ValueError, WavesweepError) as error:
         if isinstance(error, UsageError):
@@ -288,7 +289,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         raise UsageError(f"{path}: expected a whole table, found columns or facts of another form ({said})") from error
     if not len(next(iter(columns.values()), ())):
         raise UsageError(f"{path}: expected the rows of a table, found none")
-    return kind, columns, facts
+    return kind, columns, facts if kind in kinds() else {**facts, "command": command}
 
 
 def _names_in(path: Path) -> list[str]:

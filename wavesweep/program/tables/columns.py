@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.capabilities import home_of
 from wavesweep.engine.drawing.drawn_block import keys_of_block
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.keys.key import TURNED
@@ -136,14 +137,24 @@ def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, l
     return (facts or {}).get("unlike_units", {})
 
 
-def kind_of(names: Iterable[str], stem: str) -> str:
+def missing_command(kind: str, facts: Mapping[str, Any]) -> str:
+    """Give the command that made a table of a kind that is not known here, from the facts of its run; otherwise an empty text.
+
+    It is empty too if the command is there: then the table is damaged.
+    """
+    words = [word for word in str(facts.get("command", "")).split()[1:] if not word.startswith("-")]
+    return words[0] if kind not in HOMES and words and words[0] not in HOMES and not home_of(words[0]) else ""
+
+
+def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
     """Give the kind of the table that has columns of these names; stem: the name of its file, if several kinds have them.
 
-    Raises WavesweepError for columns of no known table.
+    facts: of the run. Without the capability that made the table, the kind is that name. Raises WavesweepError for columns of
+    no known table.
     """
     names, known = list(names), kinds()
     fitting = [name for name, kind in known.items() if kind.fields and set(kind.names) <= set(names)]
-    if stem in fitting or (not fitting and stem in (*OTHERS, *known)):
+    if stem in fitting or (not fitting and (stem in (*OTHERS, *known) or missing_command(stem, facts))):
         return stem
     if not fitting:
         raise WavesweepError(
