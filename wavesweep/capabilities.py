@@ -207,28 +207,23 @@ def where_explained(word: str) -> str:
 def modules(name: str) -> Iterator[Any]:
     """Import the module of this name of every capability that offers it; `program.seams` says what such a module has.
 
-    Errors: UsageError if a capability offers something else.
+    Errors: UsageError if a capability of another package offers something else; a test checks those that stand here.
     """
-    _refuse_other_seams()
-    for each in CAPABILITIES:
-        if name in each.offers:
-            yield _offered(each.name, name, each.name_of(name))
+    for capability in CAPABILITIES:
+        offered = name in capability.offers
+        if capability.package:
+            _refuse_misfits(capability.name, capability.offers, capability.name_of(name) if offered else "")
+        if offered:
+            yield capability.module(name)
 
 
 @cache
-def _refuse_other_seams() -> None:
-    from wavesweep.program.seams import refuse_other_seams
+def _refuse_misfits(capability: str, offers: tuple[str, ...], path: str) -> None:
+    from wavesweep.program.seams import refuse_other_hooks, refuse_other_seams
 
-    refuse_other_seams({each.name: each.offers for each in CAPABILITIES})
-
-
-@cache
-def _offered(capability: str, name: str, path: str) -> ModuleType:
-    from wavesweep.program.seams import refuse_other_hooks
-
-    module = import_module(path)
-    refuse_other_hooks(capability, name, module)
-    return module
+    refuse_other_seams({capability: offers})
+    if path:
+        refuse_other_hooks(capability, path.rpartition(".")[2], import_module(path))
 
 
 def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:

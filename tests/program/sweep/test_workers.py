@@ -221,7 +221,7 @@ def test_quick_chunks_go_to_a_cluster_together(monkeypatch, seconds, together):
         done.set_result(function(each_of, work, batch))
         return done
 
-    monkeypatch.setattr(workers, "dask", lambda _: contextlib.nullcontext(clusters.Pool(submit, 1, str)))
+    monkeypatch.setattr(clusters, "dask", lambda _: contextlib.nullcontext(clusters.Pool(submit, 1, str)))
     monkeypatch.setattr(workers, "timed", lambda number, _: (number, None, seconds))
     found = list(results(Workers(1, "dask", None, ""), range(50), lambda number: number))
     assert sorted(number for number, *_ in found) == list(range(50))

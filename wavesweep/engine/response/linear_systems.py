@@ -6,7 +6,8 @@ import numpy as np
 
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.monodromy.unit_circle import solve
-from wavesweep.engine.response.modal import CLOSE
+
+CLOSE = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
 
 
 class LinearSystem(NamedTuple):

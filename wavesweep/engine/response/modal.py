@@ -6,8 +6,8 @@ import numpy as np
 
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.monodromy.unit_circle import solve
+from wavesweep.engine.response.linear_systems import CLOSE
 
-CLOSE = 0.1  # relative error of an inverse up to which it bounds the error of what it gives
 NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
 
 

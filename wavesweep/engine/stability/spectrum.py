@@ -6,7 +6,6 @@ import numpy as np
 
 from wavesweep.engine.monodromy.cut import LinearFractional, close
 from wavesweep.engine.monodromy.rounding import TELLING, at_angles_of, balance, may_have
-from wavesweep.engine.monodromy.shifts import DelayLines
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.rows import different
 
@@ -199,6 +198,8 @@ def _at_least(E, units, w):
     They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the delays that E has, if these
     are most of its states, of the others as their Schur complement, and of the ways from one to the other.
     """
+    from wavesweep.engine.monodromy.shifts import DelayLines
+
     lines = DelayLines.of(E)
     k, d, w = lines.solved, lines.delayed, w[:, None, None]
     if k.size > d.size:

@@ -1,5 +1,9 @@
 """The loops of a spec: their radii over axes, the port of its own loop, and what has no solution."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wavesweep.engine.drawing.conditions import OF_PLANT
@@ -9,11 +13,12 @@ from wavesweep.engine.keys.checking import show
 from wavesweep.engine.loops.batch import items_of
 from wavesweep.engine.loops.domain import refuse_unsuitable
 from wavesweep.engine.loops.from_drawing import POSITION
-from wavesweep.engine.response.at_hand import port_of_loops
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.port import NoPositionError, Port
 from wavesweep.engine.stability.radii import blocks_without_solution, frames_of, radii_of
 from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
+
+if TYPE_CHECKING:
+    from wavesweep.engine.response.lifted import Lifted
+    from wavesweep.engine.response.port import Port
 
 
 def refuse_singular(spec, drawing: Drawing) -> None:
@@ -42,6 +47,9 @@ def radius_over(spec, axes) -> np.ndarray:
 
 def port_at_hand(spec) -> Port:
     """The port of the spec's own loop. Errors: SpecError if it names no hand, or a position that no plant has in every tick."""
+    from wavesweep.engine.response.at_hand import port_of_loops
+    from wavesweep.engine.response.port import NoPositionError
+
     if missing := spec.without_hand():
         raise SpecError(missing)
     loop = own_loop(spec)
@@ -55,4 +63,6 @@ def port_at_hand(spec) -> Port:
 
 def loop_at_hand(spec) -> Lifted:
     """The spec's own loop over a frame as its hand feels it. Errors: as for `port_at_hand`."""
+    from wavesweep.engine.response.lifted import Lifted
+
     return Lifted.of(port_at_hand(spec))

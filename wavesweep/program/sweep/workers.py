@@ -15,7 +15,6 @@ from itertools import islice
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.platform_compat import processors, why_no_processes
 from wavesweep.program.reproducibility import versions
-from wavesweep.program.sweep.clusters import TOGETHER, dask, imported
 from wavesweep.program.sweep.pools import AHEAD, attested, in_parallel, timed
 
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
@@ -45,6 +44,8 @@ def refuse_backend(backend: str | None) -> None:
     if backend is not None and backend not in BACKENDS:
         raise UsageError(f"backend {backend}: expected one of {', '.join(sorted(BACKENDS))}")
     if backend == "dask":
+        from wavesweep.program.sweep.clusters import imported
+
         imported()
 
 
@@ -102,6 +103,8 @@ def _on_machine(workers, calls):
 
 def _on_cluster(workers, calls):
     """The results of the workers of a dask scheduler, to which quick chunks go several at a time."""
+    from wavesweep.program.sweep.clusters import TOGETHER, dask
+
     with dask(workers) as pool:
         silence, size = Silence(), 1
 

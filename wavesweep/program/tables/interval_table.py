@@ -182,10 +182,12 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
 
 def _limits_of_walls(spec, along, swept) -> dict:
     """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
+    given = spec.hardware["resolution"] or spec.hardware["friction"]
+    if spec.drawing or not given or along != spec.wall[0]:
+        return {}
     from wavesweep.program.analyses.hardware_limits import deciding, limits_of_walls
 
-    given = spec.hardware["resolution"] or spec.hardware["friction"]
-    if spec.drawing or not given or along != spec.wall[0] or any(map(deciding, swept)):
+    if any(map(deciding, swept)):
         return {}
     limits = limits_of_walls(spec)
     return {"limits_of_walls": limits} if limits else {}
