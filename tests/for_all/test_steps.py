@@ -19,7 +19,7 @@ from wavesweep.engine.drawing.block_types import TYPES, BlockType
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops import blocks
 from wavesweep.engine.loops import controller_drawings as controllers
-from wavesweep.engine.loops.controller_page import Page
+from wavesweep.engine.loops.controller_page import BlockDiagram
 from wavesweep.engine.loops.controllers import CONTROLLERS
 from wavesweep.engine.loops.direct import dc_slow
 from wavesweep.for_all.frame_families import Frames
@@ -231,7 +231,7 @@ def smoothed(values):
     held = next(name for name in page.blocks if name.startswith("wall_"))
     slow = {"type": "butterworth", "order": 1, "cutoff_hz": 10.0}
     blocks = {**page.blocks, "smooth": {key: page.blocks["wall"][key] for key in ("every", "phases")} | slow}
-    return Page(blocks, {**page.wires, "smooth.u": "wall.y", f"{held}.u": "smooth.y"}, page.reaction)
+    return BlockDiagram(blocks, {**page.wires, "smooth.u": "wall.y", f"{held}.u": "smooth.y"}, page.reaction)
 
 
 def test_a_controller_with_a_slow_block_without_a_rule_is_refused_by_name(monkeypatch):

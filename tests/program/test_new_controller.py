@@ -12,7 +12,7 @@ from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.engine.loops.controller_page import Page
+from wavesweep.engine.loops.controller_page import BlockDiagram
 from wavesweep.engine.loops.controllers import CONTROLLERS, Controller
 from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.program.analyses.assumptions import assumes
@@ -139,6 +139,6 @@ def test_what_results_assume_of_the_wall_is_what_the_page_says(monkeypatch):
     spec = wavesweep.load(nested(VALUES | {"controller.kind": KIND}))
     assert assumes(spec).startswith("wall at the slow rate, whose force is smoothed, delay of 3 of 8 ticks")
     page = CONTROLLERS[KIND].page
-    silent = Controller("", lambda values: replace(page(values), assumes=Page({}, {}, "").assumes))
+    silent = Controller("", lambda values: replace(page(values), assumes=BlockDiagram({}, {}, "").assumes))
     monkeypatch.setitem(CONTROLLERS, KIND, silent)
     assert "says nothing" in assumes(spec)

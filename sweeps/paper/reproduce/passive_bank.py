@@ -24,7 +24,7 @@ from reproduce.felt_responses import HIGH, LOW, FeltResponse, deviation, respond
 from reproduce.resolvent import alias_angles, solved_response
 from reproduce.specs import load_paper
 from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.controller_page import Page, drawing_of_page
+from wavesweep.engine.loops.controller_page import BlockDiagram, drawing_of_page
 from wavesweep.engine.loops.from_drawing import assembled
 from wavesweep.engine.loops.pmw import pmw, pmw_lm
 from wavesweep.engine.monodromy.unit_circle import on_circle
@@ -91,7 +91,7 @@ SHOWN = (  # in the figure
 )
 
 
-def page(design: Design, values) -> Page:
+def page(design: Design, values) -> BlockDiagram:
     """Return the page of the loop of `values` with the design's filters: F1 between hold and sum, F2 on the local wave."""
     whole = (pmw if design.name == PLAIN else pmw_lm)(values)
     blocks, wires = dict(whole.blocks), dict(whole.wires)
@@ -109,10 +109,10 @@ def page(design: Design, values) -> Page:
         wires["v_2.u"] = "f2.y"
     if design.name != BEHIND:
         del blocks["lp2"], wires["lp2.u"]
-    return Page(blocks, wires, whole.reaction)
+    return BlockDiagram(blocks, wires, whole.reaction)
 
 
-def inward_norm(page: Page, values) -> float:
+def inward_norm(page: BlockDiagram, values) -> float:
     """Norm of the way in, `(v_s, v_l) -> v_m`, by its blocks: the largest of `N N* = diag|F2|^2 + F1 c (F1 c)*` over angles.
 
     The angle 0, at which the hold is (1, 0, ..., 0), is among them. F1 and F2 are all that each wave passes.

@@ -15,8 +15,8 @@ def loop_inverse(loop, sizes, reached, name, ports):
     number is that of the best units, the spectral radius of |L^-1| |L| (Bauer 1963), which the norm of a power overestimates by
     a small factor: a wave impedance of 1e-9 makes entries of very different sizes and no ill-posed loop.
     """
-    one, several = np.eye(len(reached)), len(reached) > 1
-    loop = one - loop
+    identity, several = np.eye(len(reached)), len(reached) > 1
+    loop = identity - loop
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
     with np.errstate(all="ignore"):
         try:
@@ -24,9 +24,9 @@ def loop_inverse(loop, sizes, reached, name, ports):
         except np.linalg.LinAlgError:
             inverse = np.full_like(loop, np.inf)
         for _ in range(2 if several else 0):  # refined: small entries have lost their digits
-            inverse = inverse + inverse @ (one - loop @ inverse)
+            inverse = inverse + inverse @ (identity - loop @ inverse)
         inverse[..., ~reached] = 0.0
-        power = np.abs(inverse) @ (one + sizes)
+        power = np.abs(inverse) @ (identity + sizes)
         for _ in range(3 if several else 0):
             power = power @ power
         condition = power.sum(-1).max(-1, initial=0) ** (1 / 8 if several else 1)

@@ -22,8 +22,8 @@ class Loops(NamedTuple):
     @property
     def read(self) -> "Loops":
         """The loops with the numbers that their drawing reads alone."""
-        kept = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
-        return Loops(self.drawing, kept)
+        read_values = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
+        return Loops(self.drawing, read_values)
 
     def drawn(self, out: str = "", beside: str = "") -> "MultirateLoop":
         """The blocks of the loops, perhaps without one number or two; see `assembled`."""

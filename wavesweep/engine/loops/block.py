@@ -34,20 +34,20 @@ def matrix(rows) -> np.ndarray:
 
 def block_diagonal(parts) -> np.ndarray:
     """Return matrices along a diagonal, `(..., rows, columns)`."""
-    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
-    height, width = (sum(part.shape[axis] for part in parts) for axis in (-2, -1))
+    batch = np.broadcast_shapes(*(block.shape[:-2] for block in parts))
+    height, width = (sum(block.shape[axis] for block in parts) for axis in (-2, -1))
     out, row, column = np.zeros((*batch, height, width), np.result_type(float, *parts)), 0, 0
-    for part in parts:
-        below, right = row + part.shape[-2], column + part.shape[-1]
-        out[..., row:below, column:right] = part
+    for block in parts:
+        below, right = row + block.shape[-2], column + block.shape[-1]
+        out[..., row:below, column:right] = block
         row, column = below, right
     return out
 
 
 def concatenated(parts, axis: int) -> np.ndarray:
     """Return matrices side by side (axis -1) or below each other (-2), broadcast over their batches."""
-    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
-    return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis)
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in parts))
+    return np.concatenate([np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in parts], axis)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

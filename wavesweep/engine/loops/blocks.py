@@ -5,6 +5,7 @@ terms that cancel. Numbers are scalars or arrays over a batch, real or complex. 
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,10 +32,10 @@ LABELS = {  # of the states of a block, for messages
 def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
     keys = {"damping": numbers(damping), "stiffness": numbers(stiffness)}
-    m, (d, k) = numbers(mass), (each / numbers(mass) for each in keys.values())
+    m, (d, k) = numbers(mass), (key / numbers(mass) for key in keys.values())
     s, g, of_s, of_g = impulse_and_step(d, k, period)
-    parts = *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]]
-    block = _block(name, ("f",), ("x", "v"), Equations(("v", "x"), *parts), definitions.at_rest("mass", keys, np.sqrt))
+    equations = Equations(("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
+    block = _block(name, ("f",), ("x", "v"), equations, definitions.at_rest("mass", keys, np.sqrt))
     sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
     return replace(block, terms=sizes, labels=(f"{name} velocity", f"{name} position"))
 
@@ -66,16 +67,16 @@ def sizes_of(kind, keys, A, B):
     """The sizes of the terms of the sums that the entries of A and B of a continuous block are."""
     if kind != "mass_matrix":
         return np.abs(A), np.abs(B)
-    M, D, K = (matrix(at_axes(keys, each)) for each in MATRICES)
-    sizes = {name: [[np.abs(numbers(each)) for each in row] for row in keys[name]] for name in (*MATRICES, "through")}
-    of_M, of_D, of_K = (at_axes({**keys, **sizes}, each) for each in MATRICES)
+    M, D, K = (matrix(at_axes(keys, key)) for key in MATRICES)
+    sizes = {name: [[np.abs(numbers(key)) for key in row] for row in keys[name]] for name in (*MATRICES, "through")}
+    of_M, of_D, of_K = (at_axes({**keys, **sizes}, key) for key in MATRICES)
     n, inverse = M.shape[-1], B[..., : M.shape[-1], :]
     terms = matrix([[determinant(of_M, 1)]])
     of_inverse = (matrix(adjugate(of_M, 1)) + np.abs(inverse) * terms) / np.abs(np.linalg.det(M))[..., None, None]
-    pulled = [of_inverse @ np.abs(each) + np.abs(inverse) @ matrix(of) for each, of in ((D, of_D), (K, of_K))]
+    pulled = [of_inverse @ np.abs(key) + np.abs(inverse) @ matrix(of) for key, of in ((D, of_D), (K, of_K))]
     of_A, of_B = np.abs(A), np.abs(B)
-    batch = np.broadcast_shapes(of_A.shape[:-2], *(each.shape[:-2] for each in (*pulled, of_inverse)))
-    of_A, of_B = (np.array(np.broadcast_to(each, (*batch, *each.shape[-2:]))) for each in (of_A, of_B))
+    batch = np.broadcast_shapes(of_A.shape[:-2], *(key.shape[:-2] for key in (*pulled, of_inverse)))
+    of_A, of_B = (np.array(np.broadcast_to(key, (*batch, *key.shape[-2:]))) for key in (of_A, of_B))
     of_A[..., :n, :n], of_A[..., :n, n:], of_B[..., :n, :] = *pulled, of_inverse
     return of_A, of_B
 
@@ -111,32 +112,36 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     """
     if discrete and discrete != DELTA:
         return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
-    num, den = ([numbers(each) for each in some] for some in (num, den))
-    n, own, (_, *parts) = len(den) - 1, definitions.over(num, den), controllable(num, den)
+    num, den = ([numbers(coefficient) for coefficient in polynomial] for polynomial in (num, den))
+    n, terms, (_, *matrices) = len(den) - 1, definitions.over(num, den), controllable(num, den)
     if discrete:
         block = _block(name, ("u",), ("y",), controllable(num, den), tf_at_rest(num, den))
-        of_C = [[abs(b) + abs(a / den[0] * own[0]) for a, b in zip(den[1:], own[1:], strict=True)]]
+        of_C = [[abs(b) + abs(a / den[0] * terms[0]) for a, b in zip(den[1:], terms[1:], strict=True)]]
         return replace(block, terms=(np.abs(block.E), np.abs(block.B), _matrix(of_C, (1, n)), np.abs(block.D)))
-    block = ss(name, period, *parts, ("u",), ("y",))
+    block = ss(name, period, *matrices, ("u",), ("y",))
     return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
 
 
 def _discrete_tf(name, num, den, of_num, of_den):
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
-    k = next((at for at, each in enumerate(reversed(den)) if type(each) not in (int, float) or each), 0)
-    more = [0.0] * (len(den) - len(num))
-    n, num, of_num = len(den) - 1 - k, [*more, *num], [*more, *of_num]
-    about = -1 if _near_minus_one(den[: n + 1]) else 1
-    parts = [([numbers(each) for each in some[: n + 1]], rest[: n + 1]) for some, rest in ((num, of_num), (den, of_den))]
-    shifted, ones = ([recentred(at, *each) for each in parts] for at in (about, 1))
-    own = controllable(*shifted)
-    own = own._replace(E=[[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(own.E)])
-    later = [numbers(each) / den[0] for each in num[n + 1 :]]
+    k = next((at for at, coefficient in enumerate(reversed(den)) if type(coefficient) not in (int, float) or coefficient), 0)
+    padding = [0.0] * (len(den) - len(num))
+    n, num, of_num = len(den) - 1 - k, [*padding, *num], [*padding, *of_num]
+    centre = -1 if _near_minus_one(den[: n + 1]) else 1
+    polynomials = [
+        ([numbers(coefficient) for coefficient in polynomial[: n + 1]], rest[: n + 1])
+        for polynomial, rest in ((num, of_num), (den, of_den))
+    ]
+    shifted, ones = ([recentred(at, *polynomial) for polynomial in polynomials] for at in (centre, 1))
+    equations = controllable(*shifted)
+    E = [[entry + (centre - 1) * (i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
+    equations = equations._replace(E=E)
+    later = [numbers(coefficient) / den[0] for coefficient in num[n + 1 :]]
     # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the input.
-    rest = tf_at_rest(*ones, later) if about == 1 and n else None
-    if about == -1:
-        rest = *with_delays(own, later)[1:3], [[*[0.0] * n, *later]], [[ones[0][-1] / ones[1][-1]]]
-    return _block(name, ("u",), ("y",), with_delays(own, later), rest)
+    rest = tf_at_rest(*ones, later) if centre == 1 and n else None
+    if centre == -1:
+        rest = *with_delays(equations, later)[1:3], [[*[0.0] * n, *later]], [[ones[0][-1] / ones[1][-1]]]
+    return _block(name, ("u",), ("y",), with_delays(equations, later), rest)
 
 
 def _near_minus_one(den):
@@ -144,10 +149,10 @@ def _near_minus_one(den):
 
     Only plain numbers decide, since the states of a loop must not change along a sweep.
     """
-    if not all(type(each) in (int, float) for each in den):
+    if not all(type(value) in (int, float) for value in den):
         return False
     ones, minus = (np.abs(recentred(at, den)) for at in (1, -1))
-    far, near = (np.max((each[1:] / each[0]) ** (1 / np.arange(1, len(each))), initial=0.0) for each in (ones, minus))
+    far, near = (np.max((value[1:] / value[0]) ** (1 / np.arange(1, len(value))), initial=0.0) for value in (ones, minus))
     return near < far and ones[-1] > 0
 
 
@@ -160,14 +165,14 @@ def recentred(at, coefficients, rests=None):
     rests = rests or [0] * len(coefficients)
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
         signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]
-        parts = ([sign * each for sign, each in zip(signs, some, strict=True)] for some in (coefficients, rests))
-        return [sign * each for sign, each in zip(signs, recentred(1, *parts), strict=True)]
+        mirrored = ([sign * number for sign, number in zip(signs, terms, strict=True)] for terms in (coefficients, rests))
+        return [sign * number for sign, number in zip(signs, recentred(1, *mirrored), strict=True)]
     sums, lost = list(coefficients), list(rests)
     for end in range(len(sums), 1, -1):
         for i in range(1, end):
             total = sums[i] + sums[i - 1]
-            part = total - sums[i]
-            lost[i] = lost[i] + lost[i - 1] + ((sums[i] - (total - part)) + (sums[i - 1] - part))
+            added = total - sums[i]
+            lost[i] = lost[i] + lost[i - 1] + ((sums[i] - (total - added)) + (sums[i - 1] - added))
             sums[i] = total
     return [total + rest for total, rest in zip(sums, lost, strict=True)]
 
@@ -181,19 +186,28 @@ def defined(kind, name, period, **keys) -> Block:
     """A block of a type that `definitions.running` defines, with its keys; see its description in `TYPES`."""
     period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
     keys = {key: numbers(value) if TYPES[kind].keys[key].type == "number" else value for key, value in keys.items()}
-    own, rest = definitions.running(kind, period, keys, np.sqrt), definitions.at_rest(kind, keys, np.sqrt)
+    equations, rest = definitions.running(kind, period, keys, np.sqrt), definitions.at_rest(kind, keys, np.sqrt)
     labels = (f"{name} {LABELS[kind]}",) if kind in LABELS else ()
-    return replace(_block(name, *TYPES[kind].ports_of(keys), own, rest), labels=labels)
+    return replace(_block(name, *TYPES[kind].ports_of(keys), equations, rest), labels=labels)
 
 
 def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
     """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
     keys = {name: numbers(value) if TYPES[kind].keys[name].type == "number" else value for name, value in keys.items()}
     if kind == "tf":
-        keys |= {name: [numbers(each) for each in keys[name]] for name in ("num", "den")}
-    states, *parts = definitions.continuous(kind, keys)
+        keys |= {name: [numbers(coefficient) for coefficient in keys[name]] for name in ("num", "den")}
+    states, *matrices = definitions.continuous(kind, keys)
     inputs, outputs = TYPES[kind].ports_of(keys)
-    return states, _arrays(parts, len(states), len(inputs), len(outputs))
+    return states, _arrays(matrices, len(states), len(inputs), len(outputs))
+
+
+class HeldMatrices(NamedTuple):
+    """`held` with the changes of both by a rounding of each term of all sums."""
+
+    E: np.ndarray
+    G: np.ndarray
+    of_E: np.ndarray
+    of_G: np.ndarray
 
 
 def held(A, B, period, sizes=None):
@@ -214,18 +228,18 @@ def held(A, B, period, sizes=None):
     if sizes is None and not halvings.any():
         return E, G
     of_E, of_G = (np.abs(E), np.abs(G)) if sizes is None else _series(*(size * np.abs(T) * step for size in sizes))
-    eye, known = np.eye(E.shape[-1]), np.ones(halvings.shape, bool)
+    eye, certain = np.eye(E.shape[-1]), np.ones(halvings.shape, bool)
     with np.errstate(over="ignore", invalid="ignore"):
         for turn in range(int(halvings.max(initial=0))):
-            more, size, one = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
+            unfinished, size, size_after = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
             terms = 2 * np.abs(G) + size @ np.abs(G)
-            of_G = np.where(more, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms, of_G)
-            of_E = np.where(more, of_E @ one + one @ of_E + 2 * size + size @ size, of_E)
-            E, G = np.where(more, 2 * E + E @ E, E), np.where(more, 2 * G + E @ G, G)
+            of_G = np.where(unfinished, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms, of_G)
+            of_E = np.where(unfinished, of_E @ size_after + size_after @ of_E + 2 * size + size @ size, of_E)
+            E, G = np.where(unfinished, 2 * E + E @ E, E), np.where(unfinished, 2 * G + E @ G, G)
             lost = np.finfo(float).eps * of_E > LOST * np.maximum(1, np.abs(E + eye))
-            known &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
-    E, G = (np.where(known[..., None, None], part, np.nan) for part in (E, G))
-    return E, G, of_E, of_G
+            certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
+    E, G = (np.where(certain[..., None, None], matrix, np.nan) for matrix in (E, G))
+    return HeldMatrices(E, G, of_E, of_G)
 
 
 def _series(A, B):
@@ -246,7 +260,7 @@ def _arrays(parts, n, m, p):
     """E, B, C and D as arrays; D alone if that is all that is given."""
     shapes = ((n, n), (n, m), (p, n), (p, m))[-len(parts) :]
     return tuple(
-        part if isinstance(part, np.ndarray) else _matrix(part, shape) for part, shape in zip(parts, shapes, strict=True)
+        rows if isinstance(rows, np.ndarray) else _matrix(rows, shape) for rows, shape in zip(parts, shapes, strict=True)
     )
 
 

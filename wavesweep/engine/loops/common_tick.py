@@ -72,5 +72,5 @@ def _in_longer(block, ticks, relays):
         return replace(block, keys=tuple((name, _over(value, ticks)) if delay else (name, value) for name, value in block.keys))
     if block.plant or block.dead_time:
         return block
-    phases = tuple(each // ticks for each in block.phases)
+    phases = tuple(phase // ticks for phase in block.phases)
     return replace(block, every=_over(block.every, ticks), phase=_over(block.phase, ticks), phases=phases)

@@ -47,8 +47,8 @@ def _page_of(values, varied=()):
     if kind not in CONTROLLERS:
         raise UsageError(f"controller.kind: expected one of {', '.join(CONTROLLERS)}, found {kind}, which has no page")
     late = int(values.get(_AMPLIFIER, 0))
-    other = ((path, path in varied or bool(np.any(values.get(path, 0.0)))) for path in (_GAIN, _DEAD_TIME))
-    return kind, (*((path, values[path]) for path in _DECIDING), (_AMPLIFIER, late), *other)
+    nonzero = ((path, path in varied or bool(np.any(values.get(path, 0.0)))) for path in (_GAIN, _DEAD_TIME))
+    return kind, (*((path, values[path]) for path in _DECIDING), (_AMPLIFIER, late), *nonzero)
 
 
 @lru_cache(maxsize=256)

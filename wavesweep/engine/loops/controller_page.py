@@ -23,12 +23,12 @@ F_S = "environment.K_VE*{x} + environment.B_VE*{v}"  # the wall's force on a dis
 
 def steps_of(ratio: float) -> tuple[int, int]:
     """Return the fast ticks in a frame, and the slow steps in it."""
-    found = Fraction(ratio).limit_denominator(MOST_SLOW_STEPS)
-    return found.numerator, found.denominator
+    fraction = Fraction(ratio).limit_denominator(MOST_SLOW_STEPS)
+    return fraction.numerator, fraction.denominator
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
+class BlockDiagram:
     """A loop as its page draws it.
 
     blocks: name -> keys, of which `type` is one; numbers are texts of expressions in paths of keys. wires: input port -> text
@@ -40,7 +40,7 @@ class Page:
     reaction: str
     assumes: str = "a wall of which its controller's page says nothing"
 
-    def behind_amplifier(self, ticks: int, dead_time: str = "") -> Page:
+    def behind_amplifier(self, ticks: int, dead_time: str = "") -> BlockDiagram:
         """Return the loop whose motors exert the control force so many ticks later, and the device feels theirs.
 
         dead_time: path of a time (s) by which it is later than that; empty without one.
@@ -67,7 +67,7 @@ class Slow:
 
     every: object
     reads: tuple[int, ...]
-    kept: tuple[int, ...]
+    stored: tuple[int, ...]
     shown: tuple[int, ...]
     next_tick: bool = False  # it runs in every tick, and its result is in place in the next one
 
@@ -81,9 +81,9 @@ class Slow:
         reads, waits = [floor(time) for time in times], [ceil(time) + delay for time in times]
         ends = [*reads[1:], reads[0] + q]  # of a result: the tick in which the next one is computed
         late = any(wait >= end for wait, end in zip(waits, ends, strict=True))
-        kept = [min(wait, end - 1) % q for wait, end in zip(waits, ends, strict=True)] if late else []
+        stored = [min(wait, end - 1) % q for wait, end in zip(waits, ends, strict=True)] if late else []
         shown = [wait % q for wait in waits] if late or waits != reads else []
-        return Slow(RATIO if p == 1 else q, *(tuple(sorted(each)) for each in (reads, kept, shown)))
+        return Slow(RATIO if p == 1 else q, *(tuple(sorted(ticks)) for ticks in (reads, stored, shown)))
 
     def block(self, **keys: object) -> dict[str, object]:
         """Return a block that runs with the slow environment."""
@@ -94,29 +94,27 @@ class Slow:
         if self.next_tick:
             return {f"{name}_late": {"type": "delay"}}, {f"{name}_late.u": signal}, f"{name}_late.y"
         blocks, wires = {}, {}
-        ways = (("kept", "hold", self.kept), ("shown", "hold", self.shown))
-        if (
-            self.kept and self.kept == self.shown
-        ):  # of one tick and one tick late: a result is shown as the next one is computed
-            ways = (("shown", "delay", self.shown),)
-        for part, kind, phases in ways:
+        stages = (("kept", "hold", self.stored), ("shown", "hold", self.shown))
+        if self.stored and self.stored == self.shown:  # one tick late in each tick: it is shown as the next one is computed
+            stages = (("shown", "delay", self.shown),)
+        for stage, kind, phases in stages:
             if phases:
-                blocks[f"{name}_{part}"] = {"type": kind, "every": self.every, "phases": phases}
-                wires[f"{name}_{part}.u"] = signal
-                signal = f"{name}_{part}.y"
+                blocks[f"{name}_{stage}"] = {"type": kind, "every": self.every, "phases": phases}
+                wires[f"{name}_{stage}.u"] = signal
+                signal = f"{name}_{stage}.y"
         return blocks, wires, signal
 
 
 def device(values: Mapping[str, Any]) -> tuple[dict[str, dict], dict[str, str], str]:
     """Return the device with the operator's hand on it, and the signal of its measured velocity."""
-    whole = {part: f"device.{part} + operator.{part}" for part in ("mass", "damping")}
-    blocks = {"device": {"type": "mass", **whole, "stiffness": "operator.stiffness"}}
+    with_hand = {key: f"device.{key} + operator.{key}" for key in ("mass", "damping")}
+    blocks = {"device": {"type": "mass", **with_hand, "stiffness": "operator.stiffness"}}
     if values["device.velocity"] == "exact":
         return blocks, {}, "device.v"
     return blocks | {"velocity": {"type": "difference"}}, {"velocity.u": "device.x"}, "velocity.y"
 
 
-def drawing_of_page(page: Page) -> Drawing:
+def drawing_of_page(page: BlockDiagram) -> Drawing:
     """Return the drawing of a page, whose numbers are the keys of a spec."""
 
     blocks = tuple(_block(name, dict(keys)) for name, keys in page.blocks.items())
@@ -128,13 +126,13 @@ def drawing_of_page(page: Page) -> Drawing:
 
 def _block(name, keys):
     kind, every, phases = keys.pop("type"), keys.pop("every", 1), keys.pop("phases", (0,))
-    found = []
+    entries = []
     for path, key in TYPES[kind].keys.items():
         value = keys.get(path, key.default)
         if value is not None:
-            found.append((path, _tree(value) if key.type in ("number", "integer") else value))
+            entries.append((path, _tree(value) if key.type in ("number", "integer") else value))
     alone = phases if len(phases) > 1 else ()
-    return DrawnBlock(name, kind, tuple(found), _tree(every), _tree(phases[0]), alone)
+    return DrawnBlock(name, kind, tuple(entries), _tree(every), _tree(phases[0]), alone)
 
 
 @lru_cache(maxsize=256)

@@ -16,8 +16,8 @@ HAND = ("operator.mass", "operator.damping", "operator.stiffness")
 class Controller:
     """A controller.
 
-    description: for a user. page: function from flat values to a `Page` of blocks and wires. filters: those of [filters]
-    that the loop has; the rate sets no limit to the others.
+    description: for a user. page: function from flat values to a `BlockDiagram`. filters: those of [filters] that the loop has;
+    the rate sets no limit to the others.
     """
 
     description: str

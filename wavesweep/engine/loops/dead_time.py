@@ -32,11 +32,11 @@ ROUNDED = 1e-12  # relative distance from a whole number of ticks up to which a 
 
 def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
     """Return the whole numbers by which dead times decide how loops are built, by their paths; values: flat, real."""
-    known = scalars(values)
+    numbers = scalars(values)
     with np.errstate(all="ignore"):
-        rate = np.asarray(values_of(drawing.tick_hz, known)).real
-        ratio = {name: np.asarray(values_of(tree, known)).real * rate for name, tree in drawing.dead_times.items()}
-        ticks = {name: np.ceil(each * (1 - ROUNDED)) for name, each in ratio.items()}
+        rate = np.asarray(values_of(drawing.tick_hz, numbers)).real
+        ratio = {name: np.asarray(values_of(tree, numbers)).real * rate for name, tree in drawing.dead_times.items()}
+        ticks = {name: np.ceil(seconds * (1 - ROUNDED)) for name, seconds in ratio.items()}
     return {
         path: ticks[names[0]] if len(names) == 1 else sum(ticks[name] - ratio[name] for name in names) > 1
         for path, names in drawing.building.items()
@@ -49,11 +49,11 @@ def timing(drawing: Drawing) -> set[str]:
     return {name for tree in trees for name, _ in names_in(tree)}.union(drawing.rating if trees else ())
 
 
-def built(drawing: Drawing, known: Mapping[str, object]) -> dict[str, object]:
+def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
     """Return the numbers with those of `structure`, which are the same in all loops of the batch. known: by name."""
-    if known.keys() >= drawing.building.keys():
-        return dict(known)
-    return {path: int(np.ravel(each)[0]) for path, each in structure(drawing, known).items()} | {**known}
+    if numbers.keys() >= drawing.building.keys():
+        return dict(numbers)
+    return {path: int(np.ravel(number)[0]) for path, number in structure(drawing, numbers).items()} | {**numbers}
 
 
 def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
@@ -67,32 +67,34 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
     """
     if not drawing.dead_times:
         return drawing
-    known, plants = scalars(values), {block.name for block in drawing.blocks if block.plant}
-    ratio = {name: value_of(tree, known) * drawing.rate(values) for name, tree in drawing.dead_times.items()}
-    exact = {name: Fraction(each).limit_denominator(FINEST) for name, each in ratio.items()}
-    finer = lcm(*(each.denominator for each in exact.values()))
-    inexact = finer > FINEST or any(abs(exact[name] - each) > ROUNDED * max(each, 1) for name, each in ratio.items())
-    slower = any(value_of(block.every, known) != 1 for block in drawing.blocks if block.name in exact)
-    pairs = [(port.rpartition(".")[0], signal.rpartition(".")[0]) for port, terms in drawing.wires for signal, _ in terms]
-    pairs = [(reader, source) for reader, source in pairs if {reader, source} <= plants | exact.keys()]
-    sensing = {reader for reader, source in pairs if source in plants}
-    sampled = any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
-    if name_of(along) in timing(drawing) or inexact or slower or sampled:
+    numbers, plants = scalars(values), {block.name for block in drawing.blocks if block.plant}
+    ratio = {name: value_of(tree, numbers) * drawing.rate(values) for name, tree in drawing.dead_times.items()}
+    exact = {name: Fraction(ticks).limit_denominator(FINEST) for name, ticks in ratio.items()}
+    finer = lcm(*(ticks.denominator for ticks in exact.values()))
+    inexact = finer > FINEST or any(abs(exact[name] - ticks) > ROUNDED * max(ticks, 1) for name, ticks in ratio.items())
+    slower = any(value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact)
+    if name_of(along) in timing(drawing) or inexact or slower or _samples_another(drawing, plants, exact.keys()):
         return None
+    tick_hz = ("*", ("number", float(finer), 0), drawing.tick_hz, 0)
+    return replace(drawing, tick_hz=tick_hz, blocks=tuple(_at_finer_tick(block, exact, finer) for block in drawing.blocks))
 
-    def number(value):
-        return "number", float(value), 0
 
-    def at_finer_tick(block):
-        if block.name in exact:
-            return replace(block, keys=(("steps", number(exact[block.name] * finer)),))
-        if block.plant:
-            return block
-        every, phase = (("*", number(finer), tree, 0) for tree in (block.every, block.phase))
-        return replace(block, every=every, phase=phase, phases=tuple(each * finer for each in block.phases))
+def _at_finer_tick(block, exact, finer):
+    """The block at a tick of which `finer` are one of before. exact: ticks of each dead time, fractions."""
+    if block.name in exact:
+        return replace(block, keys=(("steps", ("number", float(exact[block.name] * finer), 0)),))
+    if block.plant:
+        return block
+    every, phase = (("*", ("number", float(finer), 0), tree, 0) for tree in (block.every, block.phase))
+    return replace(block, every=every, phase=phase, phases=tuple(tick * finer for tick in block.phases))
 
-    tick_hz = ("*", number(finer), drawing.tick_hz, 0)
-    return replace(drawing, tick_hz=tick_hz, blocks=tuple(map(at_finer_tick, drawing.blocks)))
+
+def _samples_another(drawing, plants, dead_times):
+    """Whether a plant is sampled for another one, or a dead time for another."""
+    pairs = [(port.rpartition(".")[0], signal.rpartition(".")[0]) for port, terms in drawing.wires for signal, _ in terms]
+    pairs = [(reader, source) for reader, source in pairs if {reader, source} <= plants | dead_times]
+    sensing = {reader for reader, source in pairs if source in plants}
+    return any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
 
 
 def shares(drawing: Drawing, known: Mapping[str, object], rate) -> dict[str, object]:
@@ -106,22 +108,22 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     values: flat numbers of one loop.
     """
     points = np.linspace(*span, POINTS)
-    ticks, found = _ticks(drawing, values, path, points), set()
+    ticks, crossings = _ticks(drawing, values, path, points), set()
     near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
     ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
-    for which, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
-        low, high = sorted(ticks[which, at : at + 2])
-        found |= {(which, whole, at) for whole in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1)}
-    which, whole, at = np.array(sorted(found), int).reshape(-1, 3).T
+    for row, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
+        low, high = sorted(ticks[row, at : at + 2])
+        crossings |= {(row, count, at) for count in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1)}
+    row, count, at = np.array(sorted(crossings), int).reshape(-1, 3).T
 
     def beyond(p):
-        return _ticks(drawing, values, path, p)[which, np.arange(p.size)] - whole
+        return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
 
-    met = sorted(_whole_at(beyond, points[at], points[at + 1])) if found else ()
+    met = sorted(_whole_at(beyond, points[at], points[at + 1])) if crossings else ()
     apart, ends = ROUNDED * (span[1] - span[0]), [span[0]]  # values that are nearer are meant to be the same
-    for each in met:
-        if ends[-1] + apart < each < span[1] - apart:
-            ends.append(each)
+    for value in met:
+        if ends[-1] + apart < value < span[1] - apart:
+            ends.append(value)
     return [*ends, span[1]]
 
 
@@ -136,8 +138,8 @@ def pieces_of(
         yield span, {}
         return
     for piece in pairwise(breaks(drawing, values, path, span)):
-        found = structure(drawing, {**values, path: sum(piece) / 2})
-        yield piece, {each: int(number) for each, number in found.items()}
+        ticks = structure(drawing, {**values, path: sum(piece) / 2})
+        yield piece, {key: int(number) for key, number in ticks.items()}
 
 
 def _whole_at(beyond, low, high):
@@ -164,9 +166,9 @@ POINTS = 4001  # of a span; a number of ticks is taken as monotone between neigh
 
 def _ticks(drawing, values, path, p):
     """Dead times in ticks, and sums of two of which the order matters, at values of a number: `(sums, points)`."""
-    known = scalars({**values, path: p})
-    rate = values_of(drawing.tick_hz, known)
-    ratio = {name: values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
+    numbers = scalars({**values, path: p})
+    rate = values_of(drawing.tick_hz, numbers)
+    ratio = {name: values_of(tree, numbers) * rate for name, tree in drawing.dead_times.items()}
     return np.stack([sum(ratio[name] for name in names) + 0 * p for names in drawing.building.values()])
 
 
@@ -205,13 +207,16 @@ def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: 
             sums[inside[port] + AT + name] = {f"{name}.{NEXT}": sums[inside[port]][f"{name}.y"]}
         for signal, name in plant.sensed:
             sources = dict(sums[f"{name}.u"])
-            read, own = sums.setdefault(f"{name}.{SENSED}", {}), inside[signal]
-            if own in sources:
-                read[own + AT + name] = sources.pop(own)
-            if product in sources and own in sums[factor]:
+            read, measured = sums.setdefault(f"{name}.{SENSED}", {}), inside[signal]
+            if measured in sources:
+                read[measured + AT + name] = sources.pop(measured)
+            multiplied = measured in sums.get(factor, ())
+            if multiplied and product in sources:
                 read[product] = sources.pop(product)
-            if product in read and own in sums[factor]:
-                sums[factor] = {own + AT + name if each == own else each: gain for each, gain in sums[factor].items()}
+            if multiplied and product in read:
+                sums[factor] = {
+                    f"{measured}{AT}{name}" if source == measured else source: gain for source, gain in sums[factor].items()
+                }
             sums[f"{name}.u"] = sources
     return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
 
@@ -228,9 +233,10 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
         return held(A, B[..., column], share * T, (sizes[0], sizes[1][..., column]))
 
     of_E, of_B, of_C, of_D = block.terms
-    more = [(at := [inputs.index(port)], *(part for part in over(shares[name], at)[1::2])) for port, name in plant.arriving]
+    arriving = [over(shares[name], [inputs.index(port)]) for port, name in plant.arriving]
     nothing = np.zeros((len(outputs), len(plant.arriving)))
-    G, of_G = (concatenated([part, *(each[k] for each in more)], -1) for k, part in ((1, block.B), (2, of_B)))
+    G = concatenated([block.B, *(late.G for late in arriving)], -1)
+    of_G = concatenated([of_B, *(late.of_G for late in arriving)], -1)
     C, D = [block.C], [concatenated([block.D, nothing], -1)]
     of_C, of_D = [of_C], [concatenated([of_D, nothing], -1)]
     for signal, name in plant.sensed:
@@ -240,17 +246,17 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
         C.append(row + row @ E)
         of_C.append(size @ np.abs(E + np.eye(E.shape[-1])) + np.abs(row) @ of_own)
         columns = [(through + row @ held_B, block.terms[3][..., i, :] + size @ np.abs(held_B) + np.abs(row) @ of_held)]
-        for port, other in plant.arriving:
+        for port, earlier in plant.arriving:
             j = [inputs.index(port)]
-            _, step, _, of_step = over(shares[other] + shares[name] - 1, j)
-            if known[f"block.{other}.before.{name}"]:
+            _, step, _, of_step = over(shares[earlier] + shares[name] - 1, j)
+            if known[f"block.{earlier}.before.{name}"]:
                 columns.append(
                     (through[..., j] + row @ step, block.terms[3][..., i, j] + size @ np.abs(step) + np.abs(row) @ of_step)
                 )
             else:
                 columns.append((np.zeros((1, 1)),) * 2)
-        D.append(concatenated([each for each, _ in columns], -1))
-        of_D.append(concatenated([each for _, each in columns], -1))
+        D.append(concatenated([column for column, _ in columns], -1))
+        of_D.append(concatenated([size for _, size in columns], -1))
     return replace(
         block,
         inputs=(*block.inputs, *(f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving)),

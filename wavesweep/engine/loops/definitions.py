@@ -15,6 +15,15 @@ Rows = list[list[Any]]
 Root = Callable[[Any], Any]  # the square root of numbers of a kind
 
 
+class Matrices(NamedTuple):
+    """The matrices of a block, as rows or as arrays."""
+
+    E: Any
+    B: Any
+    C: Any
+    D: Any
+
+
 class Equations(NamedTuple):
     """The equations of a block: names of its states, and its matrices; `E` is A of a continuous one."""
 
@@ -56,8 +65,8 @@ def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations
             b, r = keys["b"], root(2 * keys["b"])
             speed, read = [r / b, -1 / b], _ahead(T, keys["integration"])
             sent = T / 2 if keys["integration"] == "trapezoidal" else T
-            D = [speed, [sent * each for each in speed], [read * each for each in speed], [1, -r / b]]
-            return Equations(("s",), [[0]], [[T * each for each in speed]], [[0], [1], [1], [0]], D)
+            D = [speed, [sent * gain for gain in speed], [read * gain for gain in speed], [1, -r / b]]
+            return Equations(("s",), [[0]], [[T * gain for gain in speed]], [[0], [1], [1], [0]], D)
         case "local_model":
             # v = (r in - K s)/(b + B + K read) solves the step, and out = (r/b) b v - in.
             K, r = keys["K"], root(2 * keys["b"])
@@ -73,18 +82,7 @@ def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
         m, d, k = keys[TYPES[kind].body], keys["damping"], keys["stiffness"]
         return Equations(("v", "x"), [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]])
     if kind == "mass_matrix":
-        names, n = keys["axes"], len(keys["axes"])
-        M, D, K = (at_axes(keys, each) for each in MATRICES)
-        whole, inverse = determinant(M), adjugate(M)
-        inverse = [[each / whole for each in row] for row in inverse]
-        pulled = [
-            [-sum(a * b[j] for a, b in zip(row, part, strict=True)) for part in (D, K) for j in range(n)] for row in inverse
-        ]
-        moved, shown = (
-            [[int(i == j) for j in range(2 * n)] for i in some] for some in (range(n), [*range(n, 2 * n), *range(n)])
-        )
-        none = [[0] * n for _ in names]
-        return Equations((*(f"v{name}" for name in names), *names), pulled + moved, inverse + none, shown, none + none)
+        return _mass_matrix(keys)
     if kind == "spring":
         k, d = keys["k"], keys["d"]
         return _static([[-k, -d, k, d], [k, d, -k, -d]])
@@ -95,6 +93,22 @@ def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
     return Equations(tuple(f"x{i}" for i in range(len(A))), A, B, C or [[] for _ in D], D)
 
 
+def _mass_matrix(keys: Mapping[str, Any]) -> Equations:
+    """`M a + D v + K x = f` in the states v and x."""
+    names, n = keys["axes"], len(keys["axes"])
+    M, D, K = (at_axes(keys, name) for name in MATRICES)
+    total = determinant(M)
+    inverse = [[entry / total for entry in row] for row in adjugate(M)]
+    pulled = [
+        [-sum(a * b[j] for a, b in zip(row, matrix, strict=True)) for matrix in (D, K) for j in range(n)] for row in inverse
+    ]
+    unit = [[int(i == j) for j in range(2 * n)] for i in range(2 * n)]
+    none = [[0] * n for _ in names]
+    return Equations(
+        (*(f"v{name}" for name in names), *names), pulled + unit[:n], inverse + none, unit[n:] + unit[:n], none + none
+    )
+
+
 def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] | None:
     """Return what a block does while nothing changes, `0 = E x + B u`, `y = C x + D u`, without rounding.
 
@@ -102,13 +116,13 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     back from an avatar at rest with the other sign, which its entries in a run show only up to rounding.
     """
     if TYPES[kind].body:
-        return [[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]]
+        return Matrices([[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]])
     match kind:
         case "mass_matrix":
             _, E, *_, C, D = continuous(kind, keys)
-            n, (damping, stiffness) = len(D[0]), (at_axes(keys, each) for each in MATRICES[1:])
-            pulled = [[-each for each in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)]
-            return pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D
+            n, (damping, stiffness) = len(D[0]), (at_axes(keys, name) for name in MATRICES[1:])
+            pulled = [[-entry for entry in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)]
+            return Matrices(pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D)
         case "spring":
             return (continuous(kind, keys).D,)
         case "gain" | "hold" | "channel":
@@ -120,14 +134,15 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
         case "difference":
             return ([[0]],)
         case "integrator" | "impulse":
-            return [[0]], [[1]], [[1]], [[0]]
+            return Matrices([[0]], [[1]], [[1]], [[0]])
         case "avatar":
-            return [[0]], [[root(2 * keys["b"]), -1]], [[0], [1], [1], [0]], [[0, 0], [0, 0], [0, 0], [-1, 0]]
+            return Matrices([[0]], [[root(2 * keys["b"]), -1]], [[0], [1], [1], [0]], [[0, 0], [0, 0], [0, 0], [-1, 0]])
         case "local_model":
-            return [[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]]
+            return Matrices([[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]])
         case "ss":
-            A, *others = continuous(kind, keys)[1:]
-            return [[each - (i == j) * keys["discrete"] for j, each in enumerate(row)] for i, row in enumerate(A)], *others
+            A, B, C, D = continuous(kind, keys)[1:]
+            E = [[entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)] for i, row in enumerate(A)]
+            return Matrices(E, B, C, D)
         case "tf" if not keys["discrete"]:
             return tf_at_rest(keys["num"], keys["den"])
     return None
@@ -138,29 +153,29 @@ def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows
 
     The first state does not change, so y is the sum of the states times the numerator's coefficients but the first.
     """
-    own, b = controllable(num, den), over(num, den)
-    return with_delays(own._replace(C=[b[1:]], D=[[0]]) if own.states else own, later)[1:]
+    equations, b = controllable(num, den), over(num, den)
+    return with_delays(equations._replace(C=[b[1:]], D=[[0]]) if equations.states else equations, later)[1:]
 
 
 def over(num: Sequence, den: Sequence) -> list:
     """Return coefficients of the numerator, as many as those of the denominator, over the first one of that."""
-    return [0] * (len(den) - len(num)) + [each / den[0] for each in num]
+    return [0] * (len(den) - len(num)) + [coefficient / den[0] for coefficient in num]
 
 
 def controllable(num: Sequence, den: Sequence) -> Equations:
     """Return a transfer function from coefficients of descending powers; each state but the first integrates the one before."""
-    n, a, b = len(den) - 1, [each / den[0] for each in den[1:]], over(num, den)
-    A = [[-each for each in a]] + [[int(i == j) for j in range(n)] for i in range(n - 1)]
-    C = [each - factor * b[0] for each, factor in zip(b[1:], a, strict=True)]
+    n, a, b = len(den) - 1, [coefficient / den[0] for coefficient in den[1:]], over(num, den)
+    A = [[-coefficient for coefficient in a]] + [[int(i == j) for j in range(n)] for i in range(n - 1)]
+    C = [coefficient - factor * b[0] for coefficient, factor in zip(b[1:], a, strict=True)]
     return Equations(tuple(f"x{i}" for i in range(n)), A[:n], [[int(i == 0)] for i in range(n)], [C], [[b[0]]])
 
 
-def with_delays(own: Equations, later: Sequence) -> Equations:
+def with_delays(equations: Equations, later: Sequence) -> Equations:
     """Return a block of one output with delays behind its last state, or behind its input; y adds each times one of `later`."""
-    n, k = len(own.states), len(later)
-    E = [[*row, *[0] * k] for row in own.E] + [[(i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
-    B = [*own.B, *([int(j == 0)] for j in range(n, n + k))]
-    return Equations((*own.states, *(f"u{j + 1}" for j in range(k))), E, B, [[*own.C[0], *later]], own.D)
+    n, k = len(equations.states), len(later)
+    E = [[*row, *[0] * k] for row in equations.E] + [[(i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
+    B = [*equations.B, *([int(j == 0)] for j in range(n, n + k))]
+    return Equations((*equations.states, *(f"u{j + 1}" for j in range(k))), E, B, [[*equations.C[0], *later]], equations.D)
 
 
 def _static(D):

@@ -1,5 +1,7 @@
 """A mass with a damper and a spring under a force that is held over a tick."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavesweep.engine.loops.block import matrix, numbers
@@ -8,6 +10,15 @@ from wavesweep.engine.loops.block import matrix, numbers
 def motion(s, g, damping, stiffness, mass):
     """E and B of the states (v, x) under a force; the signs of damping and stiffness are those of their own forces."""
     return matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]]), matrix([[s / mass], [g / mass]])
+
+
+class ImpulseAndStep(NamedTuple):
+    """What `impulse_and_step` returns."""
+
+    s: np.ndarray
+    g: np.ndarray
+    of_s: np.ndarray | None = None
+    of_g: np.ndarray | None = None
 
 
 def impulse_and_step(damping, stiffness, period):
@@ -30,24 +41,24 @@ def impulse_and_step(damping, stiffness, period):
         s, g = _taylor(damping * tau, stiffness * tau * tau)
     s, g = s * tau, g * tau * tau
     if not doublings.any():
-        return s, g, None, None
-    of_s, of_g, known = np.abs(s), np.abs(g), np.ones(s.shape, bool)
+        return ImpulseAndStep(s, g)
+    of_s, of_g, certain = np.abs(s), np.abs(g), np.ones(s.shape, bool)
     with np.errstate(over="ignore", invalid="ignore"):  # damping below zero, where an end at zero is looked for, may explode
         for step in range(int(doublings.max(initial=0))):
-            more = step < doublings
+            unfinished = step < doublings
             two_s, two_g = np.abs(2 - 2 * damping * s - 2 * stiffness * g), np.abs(2 - 2 * stiffness * g)
             terms_s = np.abs(s) * (2 + np.abs(damping * s) + 2 * np.abs(stiffness * g))
             terms_g = np.abs(g) * (2 + np.abs(stiffness * g)) + np.abs(s * s)
             of_s, of_g = (
-                np.where(more, two_s * of_s + 2 * np.abs(stiffness * s) * of_g + terms_s, of_s),
-                np.where(more, two_g * of_g + 2 * np.abs(s) * of_s + terms_g, of_g),
+                np.where(unfinished, two_s * of_s + 2 * np.abs(stiffness * s) * of_g + terms_s, of_s),
+                np.where(unfinished, two_g * of_g + 2 * np.abs(s) * of_s + terms_g, of_g),
             )
             s, g = (
-                np.where(more, s * (2 - damping * s - 2 * stiffness * g), s),
-                np.where(more, g * (2 - stiffness * g) + s * s, g),
+                np.where(unfinished, s * (2 - damping * s - 2 * stiffness * g), s),
+                np.where(unfinished, g * (2 - stiffness * g) + s * s, g),
             )
-            known &= np.abs(stiffness) * of_g * np.finfo(float).eps <= LOST * np.maximum(1, np.abs(stiffness * g))
-    return np.where(known, s, np.nan), np.where(known, g, np.nan), of_s, of_g
+            certain &= np.abs(stiffness) * of_g * np.finfo(float).eps <= LOST * np.maximum(1, np.abs(stiffness * g))
+    return ImpulseAndStep(np.where(certain, s, np.nan), np.where(certain, g, np.nan), of_s, of_g)
 
 
 LOST = 1e-6  # relative: beyond, errors to first order say nothing, since what has lost its phase comes to rest by rounding

@@ -1,27 +1,27 @@
 """Controllers without waves: direct coupling at the fast rate and at the slow one, and a power-domain local model."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
-from wavesweep.engine.loops.controller_page import F_S, Page, Slow, device
+from wavesweep.engine.loops.controller_page import F_S, BlockDiagram, Slow, device
 
 HELD = "wall at the slow rate, without integration"
 
 
-def dc(values: Mapping[str, Any]) -> Page:
+def dc(values: Mapping[str, Any]) -> BlockDiagram:
     """The paper's ideal: the wall's force in every tick, so the frame is one tick."""
     blocks, wires, velocity = device(values)
     force = F_S.format(x="device.x", v=velocity)
-    return Page(blocks, wires | {"device.f": f"f_h - ({force})"}, force, "ideal wall at the fast rate")
+    return BlockDiagram(blocks, wires | {"device.f": f"f_h - ({force})"}, force, "ideal wall at the fast rate")
 
 
-def dc_slow(values: Mapping[str, Any]) -> Page:
+def dc_slow(values: Mapping[str, Any]) -> BlockDiagram:
     """hand -> device -> sampled slow wall -> held force -> device."""
     blocks, wires, _, force = _slow_wall(values)
-    return Page(blocks, wires | {"device.f": f"f_h - {force}"}, force, HELD)
+    return BlockDiagram(blocks, wires | {"device.f": f"f_h - {force}"}, force, HELD)
 
 
-def dc_lm(values: Mapping[str, Any]) -> Page:
+def dc_lm(values: Mapping[str, Any]) -> BlockDiagram:
     """The slow wall's held force, and a fast spring and damper about the samples that this force was computed from."""
     slow = Slow.of(values)
     blocks, wires, velocity, force = _slow_wall(values)
@@ -30,12 +30,20 @@ def dc_lm(values: Mapping[str, Any]) -> Page:
         held, through, shown = slow.in_place(name, f"{name}.y")
         blocks, wires = blocks | sampled | held, wires | {f"{name}.u": signal} | through
         force = f"{force} + {gain}*({signal} - {shown})"
-    return Page(blocks, wires | {"device.f": f"f_h - ({force})"}, force, HELD)
+    return BlockDiagram(blocks, wires | {"device.f": f"f_h - ({force})"}, force, HELD)
 
 
-def _slow_wall(values):
+class SlowWall(NamedTuple):
     """The device, and the slow wall: blocks, wires, the measured velocity and the wall's force as it is held."""
+
+    blocks: dict[str, dict]
+    wires: dict[str, str]
+    velocity: str
+    force: str
+
+
+def _slow_wall(values) -> SlowWall:
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     held, through, force = slow.in_place("wall", "wall.y")
     blocks = blocks | {"wall": slow.block(type="hold")} | held
-    return blocks, wires | {"wall.u": F_S.format(x="device.x", v=velocity)} | through, velocity, force
+    return SlowWall(blocks, wires | {"wall.u": F_S.format(x="device.x", v=velocity)} | through, velocity, force)

@@ -21,8 +21,8 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are examined; see `domains`.
     """
     below, above = -np.inf, np.inf
-    for key, guard, known, root in _known_guards(drawing, values, path):
-        rows, _ = _different(known, MOST)
+    for key, guard, values_of_others, root in _known_guards(drawing, values, path):
+        rows, _ = _different(values_of_others, MOST)
         low, high = _limits(key, guard, root, rows, name_of(path), span)
         below, above = max(below, low.max()), min(above, high.min())
     return float(below), float(above)
@@ -38,23 +38,23 @@ def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tup
     within the span.
     """
     below, above = np.full(size, -np.inf), np.full(size, np.inf)
-    for key, guard, known, root in _known_guards(drawing, values, path):
-        (rows, row), name = _different(known), name_of(path)
+    for key, guard, values_of_others, root in _known_guards(drawing, values, path):
+        (rows, row), name = _different(values_of_others), name_of(path)
         blocks = (_rows_of(rows, slice(at, at + MOST)) for at in range(0, 1 + row.max(initial=0), MOST))
-        parts = [_limits(key, guard, root, block, name, span) for block in blocks]
-        low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
+        limits = [_limits(key, guard, root, block, name, span) for block in blocks]
+        low, high = (np.concatenate(ends) for ends in zip(*limits, strict=True))
         below, above = np.maximum(below, low[row]), np.minimum(above, high[row])
     return below, above
 
 
 def _known_guards(drawing, values, path):
     """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
-    known = scalars({**values, path: 0.0})
-    none = {f"block.{each.name}.cutoff_hz" for each in drawing.blocks if _is_no_filter(each, known)}
+    numbers = scalars({**values, path: 0.0})
+    none = {f"block.{block.name}.cutoff_hz" for block in drawing.blocks if _is_no_filter(block, numbers)}
     for key, guard, read, root in _guards_of(drawing, name_of(path)):
         if key in none:
             continue
-        yield key, guard, {name: value for name, value in known.items() if name in read}, root
+        yield key, guard, {name: value for name, value in numbers.items() if name in read}, root
 
 
 def _is_no_filter(block, known):
@@ -82,15 +82,15 @@ def _limits(key, guard, root, known, name, span):
             f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
             f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
         )
-    found = []
+    limits = []
     for direction, end in ((-1, low), (1, high)):
         points = np.concatenate([[end], end + direction * away])
         with np.errstate(all="ignore"):
             good = _keep_sign(np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size))
         first = np.argmin(good, axis=-1)
         limit = points[first - 1] if to_zero else (end + points[first]) / 2
-        found.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
-    return tuple(np.broadcast_arrays(np.where(from_root, low, found[0]), found[1]))
+        limits.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
+    return tuple(np.broadcast_arrays(np.where(from_root, low, limits[0]), limits[1]))
 
 
 @lru_cache(maxsize=256)
@@ -107,12 +107,12 @@ def bends_at_zero(drawing: Drawing, path: str) -> bool:
 
 def guards_at(drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
-    found, name = [], name_of(path)
-    known, shared = scalars(values), SharedParts()
+    guard_values, name = [], name_of(path)
+    numbers, shared = scalars(values), SharedParts()
     for _, guard, _, root in _guards_of(drawing, name):
-        value = np.broadcast_to(values_of(guard, known, shared), shape)
-        found.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
-    return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
+        value = np.broadcast_to(values_of(guard, numbers, shared), shape)
+        guard_values.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
+    return np.stack(guard_values, axis=-1) if guard_values else np.ones((*shape, 0))
 
 
 def _keep_sign(value):
@@ -135,11 +135,11 @@ def _touches_zero(guard, known, name, points):
         if not at.size:
             return False
         low, high, flat = points[at], points[at + 2], np.ones(at.size)
-        own = {each: value[loop] if np.ndim(value) else value for each, value in known.items()}
+        numbers_at = {name_of_value: value[loop] if np.ndim(value) else value for name_of_value, value in known.items()}
         for _ in range(ZOOMS):
             wide = high - low > NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
             among = np.linspace(low, high, 21, axis=-1)
-            size = np.abs(values_of(guard, {**own, name: among}))
+            size = np.abs(values_of(guard, {**numbers_at, name: among}))
             flat = np.where(wide, size.min(-1) / size[:, [0, -1]].min(-1), flat)
             best = np.clip(size.argmin(-1), 1, 19)
             low, high = (np.take_along_axis(among, best[:, None] + step, -1)[:, 0] for step in (-1, 1))
@@ -174,7 +174,7 @@ def _guards_of(drawing, number):
     named = [
         (key, guard, frozenset(name for name, _ in names_in(root or guard)), root) for (guard, root), key in guards.items()
     ]
-    return tuple(each for each in named if any(name == number for name, _ in names_in(each[1])))
+    return tuple(entry for entry in named if any(name == number for name, _ in names_in(entry[1])))
 
 
 def _guards(drawing):
@@ -210,8 +210,8 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
         at = int(np.flatnonzero(wrong)[0])
         loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
         named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
-        path, expected, found = next(faults(drawing, loop), ("a key", "another value", "none"))
-        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
+        path, expected, reason = next(faults(drawing, loop), ("a key", "another value", "none"))
+        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {reason}")
 
 
 def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
@@ -219,22 +219,22 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     arrays = {path for path, value in values.items() if np.ndim(value)}
     varied, single = frozenset(map(name_of, arrays)), tuple(item for item in values.items() if item[0] not in arrays)
     wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
-    known = numbers_of(values)
+    numbers = numbers_of(values)
     with np.errstate(all="ignore"):
         shared = SharedParts()
         for condition in conditions(drawing) if arrays else ():
             if condition.names & varied:
-                wrong |= _broken(condition, known, shared)
+                wrong |= _broken(condition, numbers, shared)
     return wrong
 
 
 @lru_cache(maxsize=64)
 def _unsuitable_alone(drawing, items, others):
     """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
-    known, shared = numbers_of(dict(items)), SharedParts()
+    numbers, shared = numbers_of(dict(items)), SharedParts()
     with np.errstate(all="ignore"):
-        alone = (each for each in conditions(drawing) if each.names and not each.names & others)
-        return any(bool(np.any(_broken(each, known, shared))) for each in alone)
+        alone = (condition for condition in conditions(drawing) if condition.names and not condition.names & others)
+        return any(bool(np.any(_broken(condition, numbers, shared))) for condition in alone)
 
 
 def _broken(condition, known, shared):

@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.engine.loops.block import Block, matrix, numbers
+from wavesweep.engine.loops.definitions import Matrices
 
 FEW = 64.0  # roundings that a cutoff's distance from half the rate may lose before the block's condition counts them
 
@@ -38,7 +39,7 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
     if not np.any(lost > FEW):
         return filter_
     lost = np.where(lost > FEW, lost, 1.0)
-    sizes = (lost[..., None, None] * np.abs(getattr(filter_, part)) for part in "EBCD")
+    sizes = (lost[..., None, None] * np.abs(getattr(filter_, name_of_matrix)) for name_of_matrix in "EBCD")
     return replace(filter_, condition=lost, terms=tuple(sizes))
 
 
@@ -50,7 +51,7 @@ def _single(warped, highpass):
     gain = 1 / (1 + warped)
     root = np.sqrt(2 * warped) * gain
     sign, through = (-1, gain) if highpass else (1, warped * gain)
-    return matrix([[-2 * warped * gain]]), matrix([[root]]), matrix([[sign * root]]), matrix([[through]])
+    return Matrices(*(matrix([[entry]]) for entry in (-2 * warped * gain, root, sign * root, through)))
 
 
 def _pair(warped, angle, highpass):
@@ -74,23 +75,23 @@ def _bilinear(alpha, beta, b, c1, c2, through):
     E = matrix([[real, imag], [-imag, real]])
     B = matrix([[root * q * b], [root * p * b]])
     C = matrix([[root * (c1 * p - c2 * q), root * (c1 * q + c2 * p)]])
-    return E, B, C, matrix([[through + (c1 * q + c2 * p) * b]])
+    return Matrices(E, B, C, matrix([[through + (c1 * q + c2 * p) * b]]))
 
 
 def _assemble(name, sections) -> Block:
     """Series connection of sections, the first nearest to the input."""
     n = sum(E.shape[-1] for E, *_ in sections)
     batch = np.broadcast_shapes(*(E.shape[:-2] for E, *_ in sections)) if sections else ()
-    kind = np.result_type(float, *(part for section in sections for part in section))
+    kind = np.result_type(float, *(matrix_of_section for section in sections for matrix_of_section in section))
     E, B = np.zeros((*batch, n, n), kind), np.zeros((*batch, n, 1), kind)
     C, D, at = np.zeros((*batch, 1, n), kind), np.ones((*batch, 1, 1), kind), 0
     for e, b, c, d in sections:
-        here, size = slice(at, at + e.shape[-1]), e.shape[-1]
-        E[..., here, :] = b @ C  # what the sections so far feed on
-        E[..., here, here] = e
-        B[..., here, :] = b @ D
+        states_of_section, size = slice(at, at + e.shape[-1]), e.shape[-1]
+        E[..., states_of_section, :] = b @ C  # what the sections so far feed on
+        E[..., states_of_section, states_of_section] = e
+        B[..., states_of_section, :] = b @ D
         C, D = d @ C, d @ D
-        C[..., here] = c
+        C[..., states_of_section] = c
         at += size
     states = tuple(f"{name}{k}" for k in range(n))
     labels = tuple(f"filter {name}{f' ({k + 1} of {n})' if n > 1 else ''}" for k in range(n))

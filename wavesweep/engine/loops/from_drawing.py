@@ -12,6 +12,7 @@ from wavesweep.engine.drawing.drawing import Drawing, decides, name_of
 from wavesweep.engine.drawing.expressions import ONE, SharedParts, degree, evaluate, names_in, with_number
 from wavesweep.engine.loops import blocks, dead_time
 from wavesweep.engine.loops.block import numbers
+from wavesweep.engine.loops.definitions import Matrices
 from wavesweep.engine.loops.integrator_modes import equations_of
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.loops.plant import plant_of
@@ -31,25 +32,24 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     the signal FACTOR. beside: a number of the same wire (see `shares_wire`) whose value is 0; it would multiply the signal
     BESIDE. A value that is not finite makes entries that are not finite.
     """
-    known = dead_time.built(drawing, numbers_of(values))
+    known_values = dead_time.built(drawing, numbers_of(values))
     with np.errstate(all="ignore"):
-        rate = values_of(drawing.tick_hz, known)
+        rate = values_of(drawing.tick_hz, known_values)
         tick = 1 / numbers(rate)
-        placed = tuple(_placed(block, known, tick) for block in drawing.alone if not block.dead_time)
-        placed += tuple(_dead_time(drawing, name, known) for name in drawing.dead_times)
-        shares = dead_time.shares(drawing, known, rate)
-        placed += tuple(_plant(plant, known, tick, shares) for plant in drawing.plants)
-        sums = {port: _gains(terms, known) for port, terms in drawing.wires}
+        placed = tuple(_placed(block, known_values, tick) for block in drawing.alone if not block.dead_time)
+        placed += tuple(_dead_time(drawing, name, known_values) for name in drawing.dead_times)
+        shares = dead_time.shares(drawing, known_values, rate)
+        placed += tuple(_plant(plant, known_values, tick, shares) for plant in drawing.plants)
+        sums = {port: _gains(terms, known_values) for port, terms in drawing.wires}
         if out:
-            placed = _take_out(drawing, placed, sums, known, out)
+            placed = _take_out(drawing, placed, sums, known_values, out)
         if beside:
-            sums[BESIDE] = _factor(dict(drawing.wires)[scalar_place(drawing, beside).partition(".")[2]], known, beside)
-    sums |= {OUTPUT + name: _gains(terms, known) for name, terms, _ in drawing.outputs}
+            wire = dict(drawing.wires)[scalar_place(drawing, beside).partition(".")[2]]
+            sums[BESIDE] = _factor(wire, known_values, beside)
+    shown = [(OUTPUT + name, terms) for name, terms, _ in drawing.outputs]
+    shown += zip((POSITION, REACTION), drawing.hand[1:], strict=True) if drawing.hand else ()
+    sums |= {signal: _gains(terms, known_values) for signal, terms in shown if terms is not None}
     inputs = drawing.outside
-    if drawing.hand:
-        for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
-            if terms is not None:
-                sums[signal] = _gains(terms, known)
     sums = _of_plants(sums, drawing.inside)
     if drawing.dead_times:
         sums = dead_time.joined(sums, drawing.plants, drawing.inside, PRODUCT, FACTOR)
@@ -65,11 +65,11 @@ def _plant(plant, known, tick, shares):
 
 def _dead_time(drawing, name, known):
     """The block of a dead time."""
-    sensed = {signal for plant in drawing.plants for signal, each in plant.sensed if each == name}
-    arriving = any(name == each for plant in drawing.plants for _, each in plant.arriving)
-    others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
+    sensed = {signal for plant in drawing.plants for signal, delay in plant.sensed if delay == name}
+    arriving = any(name == delay for plant in drawing.plants for _, delay in plant.arriving)
+    reads_others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
     ticks = known[f"block.{name}.ticks"]
-    return ScheduledBlock(dead_time.block_of(name, ticks, sensed=bool(sensed), others=others, arriving=arriving))
+    return ScheduledBlock(dead_time.block_of(name, ticks, sensed=bool(sensed), others=reads_others, arriving=arriving))
 
 
 def _of_plants(sums, inside):
@@ -115,7 +115,7 @@ def _with_numbers(block, known, tick):
     if TYPES[block.type].formula:  # whose sums do not cancel, if those of its keys do not
         of_names = block.core(ONE, named=True)
         block = block.core(ONE)
-        keys = {name: [evaluate(tree, {**keys, "T": period}, np) for tree in each] for name, each in of_names.keys[:2]}
+        keys = {name: [evaluate(tree, {**keys, "T": period}, np) for tree in trees] for name, trees in of_names.keys[:2]}
         keys["discrete"] = of_names.keys[2][1]
     if keys.get("discrete") is True:
         trees = dict(block.keys)
@@ -123,8 +123,8 @@ def _with_numbers(block, known, tick):
             keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
         else:
             keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
-    own = getattr(blocks, block.type, None) or partial(blocks.defined, block.type)
-    return ScheduledBlock(own(block.name, period, **keys), every, block.phases or phase)
+    make = getattr(blocks, block.type, None) or partial(blocks.defined, block.type)
+    return ScheduledBlock(make(block.name, period, **keys), every, block.phases or phase)
 
 
 def _keys(block, known):
@@ -147,36 +147,36 @@ def _take_out(drawing, placed, sums, known, out):
     table, _, place = scalar_place(drawing, out).partition(".")
     block = place.rpartition(".")[0]
     if table == "wire":
-        parts = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
-        sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in parts.items()}
+        gains = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
+        sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in gains.items()}
         sums[FACTOR] = _factor(dict(drawing.wires)[place], known, out)
         return placed
-    keys = dict(next(each.keys for each in drawing.cores if each.name == block))
+    keys = dict(next(core.keys for core in drawing.cores if core.name == block))
     sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
     if "k" in keys:
         constant, slope = _parts(keys["k"], known, out)
         sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
         both = blocks.ss(block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True)
     else:
-        parts, den = [_parts(tree, known, out) for tree in keys["num"]], [values_of(tree, known) for tree in keys["den"]]
+        num, den = [_parts(tree, known, out) for tree in keys["num"]], [values_of(tree, known) for tree in keys["den"]]
         sums[FACTOR] = {f"{block}.factor": 1.0}
-        both = _opened(*(blocks.tf(block, 1.0, [each[i] for each in parts], den, keys["discrete"]) for i in (0, 1)))
-    return tuple(replace(each, block=both) if each.block.name == block else each for each in placed)
+        both = _opened(*(blocks.tf(block, 1.0, list(half), den, keys["discrete"]) for half in zip(*num, strict=True)))
+    return tuple(replace(scheduled, block=both) if scheduled.block.name == block else scheduled for scheduled in placed)
 
 
 def _opened(constant, slope):
     """A transfer function with the product as an input too, and what the number multiplies as the output `factor`."""
 
     def wider(E, B, C, D, c, d):
-        one, none = np.ones_like(D), np.zeros_like(D)
-        rows = (np.concatenate(np.broadcast_arrays(*row), -1) for row in ((D, one), (d, none)))
-        C, D = (np.concatenate(np.broadcast_arrays(*each), -2) for each in ((C, c), rows))
-        return E, np.concatenate([B, np.zeros_like(B)], -1), C, D
+        unit, none = np.ones_like(D), np.zeros_like(D)
+        rows = (np.concatenate(np.broadcast_arrays(*row), -1) for row in ((D, unit), (d, none)))
+        C, D = (np.concatenate(np.broadcast_arrays(*column), -2) for column in ((C, c), rows))
+        return Matrices(E, np.concatenate([B, np.zeros_like(B)], -1), C, D)
 
-    E, B, C, D = wider(*(getattr(constant, part) for part in "EBCD"), slope.C, slope.D)
+    matrices = wider(*(getattr(constant, name) for name in "EBCD"), slope.C, slope.D)
     terms = constant.terms and wider(*constant.terms, *slope.terms[2:])
     ports = {"inputs": ("u", PRODUCT), "outputs": ("y", "factor")}
-    return replace(constant, **ports, E=E, B=B, C=C, D=D, terms=terms, at_rest=None)
+    return replace(constant, **ports, **matrices._asdict(), terms=terms, at_rest=None)
 
 
 def _factor(terms, known, out):
@@ -210,7 +210,7 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     if path.startswith("wire.") and _split(drawing, path.removeprefix("wire."), number):
         return ""
     is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
-    trees = [tree for each, tree in drawing.trees() if each == path]
+    trees = [tree for tree_path, tree in drawing.trees() if tree_path == path]
     if word := words.get(path.removesuffix(".y")):
         is_gain, trees = not any(number == name for tree in word["den"] for name, _ in names_in(tree)), word["num"]
     return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
@@ -219,7 +219,7 @@ def scalar_place(drawing: Drawing, number: str) -> str:
 def _split(drawing, port, number):
     """Whether a number multiplies what a dead time brings to a plant, or both what it reads of plants and other signals."""
     signals = [signal for signal, gain in dict(drawing.wires)[port] if any(name == number for name, _ in names_in(gain))]
-    arriving = {(own, f"{name}.y") for plant in drawing.plants for own, name in plant.arriving}
+    arriving = {(port_of_plant, f"{name}.y") for plant in drawing.plants for port_of_plant, name in plant.arriving}
     sensed = {signal for plant in drawing.plants for signal, name in plant.sensed if f"{name}.u" == port}
     return any((port, signal) in arriving for signal in signals) or 0 < len(sensed & {*signals}) < len(signals)
 
@@ -258,7 +258,7 @@ def twins(
     beside: numbers to take out, see `assembled`.
     """
     pair = ({path: _between(path, value, salt) for path, value in values.items()} for salt in SALTS)
-    return _twins(drawing, *(tuple(each.items()) for each in pair), out, beside)
+    return _twins(drawing, *(tuple(side_values.items()) for side_values in pair), out, beside)
 
 
 def _between(path, value, salt):
@@ -279,8 +279,8 @@ def scattered(path: str, salt: str = "") -> float:
 @lru_cache(maxsize=256)
 def _twins(drawing, one, other, out, beside):
     varied = frozenset(name_of(path) for (path, value), (_, twin) in zip(one, other, strict=True) if value != twin)
-    found = []
+    drawn_twins = []
     for items in (one, other)[: 1 + bool(varied)]:
         drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
-        found.append(replace(drawn, exact=partial(equations_of, drawing, values, varied, out)))
-    return found[0], found[-1]
+        drawn_twins.append(replace(drawn, exact=partial(equations_of, drawing, values, varied, out)))
+    return drawn_twins[0], drawn_twins[-1]

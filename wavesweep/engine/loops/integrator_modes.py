@@ -29,7 +29,13 @@ from wavesweep.engine.loops.values import keys_with
 
 HIGHEST = 64  # power that is multiplied out
 NOT_EXACT = 2**100  # 1 part in this makes a number one that no sum of others meets by chance
-_OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
+_OPERATIONS = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "negative": operator.neg,
+}
 Sum = dict[str, Any]  # unknown -> factor, a fraction
 
 
@@ -41,7 +47,7 @@ def decimal(value: float) -> Fraction:
 
 def root(number: Fraction) -> Fraction:
     """Return the square root: that of a square as it is, of other numbers a double."""
-    above, below = (isqrt(part) if part > 0 else 0 for part in (number.numerator, number.denominator))
+    above, below = (isqrt(integer) if integer > 0 else 0 for integer in (number.numerator, number.denominator))
     if above * above == number.numerator and below * below == number.denominator:
         return Fraction(above, below)
     return Fraction(math.sqrt(number))
@@ -53,21 +59,22 @@ def value_in_fractions(tree: Tree, known: Mapping[str, Fraction], varied: Collec
 
     Errors: ArithmeticError or ValueError if it has no value.
     """
-    operation, *parts, _ = tree
+    operation, *operands, _ = tree
     if operation in ("number", "name"):
-        return decimal(parts[0]) if operation == "number" else known[parts[0]]
-    first, *others = (value_in_fractions(part, known, varied) for part in parts)
-    second = others[0] if others else None
-    if operation == "sqrt" or (operation == "**" and second * 2 == 1):
-        found = root(first)
-        return found + found / NOT_EXACT if any(name in varied for name, _ in names_in(parts[0])) else found
+        return decimal(operands[0]) if operation == "number" else known[operands[0]]
+    first, *rest = (value_in_fractions(operand, known, varied) for operand in operands)
+    if operation == "sqrt" or (operation == "**" and rest[0] * 2 == 1):
+        value = root(first)
+        return value + value / NOT_EXACT if any(name in varied for name, _ in names_in(operands[0])) else value
     if operation in FUNCTIONS:
         return Fraction(getattr(math, operation)(float(first)))
-    if operation != "**":
-        return -first if operation == "negative" else _OPERATIONS[operation](first, second)
-    if second.denominator != 1 or abs(second) > HIGHEST:
+    return _power(first, *rest) if operation == "**" else _OPERATIONS[operation](first, *rest)
+
+
+def _power(base: Fraction, exponent: Fraction) -> Fraction:
+    if exponent.denominator != 1 or abs(exponent) > HIGHEST:
         raise ArithmeticError("expected a power that is a fraction")
-    return first ** int(second)
+    return base ** int(exponent)
 
 
 class RestEquations:
@@ -85,9 +92,9 @@ class RestEquations:
 
     def add(self, start: str, states, ports, parts) -> None:
         """Add a block. start: what the names of its states and ports begin with. parts: E, B, C and D as rows of fractions."""
-        (inputs, outputs), (E, B, C, D), one = ports, parts, decimal(1.0)
+        (inputs, outputs), (E, B, C, D), unit = ports, parts, decimal(1.0)
         names = [start + name for name in (*states, *inputs)]
-        self.states |= {name: {name: one} for name in names[: len(states)]}
+        self.states |= {name: {name: unit} for name in names[: len(states)]}
         changes, shown = (
             [_substituted(dict(zip(names, (*x, *u), strict=False)), {}) for x, u in zip(*pair, strict=True)]
             for pair in ((E, B), (C, D))
@@ -98,20 +105,20 @@ class RestEquations:
     def follow(self, block: Block, D) -> None:
         """Add a block whose outputs follow its inputs by D whatever its states are, which settle where its own entries say."""
         n, inputs = len(block.states), [f"{block.name}.{port}" for port in block.inputs]
-        E, B = (np.array(_first(part)) for part in (block.E, block.B))
+        E, B = (np.array(_first(matrix)) for matrix in (block.E, block.B))
         settled = np.linalg.solve(E, -B.reshape(n, len(inputs))).tolist() if n else []
-        for known, names, rows in (
+        for sums, names, rows in (
             (self.states, block.states, [[Fraction(value) for value in row] for row in settled]),
             (self.outputs, block.outputs, D),
         ):
             for name, row in zip(names, rows, strict=False):
-                known[f"{block.name}.{name}"] = _substituted(dict(zip(inputs, row, strict=False)), {})
+                sums[f"{block.name}.{name}"] = _substituted(dict(zip(inputs, row, strict=False)), {})
 
     def connect(self, wires: Mapping[str, Sum]) -> None:
         """Connect ports with sums of outputs."""
-        one = decimal(1.0)
+        unit = decimal(1.0)
         self.rows += [
-            _substituted({port: one} | {s: -gain for s, gain in row.items()}, self.outputs) for port, row in wires.items()
+            _substituted({port: unit} | {s: -gain for s, gain in row.items()}, self.outputs) for port, row in wires.items()
         ]
 
     def null_space(self) -> list[Sum]:
@@ -126,22 +133,34 @@ class RestEquations:
                 continue
             chosen = min(among, key=len)
             rows.remove(chosen)
-            known = {name: {other: -value / chosen[name] for other, value in chosen.items() if other != name}}
-            rows = [_substituted(row, known) if name in row else row for row in rows]
-            solved = {own: _substituted(row, known) if name in row else row for own, row in solved.items()} | known
-        return [{name: decimal(1.0)} | {own: row[name] for own, row in solved.items() if name in row} for name in free]
+            substitution = {name: {term: -value / chosen[name] for term, value in chosen.items() if term != name}}
+            rows = [_substituted(row, substitution) if name in row else row for row in rows]
+            solved = {
+                variable: _substituted(row, substitution) if name in row else row for variable, row in solved.items()
+            } | substitution
+        return [
+            {name: decimal(1.0)} | {variable: row[name] for variable, row in solved.items() if name in row} for name in free
+        ]
+
+    def moving(self) -> list[Sum]:
+        """Return the solutions of `null_space` as what they do to states and to outputs that are held."""
+        shown = self.states | {f"{port} held": row for port, row in self.outputs.items()}
+        return [
+            {name: value for name, row in shown.items() if (value := sum(f * v[u] for u, f in row.items() if u in v))}
+            for v in self.null_space()
+        ]
 
 
 def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
     """A sum in which each known unknown is the sum that it is of others."""
-    found: Sum = {}
+    total: Sum = {}
     for name, factor in row.items():
         if not factor:
             continue
-        terms = ((other, factor * value) for other, value in known[name].items()) if name in known else ((name, factor),)
-        for other, term in terms:  # a sum with 0, or a product with 1, of fractions takes as long as others
-            found[other] = found[other] + term if other in found else term
-    return {name: value for name, value in found.items() if value}
+        terms = ((unknown, factor * value) for unknown, value in known[name].items()) if name in known else ((name, factor),)
+        for unknown, term in terms:  # a sum with 0, or a product with 1, of fractions takes as long as others
+            total[unknown] = total[unknown] + term if unknown in total else term
+    return {name: value for name, value in total.items() if value}
 
 
 def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()) -> list[dict[str, float]]:
@@ -153,35 +172,33 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
     names: of the blocks. leads: those of the shifts, if they are known. Errors: ArithmeticError or ValueError where numbers are
     not known as fractions.
     """
-    blocks = [each.block for each in drawn.placed if each.block.name in names]
+    blocks = [scheduled.block for scheduled in drawn.placed if scheduled.block.name in names]
     rest = drawn.exact(blocks) if drawn.exact else _of_entries(drawn, blocks)
-    shown = rest.states | {f"{port} held": row for port, row in rest.outputs.items()}
-    moving = [
-        {name: value for name, row in shown.items() if (value := sum(f * v[u] for u, f in row.items() if u in v))}
-        for v in rest.null_space()
-    ]
-    found: dict[str, Sum] = {}
-    while moving and not (leads and len(found) == len(leads)):
+    moving = rest.moving()
+    by_lead: dict[str, Sum] = {}
+    while moving and not (leads and len(by_lead) == len(leads)):
         states = [name for name in moving[0] if name in rest.states]
         if not (leads or states):
             moving = moving[1:]
             continue
-        lead = leads[len(found)] if leads else max(states, key=lambda name: abs(float(moving[0][name])))
-        at = next((at for at, each in enumerate(moving) if lead in each), None)
+        lead = leads[len(by_lead)] if leads else max(states, key=lambda name: abs(float(moving[0][name])))
+        at = next((at for at, candidate in enumerate(moving) if lead in candidate), None)
         if at is None:
             raise ArithmeticError("expected shifts of the same states")
-        own = moving.pop(at)
-        own = {name: value / own[lead] for name, value in own.items()}
-        found = {name: _without(each, own, lead) for name, each in found.items()} | {lead: own}
-        moving = [_without(each, own, lead) for each in moving]
-    return [{lead: 1.0} | {name: float(value) for name, value in own.items() if name != lead} for lead, own in found.items()]
+        shift = moving.pop(at)
+        shift = {name: value / shift[lead] for name, value in shift.items()}
+        by_lead = {name: _without(earlier, shift, lead) for name, earlier in by_lead.items()} | {lead: shift}
+        moving = [_without(later, shift, lead) for later in moving]
+    return [
+        {lead: 1.0} | {name: float(value) for name, value in shift.items() if name != lead} for lead, shift in by_lead.items()
+    ]
 
 
-def _without(each: Sum, shift: Sum, lead: str) -> Sum:
+def _without(shifted: Sum, shift: Sum, lead: str) -> Sum:
     """Another shift, from which so much of this one is taken that it does not move the lead."""
-    share = each.get(lead, 0)
-    less = {name: each.get(name, 0) - share * value for name, value in shift.items()} if share else {}
-    return {name: value for name, value in (each | less).items() if value}
+    share = shifted.get(lead, 0)
+    less = {name: shifted.get(name, 0) - share * value for name, value in shift.items()} if share else {}
+    return {name: value for name, value in (shifted | less).items() if value}
 
 
 def _first(part):
@@ -190,8 +207,8 @@ def _first(part):
 
 def _add_by_entries(rest, block):
     """Add a block that is known by its entries alone."""
-    parts = block.at_rest or (block.E, block.B, block.C, block.D)
-    rows = [[[Fraction(value) for value in row] for row in _first(part)] for part in parts]
+    matrices = block.at_rest or (block.E, block.B, block.C, block.D)
+    rows = [[[Fraction(value) for value in row] for row in _first(matrix)] for matrix in matrices]
     if len(rows) == 1:
         rest.follow(block, *rows)
     else:
@@ -201,29 +218,39 @@ def _add_by_entries(rest, block):
 def _add_drawn(rest, kind, keys, block):
     """Add a drawn block with the values of its keys; a type that has no equations at rest by the entries of a run."""
     if kind == "butterworth":
-        parts = ([[int(keys["pass"] == "low" or not block.states)]],)  # noqa: S105 - the side that passes
+        matrices = ([[int(keys["pass"] == "low" or not block.states)]],)  # noqa: S105 - the side that passes
     elif kind == "delay":  # a dead time may have two inputs, and a second output, which shows changes
-        parts = ([[int(not at)] * len(block.inputs) for at in range(len(block.outputs))],)
+        matrices = ([[int(not at)] * len(block.inputs) for at in range(len(block.outputs))],)
     elif kind == "tf" and keys["discrete"]:
-        parts = _discrete_tf(keys["num"], keys["den"], keys["discrete"] == DELTA, block.states)
+        matrices = _discrete_tf(keys["num"], keys["den"], keys["discrete"] == DELTA, block.states)
     else:
-        parts = at_rest(kind, keys, root)
-    if parts is None:
+        matrices = at_rest(kind, keys, root)
+    if matrices is None:
         _add_by_entries(rest, block)
-    elif len(parts) == 1:
-        rest.follow(block, *parts)
+    elif len(matrices) == 1:
+        rest.follow(block, *matrices)
     else:
-        rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), parts)
+        rest.add(f"{block.name}.", block.states, (block.inputs, block.outputs), matrices)
+
+
+def _add_plant(rest, plant, value, block):
+    """Add the members of a plant. value: of a tree, in fractions."""
+    for member in plant.members:
+        start = plant.own(f"{member.name}.")
+        states = [state.removeprefix(start) for state in block.states if state.startswith(start)]
+        matrices = at_rest(member.type, keys_with(member, value), root)
+        matrices = ([], [], [[] for _ in matrices[0]], *matrices) if len(matrices) == 1 else matrices
+        rest.add(plant.start(member.name), states, member.ports, matrices)
 
 
 def _discrete_tf(num, den, delta, states):
     """A transfer function in z or z - 1 at rest; the last of its states may be delays (see `blocks.tf`)."""
     num, n = [0] * (len(den) - len(num)) + num, sum(name.startswith("x") for name in states)
     later = num[n + 1 :]
-    above, below = (each[: n + 1] if delta else recentred(1, each[: n + 1]) for each in (num, den))
+    above, below = (powers[: n + 1] if delta else recentred(1, powers[: n + 1]) for powers in (num, den))
     if below[-1]:
         return ([[(above[-1] + sum(later)) / below[-1]]],)
-    return tf_at_rest(above, below, [each / den[0] for each in later])
+    return tf_at_rest(above, below, [coefficient / den[0] for coefficient in later])
 
 
 def _of_entries(drawn, blocks) -> RestEquations:
@@ -233,11 +260,11 @@ def _of_entries(drawn, blocks) -> RestEquations:
         _add_by_entries(rest, block)
 
     def traced(signal, factor):
-        found = {signal: factor} if signal in rest.outputs else {}
+        terms = {signal: factor} if signal in rest.outputs else {}
         for source, gain in drawn.sums.get(signal, {}).items():
             for name, value in traced(source, factor * Fraction(np.ravel(gain)[0].real)).items():
-                found[name] = found.get(name, 0) + value
-        return found
+                terms[name] = terms.get(name, 0) + value
+        return terms
 
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
     rest.connect({port: traced(port, decimal(1.0)) for port in ports})
@@ -252,31 +279,31 @@ def equations_of(
     values: flat numbers. varied: names of those that other loops have other values of. out: a number that is 0, or empty.
     """
     rest, cores = RestEquations(), {block.name: block for block in drawing.cores}
-    known = {name: decimal(value) for name, value in scalars(values).items() if isinstance(value, (int, float))}
-    known |= {out: decimal(0.0)} if out else {}
+    numbers = {name: decimal(value) for name, value in scalars(values).items() if isinstance(value, (int, float))}
+    numbers |= {out: decimal(0.0)} if out else {}
 
     def value(tree):
-        return value_in_fractions(tree, known, varied)
+        return value_in_fractions(tree, numbers, varied)
 
     plants = {plant.name: plant for plant in drawing.plants}
     for block in blocks:
-        if block.name not in plants:
-            own = cores[block.name]
-            _add_drawn(rest, own.type, keys_with(own, value), block)
-            continue
-        for member in plants[block.name].members:
-            start = plants[block.name].own(f"{member.name}.")
-            states = [state.removeprefix(start) for state in block.states if state.startswith(start)]
-            parts = at_rest(member.type, keys_with(member, value), root)
-            parts = ([], [], [[] for _ in parts[0]], *parts) if len(parts) == 1 else parts
-            rest.add(plants[block.name].start(member.name), states, member.ports, parts)
+        if block.name in plants:
+            _add_plant(rest, plants[block.name], value, block)
+        else:
+            core = cores[block.name]
+            _add_drawn(rest, core.type, keys_with(core, value), block)
+    rest.connect(_wires_at_rest(drawing, rest.outputs.keys(), value, blocks))
+    return rest
+
+
+def _wires_at_rest(drawing, outputs, value, blocks) -> dict[str, Sum]:
+    """Input port of each of the blocks -> outputs that it reads, with their gains. value: of a tree, in fractions."""
     sensed, inside = {(signal, f"{name}.u") for plant in drawing.plants for signal, name in plant.sensed}, drawing.inside
     wires: dict[str, Sum] = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs}
     for port, terms in (*drawing.wires, *drawing.couplings):  # at rest, holds have no effect
         for name, gain in terms:  # what a dead time reads of a plant is what it is at rest
             read, signal = port if (name, port) not in sensed else f"{port[:-1]}{SENSED}", inside.get(name, name)
             row = wires.get(inside.get(read, read))
-            if row is not None and signal in rest.outputs:
+            if row is not None and signal in outputs:
                 row[signal] = row.get(signal, 0) + value(gain)
-    rest.connect(wires)
-    return rest
+    return wires

@@ -27,8 +27,8 @@ class ScheduledBlock:
     def __post_init__(self):
         """Refuse a block that would never run, or between two ticks. Errors: UsageError."""
         phases = self.phase if isinstance(self.phase, tuple) else (self.phase,)
-        whole = [isinstance(each, Integral) for each in (self.every, *phases)]
-        if not all(whole) or self.every < 1 or not phases or not all(0 <= each < self.every for each in phases):
+        integers = all(isinstance(number, Integral) for number in (self.every, *phases))
+        if not integers or self.every < 1 or not phases or not all(0 <= phase < self.every for phase in phases):
             raise UsageError(
                 f"block {self.block.name}: expected every >= 1 and phases from 0 on and below it, whole numbers, found every = "
                 f"{self.every!r}, phase = {self.phase!r}"
@@ -67,7 +67,7 @@ class MultirateLoop:
     ticks: int = field(init=False)
 
     def __post_init__(self):
-        ticks = lcm(*(each.every for each in self.placed))
+        ticks = lcm(*(scheduled.every for scheduled in self.placed))
         if ticks > LONGEST_FRAME:
             raise UsageError(
                 f"the frame, after which all blocks are in step again, has {ticks} ticks, expected at most {LONGEST_FRAME}; "
@@ -77,51 +77,53 @@ class MultirateLoop:
 
     def labels(self) -> dict[str, str]:
         """Readable labels of the states of blocks and of outputs that are held, by their names in `MarginalModes`."""
-        found = {}
-        for block in (each.block for each in self.placed):
+        readable_labels = {}
+        for block in (scheduled.block for scheduled in self.placed):
             readable = block.labels or [f"{block.name} {state}" for state in block.states]
-            found |= {f"{block.name}.{state}": label for state, label in zip(block.states, readable, strict=True)}
+            readable_labels |= {f"{block.name}.{state}": label for state, label in zip(block.states, readable, strict=True)}
             alone = len(block.outputs) == 1 and not block.states  # nothing else of it could be meant
-            found |= {f"{block.name}.{port} held": f"{block.name}{'' if alone else f' {port}'} held" for port in block.outputs}
-        return found
+            readable_labels |= {
+                f"{block.name}.{port} held": f"{block.name}{'' if alone else f' {port}'} held" for port in block.outputs
+            }
+        return readable_labels
 
     def refuse_wrong_names(self) -> None:
         """Raise UsageError for names or junctions that make no loop, or another one than was meant."""
-        blocks = [each.block for each in self.placed]
+        blocks = [scheduled.block for scheduled in self.placed]
         names, ports = [block.name for block in blocks], {f"{block.name}.{port}" for block in blocks for port in block.inputs}
         made = {f"{block.name}.{port}" for block in blocks for port in block.outputs} | {*self.inputs, *self.sums}
         twice = [name for name in names if names.count(name) > 1]
         unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
         wrong = [name for name in self.sums if name not in ports and name.rpartition(".")[0] in names]
         rings = [name for name in self.sums if _comes_back(name, self.sums)]
-        for found, expected in (
+        for faulty, expected in (
             ([] if blocks else ["none"], "at least one block"),
             (twice, "blocks of different names"),
             (unknown, "sources that are outputs of blocks, junctions or inputs"),
             (wrong, "the block's own inputs as ports"),
             (rings, "junctions that are not made of themselves"),
         ):
-            if found:
-                raise UsageError(f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(found))}")
+            if faulty:
+                raise UsageError(f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(faulty))}")
         period = np.asarray(self.period)
         if period.dtype.kind not in "iufc" or not np.all(period.real > 0):
             raise UsageError(f"a drawn loop: expected a period > 0 in s, found {self.period!r}")
 
     def sources(self, signal: str) -> set[str]:
         """The block outputs and inputs from outside that a signal is made of."""
-        found, open_ = set(), [signal]
+        ends, open_ = set(), [signal]
         while open_:
             name = open_.pop()
             if name in self.sums:
                 open_ += self.sums[name]
             else:
-                found.add(name)
-        return found
+                ends.add(name)
+        return ends
 
     def rings(self) -> list[list[str]]:
         """The blocks of each algebraic loop, in which what they read depends on what they give; only the largest ones."""
-        found = [ring for running in self.schedule()[0] for ring in self._rings(running)]
-        return [ring for at, ring in enumerate(found) if ring not in found[:at] and not any(set(ring) < set(r) for r in found)]
+        rings = [ring for running in self.schedule()[0] for ring in self._rings(running)]
+        return [ring for at, ring in enumerate(rings) if ring not in rings[:at] and not any(set(ring) < set(r) for r in rings)]
 
     def direct_blocks(self) -> list[str]:
         """Names of the blocks on loops of direct terms, which are closed within a tick."""
@@ -130,11 +132,7 @@ class MultirateLoop:
     def _rings(self, running) -> Iterator[list[str]]:
         """Those among blocks (indices) that run together, by the terms that are not zero."""
         blocks = [self.placed[index].block for index in running]
-        reads = {name: [source for source, gain in terms.items() if np.any(gain)] for name, terms in self.sums.items()}
-        for block in blocks:
-            direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
-            for port, row in zip(block.outputs, direct, strict=True):
-                reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
+        reads = self._direct_reads(blocks)
         from scipy.sparse.csgraph import connected_components
 
         at = {name: place for place, name in enumerate(reads)}
@@ -142,10 +140,19 @@ class MultirateLoop:
         for name, sources in reads.items():
             direct[at[name], [at[source] for source in sources if source in at]] = True
         names, (_, label) = [name.rpartition(".")[0] for name in at], connected_components(direct, connection="strong")
-        for ring in (np.flatnonzero(label == each) for each in dict.fromkeys(label.tolist())):
+        for ring in (np.flatnonzero(label == number) for number in dict.fromkeys(label.tolist())):
             if len(ring) > 1 or direct[ring[0], ring[0]]:
                 inside = {names[place] for place in ring}
                 yield [block.name for block in blocks if block.name in inside]
+
+    def _direct_reads(self, blocks) -> dict[str, list[str]]:
+        """Signal -> the signals that it depends on within a tick in which these blocks run."""
+        reads = {name: [source for source, gain in terms.items() if np.any(gain)] for name, terms in self.sums.items()}
+        for block in blocks:
+            direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
+            for port, row in zip(block.outputs, direct, strict=True):
+                reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
+        return reads
 
     def living(self, watched=()) -> "MultirateLoop":
         """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`.
@@ -154,56 +161,60 @@ class MultirateLoop:
         """
         placed = list(self.placed)
         while True:
-            ports = (f"{each.block.name}.{port}" for each in placed for port in each.block.inputs)
+            ports = (f"{scheduled.block.name}.{port}" for scheduled in placed for port in scheduled.block.inputs)
             read = {source.rpartition(".")[0] for signal in (*ports, *watched) for source in self.sources(signal)}
-            kept = [each for each in placed if each.block.name in read or each.block.ring]
-            if len(kept) == len(placed):
-                return self if len(kept) == len(self.placed) else replace(self, placed=tuple(kept))
-            placed = kept
+            read_blocks = [scheduled for scheduled in placed if scheduled.block.name in read or scheduled.block.ring]
+            if len(read_blocks) == len(placed):
+                return self if len(read_blocks) == len(self.placed) else replace(self, placed=tuple(read_blocks))
+            placed = read_blocks
 
     def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
         """The different sets of blocks (indices) that run in a tick, and the number of the set of each tick of the frame."""
-        sets, which = _schedule(tuple((each.every, each.phase) for each in self.placed), self.ticks)
-        return list(sets), which
+        sets, set_numbers = _schedule(tuple((scheduled.every, scheduled.phase) for scheduled in self.placed), self.ticks)
+        return list(sets), set_numbers
 
     def held(self, watched=()) -> dict[str, list[str]]:
         """Block -> its output ports that something reads in a tick in which the block does not run.
 
         watched: signals that are read in every tick.
         """
-        masks = {each.block.name: each.runs(self.ticks) for each in self.placed}
-        readers = [(masks[each.block.name], f"{each.block.name}.{port}") for each in self.placed for port in each.block.inputs]
+        masks = {scheduled.block.name: scheduled.runs(self.ticks) for scheduled in self.placed}
+        readers = [
+            (masks[scheduled.block.name], f"{scheduled.block.name}.{port}")
+            for scheduled in self.placed
+            for port in scheduled.block.inputs
+        ]
         readers += [(np.ones(self.ticks, bool), signal) for signal in watched]
-        found = {}
+        held_ports = {}
         for mask, signal in readers:
             for source in self.sources(signal):
                 name, _, port = source.rpartition(".")
                 if name in masks and np.any(mask & ~masks[name]):
-                    found.setdefault(name, {})[port] = None
+                    held_ports.setdefault(name, {})[port] = None
         return {
-            each.block.name: [port for port in each.block.outputs if port in found.get(each.block.name, {})]
-            for each in self.placed
+            scheduled.block.name: [port for port in scheduled.block.outputs if port in held_ports.get(scheduled.block.name, {})]
+            for scheduled in self.placed
         }
 
 
 @lru_cache(maxsize=64)
 def _schedule(rhythms, ticks):
-    masks = np.stack([_runs(*each, ticks) for each in rhythms], axis=1)
-    sets, which = np.unique(masks, axis=0, return_inverse=True)
-    which = which.reshape(-1)
-    which.flags.writeable = False
-    return tuple(tuple(np.flatnonzero(row).tolist()) for row in sets), which
+    masks = np.stack([_runs(*rhythm, ticks) for rhythm in rhythms], axis=1)
+    sets, set_numbers = np.unique(masks, axis=0, return_inverse=True)
+    set_numbers = set_numbers.reshape(-1)
+    set_numbers.flags.writeable = False
+    return tuple(tuple(np.flatnonzero(row).tolist()) for row in sets), set_numbers
 
 
 def _comes_back(name, sums):
     """Whether a junction is a part of itself, through junctions alone."""
-    seen, open_ = set(), list(sums[name])
+    visited, open_ = set(), list(sums[name])
     while open_:
         source = open_.pop()
         if source == name:
             return True
-        if source in sums and source not in seen:
-            seen.add(source)
+        if source in sums and source not in visited:
+            visited.add(source)
             open_ += sums[source]
     return False
 
@@ -216,8 +227,8 @@ def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
         return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
 
     placed = []
-    for each in drawn.placed:
-        parts = {name: one(getattr(each.block, name), 2) for name in "EBCD"}
-        placed.append(replace(each, block=replace(each.block, **parts, condition=1.0, terms=None)))
+    for scheduled in drawn.placed:
+        matrices = {name: one(getattr(scheduled.block, name), 2) for name in "EBCD"}
+        placed.append(replace(scheduled, block=replace(scheduled.block, **matrices, condition=1.0, terms=None)))
     sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
     return MultirateLoop(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))

@@ -25,11 +25,11 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     dampers of different signs may cancel.
     Errors: IllPosedLoopError if the direct terms make a loop without a solution.
     """
-    parts = [continuous(block.type, keys[block.name]) for block in plant.members]
+    members = [continuous(block.type, keys[block.name]) for block in plant.members]
     ports = plant.drawn_ports
-    A, B, C, D = (block_diagonal([matrices[i] for _, matrices in parts]) for i in range(4))
-    sizes = [sizes_of(b.type, keys[b.name], *own[:2]) for b, (_, own) in zip(plant.members, parts, strict=True)]
-    of_A, of_B = (block_diagonal(each) for each in zip(*sizes, strict=True))
+    A, B, C, D = (block_diagonal([matrices[i] for _, matrices in members]) for i in range(4))
+    sizes = [sizes_of(b.type, keys[b.name], *rates[:2]) for b, (_, rates) in zip(plant.members, members, strict=True)]
+    of_A, of_B = (block_diagonal(blocks) for blocks in zip(*sizes, strict=True))
     K = _gains(gains, *ports)
     L = D @ K
     M, sizes, facts = np.eye(len(ports[1])), np.eye(len(ports[1])), {}
@@ -40,7 +40,7 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     of_C, of_D, of_back = sizes @ np.abs(C), sizes @ np.abs(D), of_B @ np.abs(K)
     A, B, of_A, of_B = A + back @ shown, B + back @ through, of_A + of_back @ of_C, of_B + of_back @ of_D
     E, G, *of_held = held(A, B, period, (of_A, of_B))
-    states = [(block.name, state) for block, (own, _) in zip(plant.members, parts, strict=True) for state in own]
+    states = [(block.name, state) for block, (names, _) in zip(plant.members, members, strict=True) for state in names]
     block = Block(
         plant.name,
         *map(tuple, plant.ports),
@@ -62,7 +62,7 @@ LABELS = {"v": "velocity", "x": "position"}
 def _gains(gains, inputs, outputs):
     """The matrix of the gains, `(..., inputs, outputs)`."""
     entries = {(port, signal): numbers(gain) for port, terms in gains.items() for signal, gain in terms.items()}
-    batch = np.broadcast_shapes(*(each.shape for each in entries.values()))
+    batch = np.broadcast_shapes(*(entry.shape for entry in entries.values()))
     K = np.zeros((*batch, len(inputs), len(outputs)), np.result_type(float, *entries.values()))
     for (port, signal), gain in entries.items():
         K[..., inputs.index(port), outputs.index(signal)] = gain

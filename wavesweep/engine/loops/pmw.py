@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.loops.controller_page import F_S, RATIO, Page, Slow, device
+from wavesweep.engine.loops.controller_page import F_S, RATIO, BlockDiagram, Slow, device
 
 
-def pmw(values: Mapping[str, Any]) -> Page:
+def pmw(values: Mapping[str, Any]) -> BlockDiagram:
     """Figure 1: hand -> device -> encoder u_m -> LP1 -> sampler -> avatar and wall -> v_s -> hold -> v_m -> device."""
     return _waves(values, _filter("lp1"))
 
 
-def pmw_mean(values: Mapping[str, Any]) -> Page:
+def pmw_mean(values: Mapping[str, Any]) -> BlockDiagram:
     """Figure 1 with the mean of a frame's waves in LP1's place: of all passive channels, the one that is felt stiffest at rest.
 
     Where rates do not divide, the nearest whole number of ticks.
@@ -20,7 +20,7 @@ def pmw_mean(values: Mapping[str, Any]) -> Page:
     return _waves(values, {"type": "mean", "n": round(values[RATIO])})
 
 
-def pmw_lm(values: Mapping[str, Any]) -> Page:
+def pmw_lm(values: Mapping[str, Any]) -> BlockDiagram:
     """Figure 3: Figure 1 and the branch u_m -> HP -> local model -> LP2 -> v_2; v_m = v_1 + v_2 + Kp (x_s - x)."""
     blocks = {
         "hp": _filter("hp", "high"),
@@ -48,8 +48,8 @@ def _waves(values, lp1, branch=MappingProxyType({}), of_branch=MappingProxyType(
     held, through, v_1 = slow.in_place("v_1", "avatar.out")
     v_m = f"{v_1} + {v_2}" if v_2 else v_1
     if values["controller.Kp"]:  # equation (3) of the paper
-        more, further, x_s = slow.in_place("x_s", "avatar.x")
-        held, through, v_m = held | more, through | further, f"{v_m} + controller.Kp*({x_s} - device.x)"
+        shown_blocks, further, x_s = slow.in_place("x_s", "avatar.x")
+        held, through, v_m = held | shown_blocks, through | further, f"{v_m} + controller.Kp*({x_s} - device.x)"
     wires |= {
         "encoder.v": velocity,
         "encoder.in": v_m,
@@ -59,7 +59,7 @@ def _waves(values, lp1, branch=MappingProxyType({}), of_branch=MappingProxyType(
         "device.f": "f_h - encoder.force",
     }
     assumes = f"{values['environment.integration']} integration of the wall"
-    return Page({**blocks, **branch, **held}, {**wires, **of_branch, **through}, "encoder.force", assumes)
+    return BlockDiagram({**blocks, **branch, **held}, {**wires, **of_branch, **through}, "encoder.force", assumes)
 
 
 def _filter(name, passes="low"):

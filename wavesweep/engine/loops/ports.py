@@ -37,8 +37,8 @@ def hand_of(drawing: Drawing) -> Ports:
 
 def axes_of(drawing: Drawing) -> Ports:
     """The signals at the port of a hand with all its axes."""
-    others = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
-    return Ports(drawing.hand[0], POSITION, others=others)
+    further = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
+    return Ports(drawing.hand[0], POSITION, others=further)
 
 
 def feels(drawing: Drawing) -> bool:

@@ -74,18 +74,18 @@ class Resolution:
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], sides: Sequence[Side]) -> None:
         self.sides, self.used = sides, 0
         names = tuple(side.path and name_of(side.path) for side in sides)
-        known = {name: v for name, v in scalars(values).items() if v is not None}
-        own = expressions(drawing, names, any(side.scale for side in sides))
-        self.parts = [_Part(each, names, sides, known) for each in own]
+        numbers = {name: v for name, v in scalars(values).items() if v is not None}
+        bent = expressions(drawing, names, any(side.scale for side in sides))
+        self.parts = [_BoxedExpression(expression, names, sides, numbers) for expression in bent]
 
     def unresolved(self, box: np.ndarray) -> np.ndarray:
         """Return along which sides a box `(2, sides)` may have to be divided before it is resolved, a mask `(sides,)`."""
-        found = np.zeros(len(self.sides), bool)
-        for part in self.parts:
-            before = part.used
-            found |= part.unresolved(box)
-            self.used += COST * (part.used - before)
-        return found
+        along = np.zeros(len(self.sides), bool)
+        for expression in self.parts:
+            before = expression.used
+            along |= expression.unresolved(box)
+            self.used += COST * (expression.used - before)
+        return along
 
     def extremes(self, box: np.ndarray) -> np.ndarray:
         """Return points of a box, `(points, sides)`, at which an expression is about least or largest: members to try first.
@@ -93,26 +93,26 @@ class Resolution:
         The box is divided until it is resolved, in up to PARTS parts, and each part is looked at in a few points; expressions
         of more than three sides are not looked at.
         """
-        found = [np.zeros((0, len(self.sides)))]
-        for part in self.parts:
-            wide = [at for at in part.bent if box[0, at] < box[1, at]]
+        extremes = [np.zeros((0, len(self.sides)))]
+        for expression in self.parts:
+            wide = [at for at in expression.bent if box[0, at] < box[1, at]]
             if not 0 < len(wide) <= 3:
                 continue
             queue, points = [box], []
             while queue and len(points) < PARTS:
                 piece = queue.pop(0)
-                if (unresolved := part.unresolved(piece)).any():
+                if (unresolved := expression.unresolved(piece)).any():
                     queue += halves(piece, to_divide(unresolved, piece, box))
                 shares = np.array(list(product(*[np.linspace(0, 1, 9 if len(wide) < 3 else 5)] * len(wide))))
-                some = np.repeat(piece.mean(0)[None], len(shares), 0)
-                some[:, wide] = piece[0, wide] + shares * np.ptp(piece, 0)[wide]
-                points.append(some)
+                places = np.repeat(piece.mean(0)[None], len(shares), 0)
+                places[:, wide] = piece[0, wide] + shares * np.ptp(piece, 0)[wide]
+                points.append(places)
             points = np.concatenate(points)
-            value = part.values(points)
+            value = expression.values(points)
             for sign in (-1, 1) if np.isfinite(value).any() else ():
                 at = points[np.argmax(np.where(np.isfinite(value), sign * value, -np.inf))]
-                found.append(part.climbed(at, box, wide, sign)[None])
-        return np.unique(np.concatenate(found), axis=0)
+                extremes.append(expression.climbed(at, box, wide, sign)[None])
+        return np.unique(np.concatenate(extremes), axis=0)
 
 
 def halves(box: np.ndarray, side: int) -> list[np.ndarray]:
@@ -136,7 +136,7 @@ class ResolvedAlong:
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], path: str) -> None:
         self.loops, self.path, self.known = (drawing, values), path, {}
-        read = {name for each in expressions(drawing, (name_of(path),), logarithmic=True) for name in each.reads}
+        read = {name for expression in expressions(drawing, (name_of(path),), logarithmic=True) for name in expression.reads}
         self.none = not read
         self.varied = [key for key, v in values.items() if np.ndim(v) and key != path and name_of(key) in read]
 
@@ -146,15 +146,15 @@ class ResolvedAlong:
         """Whether they are, for loops `column` and sides (see `Side`) from low to high, `(n,)` all."""
         if self.none:
             return np.ones(column.size, bool)
-        (drawing, values), found = self.loops, []
+        (drawing, values), resolved = self.loops, []
         for at, *ends in zip(column.tolist(), low.tolist(), high.tolist(), strict=True):
-            own = {key: float(values[key][at]) for key in self.varied}
-            key = (offset, scale, *own.values())
+            loop_values = {key: float(values[key][at]) for key in self.varied}
+            key = (offset, scale, *loop_values.values())
             if key not in self.known:
                 single = {name: v for name, v in values.items() if not np.ndim(v)}
-                self.known[key] = Resolution(drawing, {**single, **own}, [Side(self.path, offset, scale)])
-            found.append(not self.known[key].unresolved(np.array(ends)[:, None]).any())
-        return np.array(found, bool)
+                self.known[key] = Resolution(drawing, {**single, **loop_values}, [Side(self.path, offset, scale)])
+            resolved.append(not self.known[key].unresolved(np.array(ends)[:, None]).any())
+        return np.array(resolved, bool)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,25 +175,25 @@ class Expression:
 def expressions(drawing: Drawing, names: tuple[str, ...], logarithmic: bool = False) -> tuple[Expression, ...]:
     """Return the expressions of a drawing that are no polynomials of a small degree in these numbers: its numbers and 1 over
     its divisors. logarithmic: whether sides are logarithms of numbers, of which powers change faster."""
-    most, asked = 4 if logarithmic else DEGREE, {name for name in names if name}
+    most, names_asked = 4 if logarithmic else DEGREE, {name for name in names if name}
     trees = {cancelled(tree): None for _, tree in drawing.trees()}
     plain = dict.fromkeys(
-        guard for _, guard in divisors(drawing) if len({*dict(names_in(guard))}) > 1 or not _is_affine(guard, asked)
+        guard for _, guard in divisors(drawing) if len({*dict(names_in(guard))}) > 1 or not _is_affine(guard, names_asked)
     )
     trees |= {("/", ONE, guard, 0): None for guard in plain}
-    found = []
+    bent_expressions = []
     for tree in trees:
         reads = frozenset(name for name, _ in names_in(tree))
-        if bent := tuple(sorted(name for name in reads & asked if degree(tree, name) > most)):
-            found.append(Expression(partial(evaluate, named(tree)), reads, constants_of(tree), bent))
-    return (*found, *_masses(drawing, asked))
+        if bent := tuple(sorted(name for name in reads & names_asked if degree(tree, name) > most)):
+            bent_expressions.append(Expression(partial(evaluate, named(tree)), reads, constants_of(tree), bent))
+    return (*bent_expressions, *_masses(drawing, names_asked))
 
 
-def _is_affine(guard, asked):
-    return all(degree(guard, name) <= 1 for name in asked)
+def _is_affine(guard, names_asked):
+    return all(degree(guard, name) <= 1 for name in names_asked)
 
 
-def _masses(drawing, asked) -> Iterator[Expression]:
+def _masses(drawing, names_asked) -> Iterator[Expression]:
     """Yield 1 over the determinant of each mass matrix at its axes."""
     for block in drawing.blocks:
         if block.type != "mass_matrix":
@@ -202,7 +202,7 @@ def _masses(drawing, asked) -> Iterator[Expression]:
         matrices = {name: [[named(tree) for tree in row] for row in keys[name]] for name in MASS}
         trees = [tree for name in MASS for row in keys[name] for tree in row]
         reads = frozenset(name for tree in trees for name, _ in names_in(tree))
-        if reads & asked:
+        if reads & names_asked:
 
             def value(numbers, library, watch=None, keys=keys, matrices=matrices):
                 shared = SharedParts()
@@ -213,14 +213,14 @@ def _masses(drawing, asked) -> Iterator[Expression]:
                 return 1 / determinant(at_axes({**keys, **entries}, "mass"))
 
             constants = frozenset().union(*map(constants_of, trees))
-            yield Expression(value, reads, constants, tuple(sorted(reads & asked)))
+            yield Expression(value, reads, constants, tuple(sorted(reads & names_asked)))
 
 
 class _NotAnalyticError(Exception):
     """A ball meets a branch cut."""
 
 
-class _Part:
+class _BoxedExpression:
     """An expression of a loop on boxes of some sides."""
 
     def __init__(self, expression: Expression, names, sides, known) -> None:
@@ -228,21 +228,21 @@ class _Part:
         self.own = [at for at, name in enumerate(names) if name in expression.reads]
         self.bent = [at for at, name in enumerate(names) if name in expression.bent]
         self.names, self.sides, self.shown = names, sides, np.zeros((0, 2, len(self.own)))
-        others = expression.reads - {names[at] for at in self.own}
-        self.known = {name: float(known[name]) for name in others} | {each: each for each in expression.constants}
+        unswept = expression.reads - {names[at] for at in self.own}
+        self.known = {name: float(known[name]) for name in unswept} | {constant: constant for constant in expression.constants}
 
     def unresolved(self, box):
         """See `Resolution`: all sides along which the expression is bent, since it may be too large for any of them."""
-        found, own = np.zeros(len(self.sides), bool), box[:, self.own]
+        along, own_box = np.zeros(len(self.sides), bool), box[:, self.own]
         wide = [at for at in self.bent if box[0, at] < box[1, at]]
         # The ellipse about a part is within that about the whole.
-        if not wide or ((self.shown[:, 0] <= own[0]) & (own[1] <= self.shown[:, 1])).all(-1).any():
-            return found
+        if not wide or ((self.shown[:, 0] <= own_box[0]) & (own_box[1] <= self.shown[:, 1])).all(-1).any():
+            return along
         if self._resolved(box, wide):
-            self.shown = np.concatenate([self.shown, own[None]])
+            self.shown = np.concatenate([self.shown, own_box[None]])
         else:
-            found[wide] = True
-        return found
+            along[wide] = True
+        return along
 
     def _resolved(self, box, wide):
         middle, half = box.mean(0), (box[1] - box[0]) / 2
@@ -273,15 +273,15 @@ class _Part:
 
     def _samples(self, middle, half, wide):
         """The value in the middle, and the largest difference from it at places about each side, with others at three each."""
-        others = [at for at in self.own if half[at] > 0]
+        wide_sides = [at for at in self.own if half[at] > 0]
         points = []
         for at in wide:
-            rest = [other for other in others if other != at]
+            rest = [side for side in wide_sides if side != at]
             for shares in product((-1.0, 0.0, 1.0), repeat=len(rest)) if len(rest) < 4 else [(0.0,) * len(rest)]:
-                some = np.repeat(middle[None].astype(complex), PLACES.size, 0)
-                some[:, rest] += np.array(shares) * half[rest]
-                some[:, at] += half[at] * PLACES
-                points.append(some)
+                places = np.repeat(middle[None].astype(complex), PLACES.size, 0)
+                places[:, rest] += np.array(shares) * half[rest]
+                places[:, at] += half[at] * PLACES
+                points.append(places)
         value = self.values(np.concatenate([middle[None].astype(complex), *points]))
         with np.errstate(all="ignore"):
             return value[0], np.abs(value - value[0]).max()
@@ -307,8 +307,8 @@ class _Part:
 
         across, up = (larger + 1 / larger) / 2, (larger - 1 / larger) / 2
         balls = {name: acb(v) for name, v in self.known.items()}
-        for other in self.own:
-            balls[self.names[other]] = self._number(other, acb(_span(middle[other], half[other], -1.0, 1.0)))
+        for side in self.own:
+            balls[self.names[side]] = self._number(side, acb(_span(middle[side], half[side], -1.0, 1.0)))
         queue = [(-across, across, 0.0, up, 0)]
         while queue:
             left, right, bottom, top, depth = queue.pop()
@@ -327,8 +327,8 @@ class _Part:
             if depth == DEEPEST:
                 return False
             x, y = (left + right) / 2, (bottom + top) / 2
-            both = product(((left, x), (x, right)), ((bottom, y), (y, top)))
-            queue += [(*one, *other, depth + 1) for one, other in both]
+            quarters = product(((left, x), (x, right)), ((bottom, y), (y, top)))
+            queue += [(*across_x, *across_y, depth + 1) for across_x, across_y in quarters]
         return True
 
     def _number(self, at, ball):
@@ -340,8 +340,8 @@ def _span(middle, half, low, high):
     """A ball with all real numbers from `middle + low half` to `middle + high half`."""
     from flint import arb
 
-    one, half = arb(float(middle)), arb(float(half))
-    return (one + half * float(low)).union(one + half * float(high))
+    centre, half = arb(float(middle)), arb(float(half))
+    return (centre + half * float(low)).union(centre + half * float(high))
 
 
 @lru_cache(maxsize=1)
@@ -352,13 +352,13 @@ def _library():
     def root(ball):  # that of 0 everywhere is 0
         return ball if ball.is_zero() else ball.sqrt(analytic=True)
 
-    whole = {name: getattr(acb, name) for name in FUNCTIONS}
-    return SimpleNamespace(**whole | {"sqrt": root, "log": partial(acb.log, analytic=True)})
+    functions = {name: getattr(acb, name) for name in FUNCTIONS}
+    return SimpleNamespace(**functions | {"sqrt": root, "log": partial(acb.log, analytic=True)})
 
 
 def _watch(tree, base, exponent, value):
     """Refuse a power that is not whole and whose base meets the cut of its logarithm."""
     del value
-    whole = tree[0] != "**" or (is_constant(tree[2]) and float(exponent).is_integer())
-    if not (whole or base.is_zero() or base.real > 0 or not base.imag.contains(0)):
+    is_whole = tree[0] != "**" or (is_constant(tree[2]) and float(exponent).is_integer())
+    if not (is_whole or base.is_zero() or base.real > 0 or not base.imag.contains(0)):
         raise _NotAnalyticError

@@ -25,10 +25,10 @@ def values_of(tree: Tree, numbers: Mapping[str, Any], shared: SharedParts | None
         return evaluate(tree, numbers)
     shared = SharedParts() if shared is None else shared
 
-    def watch(part, *values):
-        lost = np.asarray(lost_digits(part, *values))
+    def watch(node, *values):
+        lost = np.asarray(lost_digits(node, *values))
         if lost.any():
-            shared.lost[id(part)] = lost
+            shared.lost[id(node)] = lost
 
     with np.errstate(all="ignore"):
         rough = evaluate(tree, numbers, np, watch, shared)
@@ -46,18 +46,18 @@ def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
     return values_of(("-", tree, ("name", ROUNDED, 0), 0), {**numbers, ROUNDED: value})
 
 
-def _again(tree, numbers, found, lost):
+def _again(tree, numbers, values, lost):
     """Return the values, those that have lost digits from ball arithmetic."""
     from wavesweep.engine.drawing.expressions import exactly
 
-    at = np.flatnonzero(np.broadcast_to(lost, found.shape))
+    at = np.flatnonzero(np.broadcast_to(lost, values.shape))
     names = dict(names_in(tree))
-    columns = [np.broadcast_to(numbers[name], found.shape).reshape(-1)[at].tolist() for name in names]
+    columns = [np.broadcast_to(numbers[name], values.shape).reshape(-1)[at].tolist() for name in names]
     rows = zip(*columns, strict=True) if names else [()] * at.size
     exact = np.array([exactly(tree, dict(zip(names, row, strict=True))) for row in rows])
-    whole = found.dtype.kind == "c" or exact.dtype.kind != "c"
-    found.reshape(-1)[at] = exact if whole else np.where(exact.imag == 0, exact.real, np.nan)
-    return found if found.shape else found.item()
+    keeps_type = values.dtype.kind == "c" or exact.dtype.kind != "c"
+    values.reshape(-1)[at] = exact if keeps_type else np.where(exact.imag == 0, exact.real, np.nan)
+    return values if values.shape else values.item()
 
 
 def keys_with(block: DrawnBlock, value: Callable[[Tree], Any]) -> dict[str, Any]:

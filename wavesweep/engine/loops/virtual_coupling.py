@@ -5,46 +5,54 @@ Stable haptic interaction with virtual environments, IEEE Trans. Robotics and Au
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
-from wavesweep.engine.loops.controller_page import F_S, Page, Slow, device
+from wavesweep.engine.loops.controller_page import F_S, BlockDiagram, Slow, device
 
 _K, _B = "controller.K_VC", "controller.B_VC"
 
 
-def dc_vc(values: Mapping[str, Any]) -> Page:
+def dc_vc(values: Mapping[str, Any]) -> BlockDiagram:
     """hand -> device -> sampled coupling -> massless avatar and wall -> held avatar -> coupling in every tick -> device."""
     blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s")
     force = f"{_K}*(device.x - {shown['x_s']}) + {_B}*({velocity} - {shown['v_s']})"
     blocks |= {"coupling": {"type": "gain"}}
-    return Page(blocks, wires | {"coupling.u": force, "device.f": "f_h - coupling.y"}, "coupling.y", _assumes(values))
+    return BlockDiagram(blocks, wires | {"coupling.u": force, "device.f": "f_h - coupling.y"}, "coupling.y", _assumes(values))
 
 
-def dc_vc_lm(values: Mapping[str, Any]) -> Page:
+def dc_vc_lm(values: Mapping[str, Any]) -> BlockDiagram:
     """The same slow avatar, and a fast one, which a spring and a damper about the slow one's pose and force act on."""
     blocks, wires, velocity, shown = _slow_avatar(values, "x_s", "v_s", "F_s")
     fast, of_fast, x_l = _massless("local", values["local_model.integration"], velocity, "model.y", {})
     F_l = f"{shown['F_s']} + local_model.K_LM*({x_l} - {shown['x_s']}) + local_model.B_LM*(local_speed.y - {shown['v_s']})"
     blocks |= {**fast, "model": {"type": "gain"}}
     wires |= {**of_fast, "model.u": F_l, "device.f": "f_h - model.y"}
-    return Page(blocks, wires, "model.y", _assumes(values))
+    return BlockDiagram(blocks, wires, "model.y", _assumes(values))
 
 
 def _assumes(values):
     return f"{values['environment.integration']} integration of the wall"
 
 
-def _slow_avatar(values, *signals):
+class SlowAvatar(NamedTuple):
     """The device, and the slow avatar at the wall: blocks, wires, the measured velocity, and what shows each signal."""
+
+    blocks: dict[str, dict]
+    wires: dict[str, str]
+    velocity: str
+    shown: dict[str, str]
+
+
+def _slow_avatar(values, *signals) -> SlowAvatar:
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
-    own, of_own, x = _massless("avatar", values["environment.integration"], velocity, "wall.y", slow.block())
-    blocks |= {**own, "wall": slow.block(type="hold")}
+    massless, of_own, x = _massless("avatar", values["environment.integration"], velocity, "wall.y", slow.block())
+    blocks |= {**massless, "wall": slow.block(type="hold")}
     wires |= {**of_own, "wall.u": F_S.format(x=x, v="avatar_speed.y")}
     sources, shown = {"x_s": "avatar.y", "v_s": "avatar_speed.y", "F_s": "wall.y"}, {}
     for name in signals:
         held, through, shown[name] = slow.in_place(name, sources[name])
         blocks, wires = blocks | held, wires | through
-    return blocks, wires, velocity, shown
+    return SlowAvatar(blocks, wires, velocity, shown)
 
 
 def _massless(name, integration, velocity, force, runs):
