@@ -10,18 +10,10 @@ from typing import Any, NamedTuple
 
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
+from wavesweep.engine.state_space import StateSpace
 
 Rows = list[list[Any]]
 Root = Callable[[Any], Any]  # the square root of numbers of a kind
-
-
-class Matrices(NamedTuple):
-    """The matrices of a block, as rows or as arrays."""
-
-    E: Any
-    B: Any
-    C: Any
-    D: Any
 
 
 class Equations(NamedTuple):
@@ -116,13 +108,13 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
     back from an avatar at rest with the other sign, which its entries in a run show only up to rounding.
     """
     if TYPES[kind].body:
-        return Matrices([[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]])
+        return StateSpace([[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]])
     match kind:
         case "mass_matrix":
             _, E, *_, C, D = continuous(kind, keys)
             n, (damping, stiffness) = len(D[0]), (at_axes(keys, name) for name in MATRICES[1:])
             pulled = [[-entry for entry in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)]
-            return Matrices(pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D)
+            return StateSpace(pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D)
         case "spring":
             return (continuous(kind, keys).D,)
         case "gain" | "hold" | "channel":
@@ -134,15 +126,15 @@ def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] 
         case "difference":
             return ([[0]],)
         case "integrator" | "impulse":
-            return Matrices([[0]], [[1]], [[1]], [[0]])
+            return StateSpace([[0]], [[1]], [[1]], [[0]])
         case "avatar":
-            return Matrices([[0]], [[root(2 * keys["b"]), -1]], [[0], [1], [1], [0]], [[0, 0], [0, 0], [0, 0], [-1, 0]])
+            return StateSpace([[0]], [[root(2 * keys["b"]), -1]], [[0], [1], [1], [0]], [[0, 0], [0, 0], [0, 0], [-1, 0]])
         case "local_model":
-            return Matrices([[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]])
+            return StateSpace([[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]])
         case "ss":
             A, B, C, D = continuous(kind, keys)[1:]
             E = [[entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)] for i, row in enumerate(A)]
-            return Matrices(E, B, C, D)
+            return StateSpace(E, B, C, D)
         case "tf" if not keys["discrete"]:
             return tf_at_rest(keys["num"], keys["den"])
     return None

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.engine.loops.block import Block, matrix, numbers
-from wavesweep.engine.loops.definitions import Matrices
+from wavesweep.engine.state_space import StateSpace
 
 FEW = 64.0  # roundings that a cutoff's distance from half the rate may lose before the block's condition counts them
 
@@ -51,7 +51,7 @@ def _single(warped, highpass):
     gain = 1 / (1 + warped)
     root = np.sqrt(2 * warped) * gain
     sign, through = (-1, gain) if highpass else (1, warped * gain)
-    return Matrices(*(matrix([[entry]]) for entry in (-2 * warped * gain, root, sign * root, through)))
+    return StateSpace(*(matrix([[entry]]) for entry in (-2 * warped * gain, root, sign * root, through)))
 
 
 def _pair(warped, angle, highpass):
@@ -75,7 +75,7 @@ def _bilinear(alpha, beta, b, c1, c2, through):
     E = matrix([[real, imag], [-imag, real]])
     B = matrix([[root * q * b], [root * p * b]])
     C = matrix([[root * (c1 * p - c2 * q), root * (c1 * q + c2 * p)]])
-    return Matrices(E, B, C, matrix([[through + (c1 * q + c2 * p) * b]]))
+    return StateSpace(E, B, C, matrix([[through + (c1 * q + c2 * p) * b]]))
 
 
 def _assemble(name, sections) -> Block:

@@ -12,11 +12,11 @@ from wavesweep.engine.drawing.drawing import Drawing, decides, name_of
 from wavesweep.engine.drawing.expressions import ONE, SharedParts, degree, evaluate, names_in, with_number
 from wavesweep.engine.loops import blocks, dead_time
 from wavesweep.engine.loops.block import numbers
-from wavesweep.engine.loops.definitions import Matrices
 from wavesweep.engine.loops.integrator_modes import equations_of
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.loops.plant import plant_of
 from wavesweep.engine.loops.values import keys_with, numbers_of, rest_of, values_of
+from wavesweep.engine.state_space import StateSpace
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
@@ -171,7 +171,7 @@ def _opened(constant, slope):
         unit, none = np.ones_like(D), np.zeros_like(D)
         rows = (np.concatenate(np.broadcast_arrays(*row), -1) for row in ((D, unit), (d, none)))
         C, D = (np.concatenate(np.broadcast_arrays(*column), -2) for column in ((C, c), rows))
-        return Matrices(E, np.concatenate([B, np.zeros_like(B)], -1), C, D)
+        return StateSpace(E, np.concatenate([B, np.zeros_like(B)], -1), C, D)
 
     matrices = wider(*(getattr(constant, name) for name in "EBCD"), slope.C, slope.D)
     terms = constant.terms and wider(*constant.terms, *slope.terms[2:])
