@@ -20,6 +20,7 @@ ENGINE = (
     "errors",
     "arguments",
     "rows",
+    "state_space",
     "doubts",
     "keys",
     "drawing",
@@ -55,8 +56,8 @@ HEAVY = ("flint", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib",
 
 
 def layer_of(module):
-    """The layer of a dotted name below `wavesweep.program`; the library and the package itself stand above all."""
-    room = (*module.split(".")[2:3], "")[0]
+    """The layer of a dotted name below engine and program; the library and the package itself stand above all."""
+    room = ".".join(module.split(".")[1:3])
     return LAYERS.index(room) if room in LAYERS else TOP
 
 

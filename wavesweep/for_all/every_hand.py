@@ -13,12 +13,11 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.engine.drawing.expressions import degree
-from wavesweep.engine.energy.held_loop import HeldLoop, device_keys, device_of
+from wavesweep.engine.energy.held_loop import HeldLoop, device_keys, device_of, held_loop
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.loops.from_drawing import scalar_place
-from wavesweep.engine.stability.radii import held_loop
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import agree, members, unstable
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part

@@ -19,7 +19,7 @@ def port(loops, size: int) -> tuple:
     """
     import numpy as np
 
-    from wavesweep.engine.stability.radii import held_loop
+    from wavesweep.engine.energy.held_loop import held_loop
     from wavesweep.passive.margin import port_margin
 
     del size

@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import ONE
+from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.loops.dead_time import built, shares
 from wavesweep.engine.loops.from_drawing import assembled, twins
@@ -90,6 +91,11 @@ class HeldLoop:
         with np.errstate(all="ignore"):
             ports = axes_of(self.drawing)
             return port_of(drawn or self.drawn(), ports, self.drift(ports.signals))
+
+
+def held_loop(loops: Loops) -> HeldLoop:
+    """Return the loops with a hand."""
+    return HeldLoop(*loops.read)
 
 
 _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects

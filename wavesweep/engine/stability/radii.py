@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from wavesweep.engine.loops.ports import hand_of
 from wavesweep.engine.monodromy.drift import MarginalModes, closed_frame, drift_of_drawn, frame_with_reliability
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.stability.spectrum import radius_of
-
-if TYPE_CHECKING:
-    from wavesweep.engine.energy.held_loop import HeldLoop
 
 
 @contextmanager
@@ -56,13 +52,6 @@ def drift_of(loops: Loops, out: str = "", watched=(), second: str = "") -> Margi
 
 
 _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
-
-
-def held_loop(loops: Loops) -> "HeldLoop":
-    """The loops with a hand."""
-    from wavesweep.engine.energy.held_loop import HeldLoop
-
-    return HeldLoop(*loops.read)
 
 
 def frames(loops: Loops, drift: MarginalModes) -> np.ndarray:

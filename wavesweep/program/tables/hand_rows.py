@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wavesweep.capabilities import HANDS, modules
+from wavesweep.engine.energy.held_loop import held_loop
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loops.controllers import HAND
-from wavesweep.engine.stability.radii import held_loop
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
