@@ -84,7 +84,11 @@ class Port:
 
     def observable(self) -> "Port":
         """Return the port without the states that no output depends on."""
-        states = _observable(self.maps)
+        reads, shown = np.zeros((self.maps[0].E.shape[-1],) * 2, bool), np.zeros(self.maps[0].E.shape[-1], bool)
+        for E, _, C, _ in self.maps:
+            reads |= (E != 0).any(tuple(range(E.ndim - 2)))
+            shown |= (C != 0).any(tuple(range(C.ndim - 1)))
+        states = reached(shown, reads)
         maps, sizes = (
             tuple(StateSpace(E[..., states[:, None], states], B[..., states, :], C[..., states], D) for E, B, C, D in ticks)
             for ticks in (self.maps, self.sizes)
@@ -265,16 +269,6 @@ def _fixed(ticks, followers, leads):
     )
     dV = np.abs(inverse) @ left
     return np.where(np.abs(V) <= dV, 0.0, V), dV
-
-
-def _observable(maps):
-    """Return the indices of the states that the outputs depend on in some tick of some loop."""
-    n = maps[0].E.shape[-1]
-    reads, shown = np.zeros((n, n), bool), np.zeros(n, bool)
-    for E, _, C, _ in maps:
-        reads |= (E != 0).any(tuple(range(E.ndim - 2)))
-        shown |= (C != 0).any(tuple(range(C.ndim - 1)))
-    return reached(shown, reads)
 
 
 def reached(start, reads) -> np.ndarray:

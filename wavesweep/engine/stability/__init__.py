@@ -1,1 +1,1 @@
-"""Stable intervals, with a certificate: exactly along the wall's parameters, through eigenvalues along any other number."""
+"""Stable intervals, with a certificate: exactly along a number that is a scalar gain of the frame, else from eigenvalues."""

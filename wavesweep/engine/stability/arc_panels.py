@@ -240,7 +240,7 @@ def _transformed(value, transform):
 
 
 def _hidden(sample, panels, bounds, index, trend, peak):
-    """Return a bound on features between the nodes of the panels `which`, in units of each function's largest sample.
+    """Return a bound on features between the nodes of the panels `index`, in units of each function's largest sample.
 
     It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
     """

@@ -26,7 +26,7 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
 
     On each arc the boundary equation, without its poles and its zeros at z = +-1, is interpolated at points of state space; see
-    `panel_roots` for the proof. An arc is left out if the wall parameter is proved to be beyond the span on it: if a filter
+    `panel_roots` for the proof. An arc is left out if the number is proved to be beyond the span on it: if a filter
     transmits nothing there, the equation vanishes to a high order.
     """
     opened = open_in(cut, along, fixed)

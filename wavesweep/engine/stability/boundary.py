@@ -117,7 +117,7 @@ class PolishedCrossings(NamedTuple):
 def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> PolishedCrossings:
     """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the seeds theta.
 
-    cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; if K is beyond it,
+    cut: one loop per seed. fixed: the other number, per seed. scale: the largest value of interest; if K is beyond it,
     Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K.
     Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
     """
@@ -167,7 +167,7 @@ def _value_and_slope(cut, along, fixed, theta):
 
 
 def _solved(t, slopes, along, fixed, w):
-    """Return the wall parameter that solves the equation, and its derivative by theta, complex."""
+    """Return the number that solves the equation, and its derivative by theta, complex."""
     (solved, fixed_term), (d_solved, d_fixed) = t.along(along), slopes.along(along)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = (t.unit - fixed * fixed_term) / solved
@@ -178,12 +178,12 @@ def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back
     """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
     The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
-    without damping has one, has few digits of itself. The second number bounds the change of the wall parameter by the errors
+    without damping has one, has few digits of itself. The second result bounds the change of the value by the errors
     of the loop's entries. The third is the residual that a rounding of every entry leaves.
 
-    cut: one loop per crossing. value: the wall parameter. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
+    cut: one loop per crossing. value: of the number. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
     z = 1 or -1. back: inverses of `w I - E` there or next to it. To first order an entry's change reaches the equation as
-    `y dE R B`, R the resolvent and y what it makes of the row that the wall reads, and the wall parameter with it; if that
+    `y dE R B`, R the resolvent and y what it makes of the row that the numbers read, and so does the value; if that
     grazes the real axis, the angle changes by `Im dK/Im K'`, which moves K by `Re K'` times as much.
     """
     w, pair = np.asarray(w), (value, fixed) if along == FIRST else (fixed, value)
@@ -208,7 +208,7 @@ def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back
 
 
 def _read_row(cut, w, pair, rows):
-    """Return the row that the wall reads with both of its parameters, `(..., n)`; rows: those of C, `(..., 3, n)`."""
+    """Return the row that the two numbers read, `(..., n)`; rows: those of C, `(..., 3, n)`."""
     (K, B), w = (np.asarray(value)[..., None] for value in pair), w[..., None]
     if not cut.integrates:
         return K * rows[..., OFFSET, :] + B * rows[..., VELOCITY, :]

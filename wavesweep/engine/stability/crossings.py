@@ -1,4 +1,4 @@
-"""Every crossing of every column: the values of the wall parameter at which eigenvalues meet the unit circle.
+"""Every crossing of every column: the values of a number at which eigenvalues meet the unit circle.
 
 The crossings of a column are the real roots of one polynomial, which is computed from samples on the circle.
 """
@@ -20,10 +20,10 @@ NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots a
 
 @dataclass(frozen=True, slots=True)
 class Polynomial:
-    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed wall parameter; roots in (-1, 1) are crossings.
+    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed number; roots in (-1, 1) are crossings.
 
     base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either. value: `(..., 3, n + 1)`, in
-    the same basis; the wall parameter at a root is the first less y times the second, over the third. value_noise: `(..., 3)`,
+    the same basis; the number at a root is the first less y times the second, over the third. value_noise: `(..., 3)`,
     bounds on the error of each of these coefficients. scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
     """
 
@@ -53,7 +53,7 @@ def warp_scale(cut: LinearFractional, *, alone: bool = False):
 def sampled_polynomial(cut: LinearFractional, along: str, scale, *, alone: bool = False) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
-    alone: whether the other wall parameter is 0, and its part of the polynomial is left out.
+    alone: whether the other number is 0, and its half of the polynomial is left out.
 
     The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
     `f(phi) = Im[(unit - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of
@@ -138,8 +138,8 @@ SLIVER = 1e-14  # of the span, at either end of it, in which a crossing counts a
 class Crossings:
     """A flat list of crossings that may be inside the span.
 
-    column: index of the column. value: the wall parameter. theta: angle of the eigenvalue that crosses (rad per frame, 0 and pi
-    included). jump: growth of the number of unstable eigenvalues as the wall parameter grows past the value. inverse: index of
+    column: index of the column. value: of the number. theta: angle of the eigenvalue that crosses (rad per frame, 0 and pi
+    included). jump: growth of the count of unstable eigenvalues as the number grows past the value. inverse: index of
     the inverse of `w I - E` at the crossing or next to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of
     that column is proved complete. above: `(columns,)`, growth of the number of unstable eigenvalues from the low end of the
     span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known.
@@ -156,7 +156,7 @@ class Crossings:
 
 
 def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
-    """Return the crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`.
+    """Return the crossings of the columns with the loops `cut.at(owner)` and the other number `fixed`.
 
     polynomial: of each loop, `(loops, ...)`. The eigenvalue moves outward with the sign of d Im K/d theta at an interior
     crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the
@@ -184,15 +184,21 @@ def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial:
         np.concatenate(pair) for pair in zip((column, value, theta, jump, np.arange(column.size)), ends, strict=True)
     )
     at[theta.size - 2 * fixed.size :] += len(inverses)
-    above = above + np.bincount(column, _growth_above(value, jump, span), minlength=fixed.size)
+    # At an infinite value the jump tells on which side the eigenvalue arrives; of a very large one rounding decides the side.
+    low, size = span[0], np.abs(value)
+    near = np.abs(value - low) <= np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
+    growth = np.where((value > low) & ~near, jump, 0.0)
+    growth = np.where(size > FAR * max(map(abs, span)), np.nan, growth)
+    growth = np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
+    above = above + np.bincount(column, growth, minlength=fixed.size)
     above[~complete] = np.nan
     return Crossings(column, value, theta, jump, at, np.concatenate([inverses, at_ends]), complete, above)
 
 
 def _side(polynomial, owner, fixed, cosine, span):
-    """Return 1 or -1 for a root whose wall parameter is surely above or below the span, 0 for others.
+    """Return 1 or -1 for a root whose value is surely above or below the span, 0 for others.
 
-    The wall parameter is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
+    The value is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
     """
     over, noise = polynomial.value.take(owner, axis=0), polynomial.value_noise.take(owner, axis=0)
     before, now, total, weight = np.zeros_like(cosine), np.ones_like(cosine), 0.0, 0
@@ -205,19 +211,6 @@ def _side(polynomial, owner, fixed, cosine, span):
     low, high = (upper - end * lower for end in span)
     unsure = [unsure + weight * abs(end) * noise[:, 2] for end in span]
     return (high > unsure[1]).astype(int) - (low < -unsure[0])
-
-
-def _growth_above(value, jump, span):
-    """Return the part of each crossing in the growth from the low end on.
-
-    At an infinite value the jump tells on which side the eigenvalue arrives. NaN if rounding decides whether a value is at one
-    infinity or the other.
-    """
-    low, size = span[0], np.abs(value)
-    near = np.abs(value - low) <= np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
-    growth = np.where((value > low) & ~near, jump, 0.0)
-    growth = np.where(size > FAR * max(map(abs, span)), np.nan, growth)
-    return np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
 
 
 def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one):

@@ -154,9 +154,9 @@ def _first_counts(owner, above, follows, least, count):
     """Return the unstable eigenvalues in the first region of each column, -1 if not known, and whether they were counted there.
 
     above: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
-    relative to the first region. count(columns): eigenvalues outside. At infinite values of the wall parameter as many
-    eigenvalues are outside as the loop has zeros there from the wall's force to the signal that the wall reads, for any value
-    of the other parameter. That number less the growth at the crossings must be the same in the first and the last column of a
+    relative to the first region. count(columns): eigenvalues outside. At infinite values of the number as many
+    eigenvalues are outside as the loop has zeros there from the number's product to the signal that it multiplies, for any
+    value of the other one. That count less the growth at the crossings must be the same in the first and the last column of a
     loop for which all crossings are known; then it holds for those between, unless a count there is negative.
     """
     begins, columns = np.full(owner.size, -1), np.flatnonzero(follows)

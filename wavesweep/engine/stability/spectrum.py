@@ -4,7 +4,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import LinearFractional, close
 from wavesweep.engine.monodromy.rounding import TELLING, at_angles_of, balance, may_have
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.rows import different
@@ -238,15 +237,6 @@ def is_stable(E) -> np.ndarray:
     delta, finite = eigenvalues(E)
     distance = -excess(delta).max(-1, initial=-1.0) / 2
     return finite & (distance > 0) & ~_is_rounding(distance, np.where(finite[..., None, None], E, 0.0))
-
-
-def spectral_radius(cut: LinearFractional, K_VE, B_VE) -> np.ndarray:
-    """Return the largest modulus of the eigenvalues of the frame-to-frame matrix without its drift, as `radius_of` does.
-
-    cut: loops; K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch.
-    Accuracy: that of the eigenvalue, 1e-14 relative if it is well conditioned, and never worse than 1e-3.
-    """
-    return radius_of(close(cut, K_VE, B_VE))
 
 
 def count_outside(E: np.ndarray, dE: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

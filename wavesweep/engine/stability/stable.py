@@ -1,4 +1,4 @@
-"""Stable intervals along a wall parameter, for a whole batch of loops at once."""
+"""Stable intervals along one of the two numbers of a cut, for a whole batch of loops at once."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None) -> Intervals:
     """Return all stable intervals of `along` (FIRST or SECOND) within `span`, for every loop and every value of the other one.
 
-    cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
+    cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other number.
     radius: `(slices,)`, of a circle in place of the unit circle, up to 1.
 
     Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`). A column is
@@ -39,7 +39,7 @@ def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None
     """
     fixed = np.asarray(fixed, float)
     if along != FIRST and cut.integrates and np.any(fixed == 0):
-        return _joined(cut, along, span, fixed, radius)
+        return _along_second(cut, along, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
     intervals = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner, span)
@@ -52,7 +52,7 @@ def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None
 
 
 def _with_others(intervals, cut, owner, span) -> Intervals:
-    """The intervals, without any in columns of which a part that the wall does not act on is unstable, or may be."""
+    """The intervals, without any in columns of which a block that the numbers do not act on is unstable, or may be."""
     if not cut.uncontrolled:
         return intervals
     outside = np.zeros(cut.batch, int)
@@ -103,7 +103,11 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         done.append((replace(answers, column=rows[answers.column]), rows[answered_now], doubt[answered_now]))
         answered[rows[answered_now]] = True
         pending = np.flatnonzero(~answered)
-    return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
+    pieces, columns, doubts = zip(*done, strict=True)
+    doubt = np.concatenate(doubts)[np.argsort(np.concatenate(columns))]
+    joined = Regions.join(pieces)
+    joined = joined if len(pieces) == 1 else joined.take(np.argsort(joined.column, kind="stable"))
+    return intervals_of(joined, doubt, np.broadcast_to(cut.period, cut.batch)[owner])
 
 
 def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
@@ -124,7 +128,7 @@ def _by_polynomial(cut, owner, along, fixed, span, *, alone=False):
 
 
 def _by_polynomial_alone(*columns):
-    """The same for columns whose other wall parameter is 0, of loops that have poles at z = 1, which are divided out."""
+    """The same for columns whose other number is 0, of loops that have poles at z = 1, which are divided out."""
     return _by_polynomial(*columns, alone=True)
 
 
@@ -151,20 +155,7 @@ def _is_rough(cut):
         return error > ROUGH * np.maximum(1.0, size_of(E))
 
 
-def _sorted(done) -> tuple[Regions, np.ndarray]:
-    """Return all regions in the order of their columns, and the doubt of each column.
-
-    done: (regions, columns, their doubts).
-    """
-    pieces, columns, doubts = zip(*done, strict=True)
-    doubt = np.concatenate(doubts)[np.argsort(np.concatenate(columns))]
-    if len(pieces) == 1:
-        return pieces[0], doubt
-    joined = Regions.join(pieces)
-    return joined.take(np.argsort(joined.column, kind="stable")), doubt
-
-
-def _joined(cut, along, span, fixed, radius) -> Intervals:
+def _along_second(cut, along, span, fixed, radius) -> Intervals:
     """Return the intervals along the second number if the first is 0 in some columns.
 
     Nothing reads the integrator in these columns, and z = 1 is no pole.
