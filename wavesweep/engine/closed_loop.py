@@ -323,8 +323,10 @@ class ClosedLoop:
         frequency = np.array([np.nan]) if asked_hz is None else asked_hz.astype(float).ravel()
         half = self._rate / 2
         if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
-            found = f"{frequency_hz!r:.60}"
-            raise UsageError(f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the rate of the tick, found {found}")
+            received = f"{frequency_hz!r:.60}"
+            raise UsageError(
+                f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the rate of the tick, found {received}"
+            )
 
         def of_batch(loops: Loops, size: int) -> tuple[Any, Any, Bools]:
             value, error = np.empty((size, frequency.size), complex), np.empty((size, frequency.size))

@@ -23,15 +23,10 @@ Path = tuple[str, ...]
 
 def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves with the blocks of its class in place of each block that has one; add the mistakes of both."""
-    classes: dict[str, dict[Path, Leaf]] = {}
-    for path, leaf in leaves.items():
-        if path[0] == "type" and len(path) > 1:
-            classes.setdefault(path[1], {})[path[2:]] = leaf
+    classes = _classes(leaves, mistakes)
     placed = {path: leaf for path, leaf in leaves.items() if path[0] != "type"}
     used = set()
     for path, leaf in leaves.items():
-        if path == ("type",) and leaf.value != {}:
-            mistakes.refuse(leaf, "type", "a table", show(leaf.value), of_key=False)
         if path[0] == "block" and path[2:] == ("type",) and isinstance(leaf.value, str) and leaf.value in classes:
             used.add(leaf.value)
             placed = _Instance(path[1], classes[leaf.value], placed, mistakes).expanded(leaf)
@@ -41,6 +36,17 @@ def expanded(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf
             placed = _in_series(path[1], kind, leaf, placed, mistakes)
     _refuse_classes(classes, used, mistakes)
     return placed
+
+
+def _classes(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[str, dict[Path, Leaf]]:
+    """Return the leaves of each class by their paths in it."""
+    classes: dict[str, dict[Path, Leaf]] = {}
+    for path, leaf in leaves.items():
+        if path[0] == "type" and len(path) > 1:
+            classes.setdefault(path[1], {})[path[2:]] = leaf
+        elif path == ("type",) and leaf.value != {}:
+            mistakes.refuse(leaf, "type", "a table", show(leaf.value), of_key=False)
+    return classes
 
 
 def _refuse_classes(classes: Mapping[str, Mapping[Path, Leaf]], used: set[str], mistakes: Mistakes) -> None:

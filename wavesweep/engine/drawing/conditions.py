@@ -103,22 +103,28 @@ def faults(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str,
     """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
     numbers, wrong, every, shared = scalars(values), set(), {}, SharedParts()
     for condition in conditions(drawing):
-        path, expected = condition.path, condition.expected
+        path = condition.path
         if not condition.names <= numbers.keys() or wrong & {read_path for read_path, _ in condition.reads}:
             continue  # a number that has a mistake itself
         read_values = [finite_value(tree, numbers, shared) for _, tree in condition.reads]
-        if read_values[0] is None:
+        if fault := _fault(condition, read_values):
             wrong.add(path)
-            yield path, "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
-        elif not computable(read_values[0]):
-            wrong.add(path)
-            yield path, SIZES, f"{read_values[0]:g}"
-        elif None not in read_values and not condition.holds(*read_values):
-            wrong.add(path)
-            yield path, expected if isinstance(expected, str) else expected(*read_values), f"{read_values[0]:g}"
+            yield path, *fault
         elif path.startswith("block.") and path.endswith(".every"):
             every[path] = int(read_values[0])
     yield from _size_faults(drawing, numbers, {path: ticks for path, ticks in every.items() if path not in wrong})
+
+
+def _fault(condition: Condition, values: list[float | None]) -> tuple[str, str] | None:
+    """Return expected and found text if a condition does not hold for these values of what it reads."""
+    number, expected = values[0], condition.expected
+    if number is None:
+        return "a finite number", "a division by zero, a root or logarithm of a negative number or an overflow"
+    if not computable(number):
+        return SIZES, f"{number:g}"
+    if None not in values and not condition.holds(*values):
+        return expected if isinstance(expected, str) else expected(*values), f"{number:g}"
+    return None
 
 
 def _size_faults(drawing: Drawing, numbers: Mapping[str, float], runs: Mapping[str, int]) -> Iterator[tuple[str, str, str]]:
@@ -142,8 +148,7 @@ def _states(block: DrawnBlock, numbers: Mapping[str, float]) -> float:
 def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
     """Yield path, expected and found text for each part of a port's displacement that is known to be no such position."""
     every, numbers = {block.name: block.every for block in drawing.blocks if not block.plant}, scalars(values)
-    bodies = [block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"]
-    velocities = [f"{block.name}.{port}" for block in bodies for port in block.ports[1][len(block.ports[1]) // 2 :]]
+    velocities = _velocities(drawing)
     for side, force, signal, gain in _displacements(drawing):
         period = every.get(signal.rpartition(".")[0] or signal, ONE)
         if not numbers.keys() >= {name for tree in (gain, period) for name, _ in names_in(tree)}:
@@ -153,6 +158,12 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
         reason = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
         if reason and finite_value(gain, numbers):
             yield f"ports.{side}.displacement", OF_PLANT, reason
+
+
+def _velocities(drawing: Drawing) -> list[str]:
+    """The outputs of bodies that are velocities: the second half of them."""
+    bodies = [block for block in drawing.blocks if TYPES[block.type].body or block.type == "mass_matrix"]
+    return [f"{block.name}.{port}" for block in bodies for port in block.ports[1][len(block.ports[1]) // 2 :]]
 
 
 def _displacements(drawing: Drawing) -> Iterator[tuple[str, str, str, Tree]]:

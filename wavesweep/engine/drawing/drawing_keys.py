@@ -1,7 +1,7 @@
 """Reading the keys of blocks and the expressions of wires; all mistakes are collected, each at its place."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TypeVar
 
@@ -112,15 +112,9 @@ class KeyReader:
         if self.period:
             meanings = meanings if PERIOD in names else {**meanings, PERIOD: self.period}
             names.add(PERIOD)
-        unknown = [(name, at) for name, at in names_in(tree) if name not in names]
-        if signals:
-            unknown = [(name, at) for name, at in unknown if not self.is_hidden(name.rpartition(".")[0])]
-        for name, at in unknown:
-            block = name.rpartition(".")[0]
-            outputs = [signal for signal in sorted(self.signals) if block and signals and signal.startswith(f"{block}.")]
-            expected = f"an output of {block}: {' or '.join(outputs)}" if outputs else NAMES_OF[signals]
-            self.fault(path, leaf, Fault(at, expected, f"an unknown name {show(name)}", nearest(name, sorted(names))))
-        if unknown:
+        if unknown := list(self.unknown_names(tree, names, signals)):
+            for fault in unknown:
+                self.fault(path, leaf, fault)
             return None
         try:  # registers in place of `prev(...)`
             tree = with_trees(tree, meanings)
@@ -130,6 +124,16 @@ class KeyReader:
         self.registers |= registers
         self.signals |= {*registers}
         return tree
+
+    def unknown_names(self, tree: Tree, names: set[str], signals: bool) -> Iterator[Fault]:
+        """Yield the fault of each name in a tree that is not among these names; signals: whether they may be signals."""
+        for name, at in names_in(tree):
+            block = name.rpartition(".")[0]
+            if name in names or (signals and self.is_hidden(block)):
+                continue
+            outputs = [signal for signal in sorted(self.signals) if block and signals and signal.startswith(f"{block}.")]
+            expected = f"an output of {block}: {' or '.join(outputs)}" if outputs else NAMES_OF[signals]
+            yield Fault(at, expected, f"an unknown name {show(name)}", nearest(name, sorted(names)))
 
     def is_hidden(self, block: str) -> bool:
         """Whether a block has mistakes that hide its ports."""
@@ -217,7 +221,11 @@ class KeyReader:
             self.ports[name] = TYPES[kind].ports_of(read)
         if len(self.mistakes) > before:
             return None
-        phase = read.pop("phase")
+        return self.made_block(name, kind, every, read)
+
+    def made_block(self, name: str, kind: str, every: Tree, read: dict[str, object]) -> DrawnBlock | None:
+        """Return a block of keys without mistakes; that they do not fit together is one. read: values of the other keys."""
+        path, phase = f"block.{name}", read.pop("phase")
         if read.get("inputs") == ():  # nothing comes in: a recursion by itself
             read["B"] = read["B"] or ((),) * len(read["A"])
         written = [(key, value) for key, value in read.items() if value is not None]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from wavesweep.engine.drawing.block_types import COLUMNS, TICK_HZ, TYPES
 from wavesweep.engine.drawing.conditions import displaced, faults
-from wavesweep.engine.drawing.continuous import parted, watching_held
+from wavesweep.engine.drawing.continuous import Wires, parted, watching_held
 from wavesweep.engine.drawing.drawing import RATE, Drawing, decides, path_of
 from wavesweep.engine.drawing.drawing_keys import NAME, is_dotted, is_name
 from wavesweep.engine.drawing.drawing_ports import TURNS, PortReader, column_fault
@@ -147,20 +147,17 @@ class _TableReader(PortReader):
         blocks = self.read_blocks(tables)
         self.read_signals(tables["signals"])
         plants = {block.name: block.type for block in blocks if block.plant}
-        read = {port: self.read_wire(port, leaf, plants) for port, leaf in tables["wire"].items()}
-        read |= {port: ((), ()) for port in self.optional if port not in read}
-        wires, couplings = (tuple((port, terms[i]) for port, terms in read.items() if terms) for i in (0, 1))
+        wires, couplings = self.read_wires(tables["wire"], plants)
         hand, wall = self.read_hand(ports["hand"]), self.read_wall(ports["wall"])
         inputs, outputs = self.read_inputs(ports), self.read_outputs(ports)
         outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
-        meant = [(name, leaf) for name, leaf in tables["signals"].items() if name in self.meanings]
-        named = tuple((name, self.terms_of(f"signals.{name}", leaf, self.meanings[name]) or ()) for name, leaf in meant)
+        named = self.read_named(tables["signals"])
         shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
         registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
         blocks += registers
         wires += tuple((f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)) for block in registers)
         shown_terms = [term for terms in shown for term in terms or ()]
-        wires, couplings = watching_held(wires, tuple(wire for wire in couplings if wire[1]), shown_terms)
+        wires, couplings = watching_held(wires, couplings, shown_terms)
         self.refuse_loose_ends(tables)
         self.refuse_two_meanings(tables, plants)
         values |= self.own
@@ -169,6 +166,13 @@ class _TableReader(PortReader):
             self.tick_hz, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings, inputs, outputs, named
         )
         return with_whole_numbers(drawing, values)
+
+    def read_wires(self, table: Mapping[str, Leaf], plants: Mapping[str, str]) -> tuple[Wires, Wires]:
+        """Read the wires, and those of them that act continuously. plants: name and type of each one."""
+        read = {port: self.read_wire(port, leaf, plants) for port, leaf in table.items()}
+        read |= {port: ((), ()) for port in self.optional if port not in read}
+        wires = tuple((port, terms[0]) for port, terms in read.items() if terms)
+        return wires, tuple((port, terms[1]) for port, terms in read.items() if terms and terms[1])
 
     def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
         numbers, values, derived = [], {}, {}
@@ -236,6 +240,11 @@ class _TableReader(PortReader):
                 texts[name] = path, leaf
         self.signals |= table.keys() - {*self.numbers}
         self.define(texts, signals=True)
+
+    def read_named(self, table: Mapping[str, Leaf]) -> tuple[tuple[str, Terms], ...]:
+        """Read the terms of the names of signals, which are shown too."""
+        meant = [(name, leaf) for name, leaf in table.items() if name in self.meanings]
+        return tuple((name, self.terms_of(f"signals.{name}", leaf, self.meanings[name]) or ()) for name, leaf in meant)
 
     def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
         for name, leaf in table.items():

@@ -214,9 +214,8 @@ def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: 
             if multiplied and product in sources:
                 read[product] = sources.pop(product)
             if multiplied and product in read:
-                sums[factor] = {
-                    f"{measured}{AT}{name}" if source == measured else source: gain for source, gain in sums[factor].items()
-                }
+                names = {measured: measured + AT + name}
+                sums[factor] = {names.get(source, source): gain for source, gain in sums[factor].items()}
             sums[f"{name}.u"] = sources
     return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
 

@@ -200,20 +200,28 @@ def scalar_place(drawing: Drawing, number: str) -> str:
     """
     pairs = zip(drawing.blocks, drawing.cores, strict=True)
     words = {f"block.{block.name}": dict(core.keys) for block, core in pairs if core.type != block.type}
-    paths = [path for path in _readers(drawing, number) if not path.startswith("ports.")]
-    readers = {
-        f"{path.rpartition('.')[0]}.y" if path.rpartition(".")[0] in words and not decides(path) else path for path in paths
-    }
-    if len(readers) != 1 or any(name == number for _, gain in _inside(drawing) for name, _ in names_in(gain)):
+    path = _only_reader(drawing, number, words)
+    is_wire = path.startswith("wire.")
+    if is_wire and _split(drawing, path.removeprefix("wire."), number):
         return ""
-    path = readers.pop()
-    if path.startswith("wire.") and _split(drawing, path.removeprefix("wire."), number):
-        return ""
-    is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
     trees = [tree for tree_path, tree in drawing.trees() if tree_path == path]
     if word := words.get(path.removesuffix(".y")):
-        is_gain, trees = not any(number == name for tree in word["den"] for name, _ in names_in(tree)), word["num"]
-    return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
+        is_gain, trees = number not in {name for tree in word["den"] for name, _ in names_in(tree)}, word["num"]
+    else:
+        is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
+    return path if (is_gain or is_wire) and all(degree(tree, number) <= 1 for tree in trees) else ""
+
+
+def _only_reader(drawing, number, words):
+    """The path of what alone reads a number, other than ports; empty if there is more. words: paths of blocks of firmware."""
+    readers = set()
+    for path in _readers(drawing, number):
+        block = path.rpartition(".")[0]
+        if not path.startswith("ports."):
+            readers.add(f"{block}.y" if block in words and not decides(path) else path)
+    if len(readers) != 1 or any(name == number for _, gain in _inside(drawing) for name, _ in names_in(gain)):
+        return ""
+    return readers.pop()
 
 
 def _split(drawing, port, number):

@@ -89,25 +89,25 @@ class MultirateLoop:
 
     def refuse_wrong_names(self) -> None:
         """Raise UsageError for names or junctions that make no loop, or another one than was meant."""
-        blocks = [scheduled.block for scheduled in self.placed]
-        names, ports = [block.name for block in blocks], {f"{block.name}.{port}" for block in blocks for port in block.inputs}
-        made = {f"{block.name}.{port}" for block in blocks for port in block.outputs} | {*self.inputs, *self.sums}
-        twice = [name for name in names if names.count(name) > 1]
-        unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
-        wrong = [name for name in self.sums if name not in ports and name.rpartition(".")[0] in names]
-        rings = [name for name in self.sums if _comes_back(name, self.sums)]
-        for faulty, expected in (
-            ([] if blocks else ["none"], "at least one block"),
-            (twice, "blocks of different names"),
-            (unknown, "sources that are outputs of blocks, junctions or inputs"),
-            (wrong, "the block's own inputs as ports"),
-            (rings, "junctions that are not made of themselves"),
-        ):
+        for faulty, expected in self._wrong_names():
             if faulty:
                 raise UsageError(f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(faulty))}")
         period = np.asarray(self.period)
         if period.dtype.kind not in "iufc" or not np.all(period.real > 0):
             raise UsageError(f"a drawn loop: expected a period > 0 in s, found {self.period!r}")
+
+    def _wrong_names(self) -> Iterator[tuple[list[str], str]]:
+        """Yield the names that are wrong for a reason, perhaps none, and what is expected of them."""
+        blocks = [scheduled.block for scheduled in self.placed]
+        names, ports = [block.name for block in blocks], {f"{block.name}.{port}" for block in blocks for port in block.inputs}
+        made = {f"{block.name}.{port}" for block in blocks for port in block.outputs} | {*self.inputs, *self.sums}
+        yield [] if blocks else ["none"], "at least one block"
+        yield [name for name in names if names.count(name) > 1], "blocks of different names"
+        unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
+        yield unknown, "sources that are outputs of blocks, junctions or inputs"
+        wrong = [name for name in self.sums if name not in ports and name.rpartition(".")[0] in names]
+        yield wrong, "the block's own inputs as ports"
+        yield [name for name in self.sums if _comes_back(name, self.sums)], "junctions that are not made of themselves"
 
     def sources(self, signal: str) -> set[str]:
         """The block outputs and inputs from outside that a signal is made of."""

@@ -203,17 +203,18 @@ def _masses(drawing, names_asked) -> Iterator[Expression]:
         trees = [tree for name in MASS for row in keys[name] for tree in row]
         reads = frozenset(name for tree in trees for name, _ in names_in(tree))
         if reads & names_asked:
-
-            def value(numbers, library, watch=None, keys=keys, matrices=matrices):
-                shared = SharedParts()
-                entries = {
-                    name: [[evaluate(tree, numbers, library, watch, shared) for tree in row] for row in rows]
-                    for name, rows in matrices.items()
-                }
-                return 1 / determinant(at_axes({**keys, **entries}, "mass"))
-
             constants = frozenset().union(*map(constants_of, trees))
-            yield Expression(value, reads, constants, tuple(sorted(reads & names_asked)))
+            yield Expression(partial(_inverse_mass, keys, matrices), reads, constants, tuple(sorted(reads & names_asked)))
+
+
+def _inverse_mass(keys, matrices, numbers, library, watch=None):
+    """1 over the determinant of a mass matrix at its axes. matrices: trees of the keys that it is made of."""
+    shared = SharedParts()
+    entries = {
+        name: [[evaluate(tree, numbers, library, watch, shared) for tree in row] for row in rows]
+        for name, rows in matrices.items()
+    }
+    return 1 / determinant(at_axes({**keys, **entries}, "mass"))
 
 
 class _NotAnalyticError(Exception):
