@@ -2,7 +2,7 @@
 
 Words behind `--` go to pytest: `python -m tests.without margins -- -m "not slow"`.
 
-`all` leaves the core alone; then the tables of the paper's specs have to be the same bytes as with everything there.
+`all` leaves engine and program alone; then the tables of the paper's specs have to be the same bytes as with everything there.
 """
 
 import ast

@@ -1,4 +1,4 @@
-"""The capabilities: what the program does beyond its core, a line for each. Nothing of one is imported until it is asked for.
+"""The capabilities: what stands beside engine and program, a line for each. Nothing of one is imported until it is asked for.
 
 A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, `library.py` its calls.
 What it offers to others stands in modules such as `on_check.py`; `program.seams` has their names and signatures. It imports
@@ -241,7 +241,7 @@ def library_names(of: str = "") -> list[str]:
 def of_library(name: str, known: Iterable[str] = ()) -> Any:
     """Import what a capability has for the library under this name, e.g. `why` or `Loop.margins`.
 
-    known: the names of the core. Errors: AttributeError for another name, with the nearest.
+    known: the names of the program. Errors: AttributeError for another name, with the nearest.
     """
     kind, _, last = name.rpartition(".")
     for each in CAPABILITIES:

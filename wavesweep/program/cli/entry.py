@@ -1,6 +1,6 @@
 """Entry point: the table of commands, and the one place in which errors become exit codes.
 
-The core's commands are listed here, those of capabilities in `wavesweep.capabilities`.
+The program's commands are listed here, those of capabilities in `wavesweep.capabilities`.
 """
 
 from __future__ import annotations
