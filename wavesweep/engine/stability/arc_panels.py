@@ -102,15 +102,11 @@ def panel_roots(
         give("lost", hopeless & judged.finite)
         give("overflown", hopeless & ~judged.finite)
         column, low, high = _cut(column, low, high, judged.cut_at, open_ & ~hopeless)
-    facts = (
-        [np.concatenate(arrays) for arrays in zip(*roots, strict=True)] if roots else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
-    )
-    none = (np.zeros(0, int), np.zeros(0), np.zeros(0))
-    edges = {
-        kind: tuple(map(np.concatenate, zip(*panels_of_kind, strict=True))) if panels_of_kind else none
-        for kind, panels_of_kind in given_up.items()
-    }
-    return PanelRoots(*facts, **edges, open_low=open_low, open_high=open_high)
+    nothing, no_index = np.zeros(0), np.zeros(0, int)
+    roots = map(np.concatenate, zip(*roots, strict=True)) if roots else (no_index, no_index, *[nothing] * 3)
+    none = no_index, nothing, nothing
+    given_up = {k: tuple(map(np.concatenate, zip(*p, strict=True))) if p else none for k, p in given_up.items()}
+    return PanelRoots(*roots, **given_up, open_low=open_low, open_high=open_high)
 
 
 @dataclass(frozen=True, slots=True)

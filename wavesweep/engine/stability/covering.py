@@ -154,6 +154,12 @@ class _Test:
 
     A test whose place is next to a crossing proves both sides of it, from a window about it on; one that is on its way there
     proves nothing; any other proves what it can on both sides of its place.
+
+    bent: the eigenvalues about the places (see `Bent`), as functions of h, the distance in halves of a panel; radius: of the
+    circle that they are held against. crossing, theta: where the nearest one seems to cross, and its angle there; at_end: -1
+    or 1 if that counts as an end of the span. closing, toward: whether a test is next to a crossing, or on its way there.
+    begin: the h from which on both sides are proved, so the window is between; roots: the h of all other crossings. rough:
+    whether the window is wider than ends may be off; overlaid: whether another eigenvalue is outside in it.
     """
 
     def __init__(self, panels, errors, span, slack, open_):
@@ -166,14 +172,15 @@ class _Test:
         x = (open_.place - panels.middle[open_.panel]) / half
         self.bent = Bent(panels, open_.panel, x, self.pad, length / 2, exact)
         self.radius, roots = self.bent.radius(), self.bent.crossings()
-        best = np.argmin(np.abs(roots), 1)[:, None]
-        h, unsure, slope = (np.take_along_axis(a, best, 1)[:, 0] for a in (roots, self.bent.unsure, self.bent.slope))
-        self.theta = self.bent.angle(best[:, 0], h)
+        nearest = np.argmin(np.abs(roots), 1)[:, None]
+        h, unsure, slope = (np.take_along_axis(a, nearest, 1)[:, 0] for a in (roots, self.bent.unsure, self.bent.slope))
+        self.theta = self.bent.angle(nearest[:, 0], h)
         self.miss = unsure / np.maximum(1, np.abs(slope * open_.place) / half)
         self.crossing = open_.place + half * h
         low, high = (np.maximum(slack(end), 4 * EPS * np.abs(end)) for end in span)
         self.at_end = np.where(self.crossing - span[0] <= low, -1, 0)
         self.at_end[span[1] - self.crossing <= high] = 1
+        # The window: eps to both sides of the crossing, and of those that are within three of these.
         off = np.where(self.at_end < 0, np.maximum(slack(open_.place), low), slack(open_.place)) / half
         eps = np.maximum(np.where(self.at_end < 0, 0.9, 0.1) * off, FIRM * unsure / np.abs(slope))
         eps = np.fmin(eps * WIDENED ** np.maximum(open_.steps - CROSSING - 2, 0), WIDEST)
@@ -190,28 +197,35 @@ class _Test:
 
     def results(self):
         """Return the new tiles, and the stretches that are open."""
-        open_, a, b, place = self.open, self.open.low, self.open.high, self.open.place
-        inner = [np.where(self.closing, np.clip(place + self.half * begin, a, b), place) for begin in self.begin]
+        open_, a, b = self.open, self.open.low, self.open.high
+        inner = [np.where(self.closing, np.clip(open_.place + self.half * h, a, b), open_.place) for h in self.begin]
         (left, right), outside = self._reached(inner)
         proved = left < inner[0], right > inner[1]
         failed = self.closing & ~((proved[0] | (inner[0] <= a)) & (proved[1] | (inner[1] >= b)))
         again = self.closing & (failed | (self.rough & (open_.steps <= CROSSING))) & (open_.steps < 2 * CROSSING)
         tiles = []
         for side, (low, high) in enumerate(((left, inner[0]), (inner[1], right))):
-            chosen = proved[side] & ~again
-            tiles.append(Tiles.of(self.column[chosen], low[chosen], high[chosen], outside[side][chosen]))
-        chosen = self.closing & ~failed & ~again & (inner[0] < inner[1])  # else the crossing is beyond the stretch
-        end = np.where(self.at_end < 0, *self.span)
-        value = np.where(self.at_end != 0, end, np.clip(self.crossing, *inner))
-        doubt = np.where(self.rough, ROUNDING, NONE)
-        window = Tiles(self.column, *inner, np.where(self.overlaid, OVERLAID, WINDOW), value, self.theta, self.miss, doubt)
-        tiles.append(window.take(chosen))
+            new = proved[side] & ~again
+            tiles.append(Tiles.of(self.column[new], low[new], high[new], outside[side][new]))
+        value = np.where(self.at_end != 0, np.where(self.at_end < 0, *self.span), np.clip(self.crossing, *inner))
+        kind, doubt = np.where(self.overlaid, OVERLAID, WINDOW), np.where(self.rough, ROUNDING, NONE)
+        windows = Tiles(self.column, *inner, kind, value, self.theta, self.miss, doubt)
+        new = self.closing & ~failed & ~again & (inner[0] < inner[1])  # else the crossing is beyond the stretch
+        return [*tiles, windows.take(new)], self._left_open(inner, (left, right), proved, failed, again)
+
+    def _left_open(self, inner, reached, proved, failed, again):
+        """The stretches that are open after a test: the same with a place next to the crossing, or what is left on both sides.
+
+        inner, reached: ends of what is proved on each side; failed: windows that are not proved; again: tests to be repeated.
+        """
+        open_, a, b, place = self.open, self.open.low, self.open.high, self.open.place
         moving = self.toward | again
         steps = np.where(again, np.maximum(open_.steps, CROSSING), open_.steps) + 1
-        new = [_Open(open_.panel, a, b, np.clip(self.crossing, a, b), steps).take(moving)]
+        stretches = [_Open(open_.panel, a, b, np.clip(self.crossing, a, b), steps).take(moving)]
         halved = failed & (b - a > RETRIED * (inner[1] - inner[0]))  # from elsewhere it may succeed
         beyond = np.where(failed & ~halved, GIVEN_UP * (inner[1] - inner[0]), 0.0)
-        low, high = np.where(proved[0], left, left - beyond), np.where(proved[1], right, right + beyond)
+        low = np.where(proved[0], reached[0], reached[0] - beyond)
+        high = np.where(proved[1], reached[1], reached[1] + beyond)
         sides = (
             (a, low, -1),
             (high, b, 1),
@@ -219,9 +233,10 @@ class _Test:
             (place, np.where(halved, inner[1], place), 0),
         )
         for low, high, sign in sides:
-            chosen = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
-            new.append(self._rest(chosen, low[chosen], high[chosen], sign, np.abs((high if sign < 0 else low) - place)[chosen]))
-        return tiles, _Open.join(new)
+            long = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
+            gone = np.abs((high if sign < 0 else low) - place)[long]
+            stretches.append(self._rest(long, low[long], high[long], sign, gone))
+        return _Open.join(stretches)
 
     def _rest(self, index, low, high, sign, gone):
         """What is left to one side, to be tested where an eigenvalue seems to cross, if that is near to what is proved."""
@@ -234,22 +249,25 @@ class _Test:
         return _Open(self.open.panel[index], low, high, place, trusted.astype(int))
 
     def _reached(self, inner):
-        """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there."""
+        """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there.
+
+        Shares of the way to the edge of the stretch, or to the next crossing, are tried until one is proved.
+        """
         m, edge = self.half.size, np.concatenate([self.open.low, self.open.high])
         begin, ends = np.concatenate(self.begin), np.concatenate(inner)
         of, sign, outside = np.tile(np.arange(m), 2), np.repeat([-1.0, 1.0], m), np.zeros(2 * m, int)
         place, half, pad = self.open.place[of], self.half[of], sign * self.pad[of]
-        full = (edge - place) / half
-        far, full = np.abs(full) > 1, np.clip(full, -1, 1) - begin
+        extent = (edge - place) / half
+        far, extent = np.abs(extent) > 1, np.clip(extent, -1, 1) - begin
         away = sign[:, None] * (self.roots[of] - begin[:, None])
-        first = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(full)
+        first = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(extent)
         first = np.where(self.radius[of] == 1, np.fmin(1, first), 1.0)
         todo = np.flatnonzero((sign * (edge - ends) > 0) & ~self.toward[of])
-        for share_of_way in SHARES:
+        for factor in SHARES:
             if not todo.size:
                 break
-            share = share_of_way * first[todo]
-            start, advance = begin[todo], share * full[todo]
+            share = factor * first[todo]
+            start, advance = begin[todo], share * extent[todo]
             start = np.where(start == 0, 0.0, start - pad[todo])
             ok, count = self.bent.prove(of[todo], start, begin[todo] + advance + pad[todo], self.radius[of[todo]])
             reached = place[todo] + half[todo] * (begin[todo] + advance)
