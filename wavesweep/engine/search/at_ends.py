@@ -33,7 +33,7 @@ def stiffness_at_ends(question: Question, loops: Loops, opened: Opened | None, p
     if at_rest is not None:
         ends, twice = p.ravel(), np.tile(place, 2)
         both = at_rest.stiffness(twice, ends)
-        if at_rest is opened and opened.loops.beside:
+        if at_rest is opened and opened.loops.second:
             hidden = np.flatnonzero(np.isnan(both) & ~np.isnan(ends))
             columns = different(twice[hidden])
             for alike in by_zeros(loops, columns) if hidden.size else ():
@@ -75,8 +75,8 @@ def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.nd
         ends = np.flatnonzero((omega == 0) & (p != 0))
         if ends.size:
             sides = np.multiply.outer([1 - BESIDE, 1 + BESIDE, 1 - 2 * BESIDE, 1 + 2 * BESIDE], p[ends])
-            beside = stiffness(np.tile(row[ends], 4), sides.ravel()).reshape(4, -1)
-            near, far = beside[0] + beside[1], beside[2] + beside[3]
+            moved = stiffness(np.tile(row[ends], 4), sides.ravel()).reshape(4, -1)
+            near, far = moved[0] + moved[1], moved[2] + moved[3]
             felt[ends] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
     return felt.reshape(shape)
 

@@ -95,7 +95,7 @@ class Search:
         if (merged := self._with_zeros()) is not None:
             members, loops = merged
             opened = Opened.of(loops, number, members.size, felt=self.felt)
-            if opened and opened.loops.beside:
+            if opened and opened.loops.second:
                 return [(members, Slices(loops, members.size, opened))]
         of_groups = [(members, loops, Opened.of(loops, number, members.size, felt=self.felt)) for members, loops in groups]
         return [(members, Slices(loops, members.size, opened)) for members, loops, opened in of_groups]

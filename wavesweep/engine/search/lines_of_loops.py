@@ -1,16 +1,19 @@
 """What a spectrum of the states of drawn loops shows of their modes, a batch at a time."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.from_drawing import PRODUCT
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse
-from wavesweep.engine.search.open_loops import Opened
+from wavesweep.engine.search.open_loops import Opened, OpenLoops
 from wavesweep.engine.search.question import RequiredRegion
 from wavesweep.engine.stability.boundary import times
 from wavesweep.engine.stability.radii import drift_of, named_loops
@@ -34,37 +37,38 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
         n, leads = len(ticks.states), [lead for lead, _ in drift.constant]
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
-        own, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
-        delta, _ = eigenvalues(own)
+        balanced, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
+        delta, _ = eigenvalues(balanced)
         nearest = np.argmin(np.abs(delta[..., None] - np.expm1(s)[:, None]).min(-1), -1)
         delta = delta[np.arange(size), nearest]
-        left, right = (part.reshape(units.shape) for part in vectors_of(own, delta))
-        state, part = np.zeros((size, n, 1), complex), np.zeros((size, n))
-        state[:, inner, 0], part[:, inner] = right * units, np.abs(left * right)
+        left, right = (vectors.reshape(units.shape) for vectors in vectors_of(balanced, delta))
+        state, participation = np.zeros((size, n, 1), complex), np.zeros((size, n))
+        state[:, inner, 0], participation[:, inner] = right * units, np.abs(left * right)
         for lead in leads:
             state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta)
-        rows, shown = _shown_by(loops.drawing, ticks.states, drift, part > APART * part.max(-1, keepdims=True))
-        changes = [(np.eye(n) + each.E, None) for each in ticks.maps]
+        taking = participation > APART * participation.max(-1, keepdims=True)
+        rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
+        changes = [(np.eye(n) + tick.E, None) for tick in ticks.maps]
         moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
         moved[~shown] = 0.0
         return lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
 
 
-def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, own) -> tuple[np.ndarray, np.ndarray]:
+def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking) -> tuple[np.ndarray, np.ndarray]:
     """The states that a spectrum shows as rows over states that are counted from others, `(n, n)`, and which it shows of modes
-    in which the states `own` take part, masks `(..., n)`.
+    in which the states `taking` take part, masks `(..., n)`.
 
     They are the states of plants, also a position of theirs that nothing else reads; what programs remember, a spectrum shows
     as stairs. Without a plant all are shown.
     """
     starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
     starts += [f"{block.name}." for block in drawing.alone if block.plant]
-    blocks, rows, own = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), own.copy()
-    for lead, others in drift.constant:
-        rows[[index for index, _ in others], lead] = [factor for _, factor in others]
-        own[..., lead] = (own & (blocks == blocks[lead])).any(-1)
-    plants = own & [name.startswith(tuple(starts)) for name in states]
-    return rows, np.where(plants.any(-1, keepdims=True), plants, own)
+    blocks, rows, taking = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), taking.copy()
+    for lead, factors in drift.constant:
+        rows[[index for index, _ in factors], lead] = [factor for _, factor in factors]
+        taking[..., lead] = (taking & (blocks == blocks[lead])).any(-1)
+    plants = taking & [name.startswith(tuple(starts)) for name in states]
+    return rows, np.where(plants.any(-1, keepdims=True), plants, taking)
 
 
 def _in_ticks(kinds, changes, state, rows):
@@ -82,71 +86,102 @@ def _in_ticks(kinds, changes, state, rows):
             state += added
 
 
-def strongest_in_cut(drawing: Drawing, opened: Opened, at, omega, bound: RequiredRegion | None) -> np.ndarray:
-    """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices `at` of loops that are cut at a number.
+def strongest_in_cut(drawing: Drawing, opened: Opened, place, omega, bound: RequiredRegion | None) -> np.ndarray:
+    """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices at `place` of loops cut at a number.
 
-    A mode is what a product of 1 moves, `(z - A)^-1 B`, whatever the number. bound: see `Search`.
+    bound: see `Question`.
     """
-    loops, which, found = opened.loops, opened.which[at], np.abs(omega) / (2 * np.pi)
-    frame, ticks, count = loops.frame, loops.frame.ticks, int(opened.which.max()) + 1
-    kinds, n, leads = ticks.kind.tolist(), len(ticks.states), [lead for lead, _ in loops.drift.constant]
-    if len(kinds) == 1:
-        return found
-    cut = loops.batch(count)
-    period = np.broadcast_to(np.asarray(cut.period), cut.batch)[which]
+    loops, label, hz = opened.loops, opened.loop_of[place], np.abs(omega) / (2 * np.pi)
+    if loops.frame.ticks.kind.size == 1:
+        return hz
+    cut, n = loops.batch(int(opened.loop_of.max()) + 1), len(loops.frame.ticks.states)
+    period = np.broadcast_to(np.asarray(cut.period), cut.batch)[label]
     s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
-    kept, force = np.array([ticks.states.index(name) for name in cut.states]), loops.drawn.inputs.index(PRODUCT)
-    rows, shown = cut.remembered("shown", lambda: _shown_by(drawing, ticks.states, loops.drift, np.isin(np.arange(n), kept)))
-    rows = rows[shown]
-
-    def form(some):
-        return reduced(in_even_units(cut.E[some], cut.B[some], np.broadcast_to(np.eye(kept.size), cut.E[some].shape)))
-
-    def in_one_product():
-        """What is shown in all ticks, as rows over the states and the product of a single loop, `(ticks, rows, n + 1)`."""
-        whole = np.tile(np.eye(n + 1), (len(ticks.maps), 1, 1))
-        for matrix, each in zip(whole, ticks.maps, strict=True):
-            matrix[:n] += np.append(each.E.reshape(n, n), each.B[..., force].reshape(n, 1), axis=-1)
-        shown = _in_ticks(kinds, [(matrix, None) for matrix in whole], np.eye(n + 1), np.append(rows, 0 * rows[:, :1], axis=-1))
-        return np.stack([*shown])
-
-    def followed(some, w):
-        """What is shown in each tick, of some loops `(k,)` and the modes of their eigenvalues 1 + w, `(k, columns)`."""
-
-        def of(part):
-            return part[some] if part.ndim > 2 and len(part) > 1 else part
-
-        alone = count == 1 and some.size == 1 and len(kinds) * len(rows) * max(n, w.shape[-1]) <= MOST
-        pole, mode = polynomials(cut.remembered("form", lambda: form(some)) if alone else form(some), w)
-        state = np.zeros((some.size, n, w.shape[-1]), complex)
-        state[:, kept] = mode / pole[:, None]
-        for lead in leads:
-            moved = (of(frame.E)[..., lead, :, None] * state).sum(-2) + of(frame.B)[..., lead, :1]
-            state[:, lead] = np.where(w == 0, 0.0, moved / w)
-        if alone:
-            all_ticks = cut.remembered("ticks", in_one_product)
-            moved = times(all_ticks.reshape(-1, n + 1), np.append(state[0], np.ones((1, w.shape[-1])), axis=0))
-            return moved.reshape(len(kinds), 1, len(rows), -1)
-        forces = [of(each.B)[..., force, None] if np.any(each.B[..., force]) else None for each in ticks.maps]
-        changes = [(np.eye(n) + of(each.E), added) for each, added in zip(ticks.maps, forces, strict=True)]
-        return _in_ticks(kinds, changes, state, rows)
-
-    order = np.argsort(which, kind="stable")
+    modes, order = ModesOfCut.of(drawing, loops, cut), np.argsort(label, kind="stable")
     order = order[s[order] != 0] if cut.integrates else order  # there nothing moves but the integrator
-    first, begins, counts = np.unique(which[order], return_index=True, return_counts=True)
-    row, place = np.repeat(np.arange(first.size), counts), np.arange(order.size) - np.repeat(begins, counts)
-    index = np.repeat(order[begins][:, None], counts.max(initial=1), axis=1)  # of each loop's modes, filled up with its first
-    index[row, place] = order
-    share, few = np.empty(index.shape), max(1, MOST // (index.shape[-1] * n))
+    few = max(1, MOST // (n * np.bincount(label[order]).max(initial=1)))
     with np.errstate(all="ignore"):
-        for part in (slice(begin, begin + few) for begin in range(0, first.size, few)):
-            seen = followed(first[part], np.expm1(s[index[part]]))
-            share[part] = share_of_first(seen, len(kinds), s[index[part]])
-        rest = order[~(share[row, place] > 1 / 2)]
-        for own in (rest[begin : begin + few] for begin in range(0, rest.size, few)):
-            moved = np.concatenate([*followed(which[own], np.expm1(s[own, None]))], axis=-1)
-            found[own] = lines_of(moved, s[own], period[own])[:, 0]
-    return found
+        rest = order[~(_share_of_first(modes, label, order, s, few) > 1 / 2)]
+        for batch in (rest[begin : begin + few] for begin in range(0, rest.size, few)):
+            moved = np.concatenate([*modes.in_ticks(label[batch], np.expm1(s[batch, None]))], axis=-1)
+            hz[batch] = lines_of(moved, s[batch], period[batch])[:, 0]
+    return hz
+
+
+def _share_of_first(modes, label, order, s, few):
+    """The share of the first line in what is shown of each mode, in this order, which is that of their loops `label`."""
+    first, begins, counts = np.unique(label[order], return_index=True, return_counts=True)
+    row, column = np.repeat(np.arange(first.size), counts), np.arange(order.size) - np.repeat(begins, counts)
+    index = np.repeat(order[begins][:, None], counts.max(initial=1), axis=1)  # of each loop's modes, filled up with its first
+    index[row, column] = order
+    share = np.empty(index.shape)
+    for batch in (slice(begin, begin + few) for begin in range(0, first.size, few)):
+        shown = modes.in_ticks(first[batch], np.expm1(s[index[batch]]))
+        share[batch] = share_of_first(shown, modes.loops.frame.ticks.kind.size, s[index[batch]])
+    return share[row, column]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModesOfCut:
+    """Modes of loops that are cut at a number: what a product of 1 moves, `(z - A)^-1 B`, whatever the number.
+
+    rows: what a spectrum shows, over the states. inner: where the states of the cut are among them. force: the input that the
+    product is.
+    """
+
+    loops: OpenLoops
+    cut: LinearFractional
+    rows: np.ndarray
+    inner: np.ndarray
+    force: int
+
+    @staticmethod
+    def of(drawing: Drawing, loops: OpenLoops, cut: LinearFractional) -> "ModesOfCut":
+        """The modes of a batch of loops."""
+        states = loops.frame.ticks.states
+        inner, all_states = np.array([states.index(name) for name in cut.states]), np.arange(len(states))
+        rows, shown = cut.remembered("shown", lambda: _shown_by(drawing, states, loops.drift, np.isin(all_states, inner)))
+        return ModesOfCut(loops, cut, rows[shown], inner, loops.drawn.inputs.index(PRODUCT))
+
+    def in_ticks(self, index, w):
+        """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of eigenvalue 1 + w, `(k, columns)`."""
+        cut, frame, ticks = self.cut, self.loops.frame, self.loops.frame.ticks
+        kinds, n = ticks.kind.tolist(), len(ticks.states)
+        single = cut.batch[0] == index.size == 1 and len(kinds) * len(self.rows) * max(n, w.shape[-1]) <= MOST
+        pole, mode = polynomials(cut.remembered("form", lambda: self._form(index)) if single else self._form(index), w)
+        state = np.zeros((index.size, n, w.shape[-1]), complex)
+        state[:, self.inner] = mode / pole[:, None]
+        for lead, _ in self.loops.drift.constant:
+            moved = (_of_loops(frame.E, index)[..., lead, :, None] * state).sum(-2) + _of_loops(frame.B, index)[..., lead, :1]
+            state[:, lead] = np.where(w == 0, 0.0, moved / w)
+        if single:
+            all_ticks = cut.remembered("ticks", self._in_one_product)
+            moved = times(all_ticks.reshape(-1, n + 1), np.append(state[0], np.ones((1, w.shape[-1])), axis=0))
+            return moved.reshape(len(kinds), 1, len(self.rows), -1)
+        changes = []
+        for tick in ticks.maps:
+            force = _of_loops(tick.B, index)[..., self.force, None] if np.any(tick.B[..., self.force]) else None
+            changes.append((np.eye(n) + _of_loops(tick.E, index), force))
+        return _in_ticks(kinds, changes, state, self.rows)
+
+    def _form(self, index):
+        E, B = self.cut.E[index], self.cut.B[index]
+        return reduced(in_even_units(E, B, np.broadcast_to(np.eye(self.inner.size), E.shape)))
+
+    def _in_one_product(self):
+        """What is shown in all ticks, as rows over the states and the product of a single loop, `(ticks, rows, n + 1)`."""
+        ticks, rows = self.loops.frame.ticks, self.rows
+        n = len(ticks.states)
+        matrices = np.tile(np.eye(n + 1), (len(ticks.maps), 1, 1))
+        for matrix, tick in zip(matrices, ticks.maps, strict=True):
+            matrix[:n] += np.append(tick.E.reshape(n, n), tick.B[..., self.force].reshape(n, 1), axis=-1)
+        changes = [(matrix, None) for matrix in matrices]
+        return np.stack([*_in_ticks(ticks.kind.tolist(), changes, np.eye(n + 1), np.append(rows, 0 * rows[:, :1], axis=-1))])
+
+
+def _of_loops(arrays, index):
+    """The arrays of some loops of a batch; one array is that of all loops."""
+    return arrays[index] if arrays.ndim > 2 and len(arrays) > 1 else arrays
 
 
 def vectors_of(E, w):
@@ -155,14 +190,14 @@ def vectors_of(E, w):
     They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
     """
     # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is not known.
-    beside, back = BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)), np.full(E.shape, np.nan + 0j)
+    step, back = BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)), np.full(E.shape, np.nan + 0j)
     for farther in FARTHER:
-        some = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
-        if some.size:
-            back[some] = inverse(E[some] - (w + farther * beside)[some, None, None] * np.eye(E.shape[-1]))
+        rest = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
+        if rest.size:
+            back[rest] = inverse(E[rest] - (w + farther * step)[rest, None, None] * np.eye(E.shape[-1]))
     start = np.cos(np.arange(1, E.shape[-1] + 1))
     right, left = back @ start[:, None], start @ back
-    right, left = (part / np.abs(part).max((-1, -2) if part.ndim > 2 else -1, keepdims=True) for part in (right, left))
+    right, left = (v / np.abs(v).max((-1, -2) if v.ndim > 2 else -1, keepdims=True) for v in (right, left))
     right, left = back @ right, left[:, None] @ back
-    right, left = (part / np.abs(part).max((-1, -2), keepdims=True) for part in (right, left))
+    right, left = (v / np.abs(v).max((-1, -2), keepdims=True) for v in (right, left))
     return left / (left @ right), right

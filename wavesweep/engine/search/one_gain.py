@@ -43,14 +43,14 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
 
 def of_cut(opened: Opened, span: tuple[float, float], bound: RequiredRegion | None = None) -> Intervals:
     """The intervals of slices whose loops are cut, sorted by slice; loops with equally many slices go together."""
-    cut = opened.loops.batch(int(opened.which.max()) + 1)
-    order, counts = np.argsort(opened.which, kind="stable"), np.bincount(opened.which)
+    cut = opened.loops.batch(int(opened.loop_of.max()) + 1)
+    order, counts = np.argsort(opened.loop_of, kind="stable"), np.bincount(opened.loop_of)
     starts, batches = np.cumsum(counts) - counts, []
     for count in different(counts[counts > 0]).tolist():
         alike = np.flatnonzero(counts == count)
         slices = order[starts[alike][:, None] + np.arange(count)]
         loops = cut if alike.size == cut.batch[0] else cut.at(alike)
         radius = bound and bound.radius_of(loops.period)
-        intervals = stable_intervals(loops, SECOND if opened.swapped else FIRST, span, opened.beside[slices], radius)
+        intervals = stable_intervals(loops, SECOND if opened.swapped else FIRST, span, opened.second[slices], radius)
         batches.append(replace(intervals, column=slices.reshape(-1)[intervals.column]))
     return by_slice(batches)

@@ -32,8 +32,8 @@ FEW = 200  # loops at most that are remembered together; a chunk of a large swee
 
 def exact_cut(loops: Loops, number: str) -> LinearFractional | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
-    found = open_loops(loops, number)
-    return found and found.cut
+    opened = open_loops(loops, number)
+    return opened and opened.cut
 
 
 def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
@@ -41,15 +41,15 @@ def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
 
     values: flat keys, with numbers or arrays over the loops.
     """
-    found = open_loops(Loops(loop_drawing(values), values).read, *WALL, each=True)
-    return found and found.cut
+    opened = open_loops(Loops(loop_drawing(values), values).read, *WALL, per_loop=True)
+    return opened and opened.cut
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoops:
     """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force.
 
-    beside: another number of the same wire, that they are without as well (see `shares_wire`), or empty. conserved: whether a
+    second: another number of the same wire, that they are without as well (see `shares_wire`), or empty. conserved: whether a
     combination of states drifts in the loops with the number.
     """
 
@@ -57,13 +57,13 @@ class OpenLoops:
     frame: OpenFrame
     drift: MarginalModes
     hand: Ports | None = None
-    beside: str = ""
+    second: str = ""
     conserved: bool = False
 
     @cached_property
     def cut(self) -> LinearFractional | None:
         """The loops cut at the number, or at the two numbers; None if their drift cannot be represented in a cut."""
-        return cut_of(self.frame, self.drift, 1 + bool(self.beside), conserved=self.conserved)
+        return cut_of(self.frame, self.drift, 1 + bool(self.second), conserved=self.conserved)
 
     def batch(self, size: int) -> LinearFractional:
         """The cut as a batch of `size` loops."""
@@ -77,60 +77,60 @@ class OpenLoops:
         return self.hand and frame_dcgain(self.drawn, self.hand, self.frame, self.drift)
 
 
-def open_loops(loops: Loops, number: str, beside: str = "", *, felt: bool = False, each: bool = False) -> OpenLoops | None:
+def open_loops(loops: Loops, number: str, second: str = "", *, felt: bool = False, per_loop: bool = False) -> OpenLoops | None:
     """The loops without a number that is one scalar gain of a frame; None if it is not one.
 
-    beside: another number of the same wire, without which they are as well; None if they drift in another way without it.
-    felt: whether to see their hand. each: see `product_with_errors`.
+    second: another number of the same wire, without which they are as well; None if they drift in another way without it.
+    felt: whether to see their hand. per_loop: see `product_with_errors`.
     """
     drawing = loops.drawing
     if not scalar_place(drawing, number):
         return None
-    path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(beside)]
-    both = dict.fromkeys((path, *([path_of(beside)] if beside else [])), ANY)
+    path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(second)]
+    both = dict.fromkeys((path, *([path_of(second)] if second else [])), ANY)
     closed, loops = drift_of(loops.changed(both)), loops.changed(dict.fromkeys(both, 0.0))
-    drift = drift_of(loops, number, read, beside)
+    drift = drift_of(loops, number, read, second)
     if drift.varying:
         return None
-    if beside:
-        whole = drift_of(loops.changed({path_of(beside): ANY}), number, read, beside)
-        if (whole.constant, whole.varying) != (drift.constant, drift.varying):
+    if second:
+        with_second = drift_of(loops.changed({path_of(second): ANY}), number, read, second)
+        if (with_second.constant, with_second.varying) != (drift.constant, drift.varying):
             return None
     conserved = bool(closed.varying)
     if conserved and len(closed.constant) + len(closed.varying) != len(drift.constant):
         return None
-    drawn = loops.drawn(number, beside)
+    drawn = loops.drawn(number, second)
     hand = hand_of(drawing) if felt and feels(drawing) else None
-    if any(seen_by_hand(drawing, each) for each in (number, beside)):
+    if any(seen_by_hand(drawing, name) for name in (number, second)):
         hand = None
     if hand:
         from wavesweep.engine.response.resting_frame import shows_at_rest
 
         hand = hand if shows_at_rest(drawn, hand, read) else None
     with named_loops(drawn), np.errstate(all="ignore"):
-        seen = (hand.force, (hand.reaction,)) if hand else ("", ())
-        frame = open_frame(drawn, drift, PRODUCT, read, *seen, per_loop=each)
-    return frame and OpenLoops(drawn, frame, drift, hand, beside, conserved)
+        ports = (hand.force, (hand.reaction,)) if hand else ("", ())
+        frame = open_frame(drawn, drift, PRODUCT, read, *ports, per_loop=per_loop)
+    return frame and OpenLoops(drawn, frame, drift, hand, second, conserved)
 
 
 @lru_cache(maxsize=8)  # compiled loops are asked again and again
-def remembered_loops(drawing, items, number, beside, felt):
+def remembered_loops(drawing, items, number, second, felt):
     """`open_loops` of a single loop or of few; items: their numbers, in tuples over the loops."""
     values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
-    return open_loops(Loops(drawing, values), number, beside, felt=felt)
+    return open_loops(Loops(drawing, values), number, second, felt=felt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Opened:
     """Slices with their loops without the number, and perhaps without another one as well.
 
-    which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, as
+    loop_of: the loop of each slice. second: the values of the other number. swapped: whether the loops are cut at that one, as
     at a stiffness for intervals of the damping. alone: whether each slice has a loop and bounds on rounding of its own.
     """
 
     loops: OpenLoops
-    which: np.ndarray
-    beside: np.ndarray
+    loop_of: np.ndarray
+    second: np.ndarray
     swapped: bool = False
     alone: bool = False
 
@@ -145,9 +145,9 @@ class Opened:
         path = varied_beside(loops, number)
         for swapped in (False, True) if path else ():
             with suppress(IllPosedLoopError):
-                found = _without(loops, number, size, path, swapped, felt=felt)
-                if found and found.loops.cut and found.solvable:
-                    return found
+                opened = _without(loops, number, size, path, swapped, felt=felt)
+                if opened and opened.loops.cut and opened.solvable:
+                    return opened
         return _without(loops, number, size, felt=felt)
 
     @staticmethod
@@ -159,13 +159,13 @@ class Opened:
     def solvable(self) -> bool:
         """Whether the loops of direct terms that the other number closes have solutions."""
         direct = self.loops.frame.D[..., int(not self.swapped), 0]
-        through = self.beside * np.broadcast_to(direct, (int(self.which.max()) + 1,))[self.which]
+        through = self.second * np.broadcast_to(direct, (int(self.loop_of.max()) + 1,))[self.loop_of]
         return bool((1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all())
 
     def stiffness(self, at, p) -> np.ndarray:
         """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all; NaN if the frame hides it."""
-        pair = p, self.beside[at]
-        return self.loops.at_rest.stiffness(self.which[at], *(pair[::-1] if self.swapped else pair))
+        pair = p, self.second[at]
+        return self.loops.at_rest.stiffness(self.loop_of[at], *(pair[::-1] if self.swapped else pair))
 
 
 def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
@@ -175,23 +175,23 @@ def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
 
 def varied_beside(loops: Loops, number: str) -> str:
     """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last one; else empty."""
-    others = [path for path, v in loops.values.items() if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))]
-    return others[-1] if others else ""
+    paths = [path for path, v in loops.values.items() if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))]
+    return paths[-1] if paths else ""
 
 
 def _without(loops, number, size, path="", swapped=False, *, alone=False, felt):
     """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
-    of, beside, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
+    loop_of, second, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
     numbers = numbers[::-1] if swapped else numbers
     if path:
-        others = {each: v for each, v in loops.values.items() if np.ndim(v) and each != path}
-        first, of = distinct_rows(others, size)
-        beside, some = loops.values[path], loops.some(first) if first.size > 1 else loops.one(first[0])
-        loops = some.changed({path: 0.0})
+        distinct_in = {name: v for name, v in loops.values.items() if np.ndim(v) and name != path}
+        first, loop_of = distinct_rows(distinct_in, size)
+        second, loops = loops.values[path], loops.some(first) if first.size > 1 else loops.one(first[0])
+        loops = loops.changed({path: 0.0})
     elif size == 1 and not alone:
         loops = loops.one(0)
     if alone or max(map(np.size, loops.values.values()), default=1) > FEW:
-        without = open_loops(loops, *numbers, felt=felt, each=alone)
+        without = open_loops(loops, *numbers, felt=felt, per_loop=alone)
     else:
         without = remembered_loops(loops.drawing, loops.items, *numbers, felt)
-    return without and Opened(without, of, beside, swapped, alone)
+    return without and Opened(without, loop_of, second, swapped, alone)

@@ -39,11 +39,11 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     domains(*loops, along, span, slices.size)  # of what leads from one subloop to another, too
     ticks, answers = loops.drawn().ticks if bound else 0, []
     for subloop in (Loops(drawing, loops.values) for drawing in drawings):
-        asked = replace(question, bound=bound.over(ticks // subloop.drawn().ticks)) if bound else question
+        of_subloop = replace(question, bound=bound.over(ticks // subloop.drawn().ticks)) if bound else question
         opened = None
         with suppress(IllPosedLoopError):  # it may have no solution at 0 of the number, which may be beyond the range
             opened = Opened.of(subloop, question.number, slices.size, felt=False)
-        answers.append(rest(asked, Slices(subloop, slices.size, opened)))
+        answers.append(rest(of_subloop, Slices(subloop, slices.size, opened)))
     return common(answers)
 
 
