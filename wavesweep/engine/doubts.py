@@ -58,9 +58,15 @@ DOUBTS: Mapping[str, Doubt] = MappingProxyType(
     }
 )
 """The most severe last; tables show the most severe of a slice."""
-OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow", "contradiction")
-OF_RESPONSES = ("rounding", "overflow", "unstable")
-OF_DERIVATIVES = (*OF_INTERVALS, "defective")
-OF_MARGINS = (*OF_INTERVALS, "fast")
+_OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow", "contradiction")
+DOUBTS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "OF_INTERVALS": _OF_INTERVALS,
+        "OF_RESPONSES": ("rounding", "overflow", "unstable"),
+        "OF_DERIVATIVES": (*_OF_INTERVALS, "defective"),
+        "OF_MARGINS": (*_OF_INTERVALS, "fast"),
+    }
+)
+"""The words that columns can have, by the name that a columns.csv has for them."""
 INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
 """If a row has one of these, part of its range may be neither known to be stable nor known to be unstable."""

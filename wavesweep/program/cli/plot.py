@@ -64,7 +64,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     from wavesweep.program.cli.messages import say
     from wavesweep.program.plots.figure_files import save_all
     from wavesweep.program.plots.style import about_figure
-    from wavesweep.program.tables.row_kinds import missing_for
+    from wavesweep.program.tables.columns import missing_for
 
     plots.refuse_settings()
     path = Path(table)

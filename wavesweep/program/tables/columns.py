@@ -11,10 +11,12 @@ from wavesweep.capabilities import home_of
 from wavesweep.engine.drawing.drawn_block import keys_of_block
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.keys.key import TURNED
+from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.spec import KEYS, SYMBOLS
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.tables import HOMES, kind_named, kinds
 from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, FieldKind
+from wavesweep.program.tables.row_kinds import row_kinds
 
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
 _ACCEPTED = {"number": "fiu", "integer": "iu", "boolean": "b", "string": "OU"}
@@ -144,6 +146,15 @@ def missing_command(kind: str, facts: Mapping[str, Any]) -> str:
     """
     words = [word for word in str(facts.get("command", "")).split()[1:] if not word.startswith("-")]
     return words[0] if kind not in HOMES and words and words[0] not in HOMES and not home_of(words[0]) else ""
+
+
+def missing_for(kind: str, columns: Columns, facts: Mapping[str, Any]) -> str:
+    """What no installed capability makes of a table, in words: all of it, or some of its rows; empty if there is nothing."""
+    if command := missing_command(kind, facts):
+        return f"tables of wavesweep {command}"
+    whose = whose_column(columns)
+    words = set(columns[whose].tolist()) - {*row_kinds()} if whose in ("guarantee", "hand") else ()
+    return f"rows of {', '.join(sorted(words))}" if words else ""
 
 
 def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:

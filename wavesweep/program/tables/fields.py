@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from wavesweep.capabilities import CAPABILITIES
-from wavesweep.engine import doubts
+from wavesweep.engine.doubts import DOUBTS_OF
 from wavesweep.program.tables.row_kinds import words_of
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def columns_beside(
 
     values, derived: of columns by name, see `Field`. A description may name the words of doubt that a column can have.
     """
-    words = {name: ", ".join(each) for name, each in vars(doubts).items() if name.startswith("OF_")}
+    words = {name: ", ".join(doubts) for name, doubts in DOUBTS_OF.items()}
     groups: dict[str, tuple[Field, ...]] = {}
     with Path(module).with_name("columns.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):

@@ -99,18 +99,6 @@ def row_kind(word: str) -> RowKind:
     return row_kinds().get(word) or RowKind("", word, f"{word} (drawn plainly)", "#777777")
 
 
-def missing_for(kind: str, columns: Columns, facts: Mapping[str, Any]) -> str:
-    """What no installed capability makes of a table, in words: all of it, or some of its rows; empty if there is nothing."""
-    from wavesweep.program.columns import whose_column
-    from wavesweep.program.tables.columns import missing_command
-
-    if command := missing_command(kind, facts):
-        return f"tables of wavesweep {command}"
-    whose = whose_column(columns)
-    words = set(columns[whose].tolist()) - {*row_kinds()} if whose in ("guarantee", "hand") else ()
-    return f"rows of {', '.join(sorted(words))}" if words else ""
-
-
 def words_of(column: str) -> dict[str, str]:
     """The words that a column, `hand` or `guarantee`, can have, with their meanings."""
     return {word: kind.meaning for word, kind in row_kinds().items() if kind.meaning and kind.column == column}
