@@ -5,7 +5,7 @@ import pytest
 
 from wavesweep.engine.stability import along_any, covering
 from wavesweep.engine.stability.along_any import stable_along_any
-from wavesweep.engine.stability.dominance import Bent
+from wavesweep.engine.stability.dominance import DominanceTests
 from wavesweep.engine.stability.entries import panels_of
 
 SPAN = (-1.0, 1.0)
@@ -155,8 +155,8 @@ def test_so_they_are_at_a_million_places(part):
 @pytest.mark.parametrize("spoilt", [lambda h: np.inf + 0 * h, lambda h: h * (1 + 1e-6), lambda h: h + 1e-4, lambda h: -h])
 def test_crossings_that_are_looked_for_in_the_wrong_place_are_never_missed(monkeypatch, spoilt):
     """Where a crossing is expected decides only what is tried: what is proved of the parts beside it holds without it."""
-    crossings = Bent.crossings
-    monkeypatch.setattr(Bent, "crossings", lambda self: spoilt(crossings(self)))
+    crossings = DominanceTests.crossings
+    monkeypatch.setattr(DominanceTests, "crossings", lambda self: spoilt(crossings(self)))
     looked, wrong = look(range(200, 203), 5)
     assert looked > 50
     assert wrong == 0

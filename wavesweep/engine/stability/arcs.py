@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.monodromy.cut import LinearFractional, open_in
-from wavesweep.engine.monodromy.shifts import DelayLines
+from wavesweep.engine.monodromy.delay_lines import DelayLines
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.stability.arc_panels import panel_roots
 from wavesweep.engine.stability.boundary import polish

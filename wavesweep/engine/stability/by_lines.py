@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.engine.monodromy.shifts import DelayLines
+from wavesweep.engine.monodromy.delay_lines import DelayLines
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.stability.entries import panels_of
 from wavesweep.engine.stability.spectrum import count_outside

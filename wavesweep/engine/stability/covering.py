@@ -8,7 +8,7 @@ from numpy.polynomial import chebyshev
 
 from wavesweep.engine.rows import Rows, different
 from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING, SEARCH
-from wavesweep.engine.stability.dominance import Bent, Exact
+from wavesweep.engine.stability.dominance import DominanceTests, ExactFrames
 from wavesweep.engine.stability.entries import EPS, Panels, nodes, sizes_of
 from wavesweep.engine.stability.regions import Regions
 
@@ -54,7 +54,7 @@ class Tiles(Rows):
 
 
 @dataclass(frozen=True, slots=True)
-class _Open(Rows):
+class _OpenStretches(Rows):
     """Stretches of panels to be proved; place: where the next test is; steps: that were made towards a crossing."""
 
     panel: np.ndarray
@@ -127,7 +127,7 @@ def _unstable_by_traces(panels):
     last = np.append(first[:, 1:], np.full((number.size, 1), True), axis=1)
     panel, low, high = np.nonzero(first)[0], edges[:, :-1][first], edges[:, 1:][last]
     done, left = ((proved[first] == kind) & (high > low) for kind in (True, False))
-    open_ = _Open(panel, low, high, (low + high) / 2, 0 * panel).take(left)
+    open_ = _OpenStretches(panel, low, high, (low + high) / 2, 0 * panel).take(left)
     return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_
 
 
@@ -155,26 +155,26 @@ class _Test:
     A test whose place is next to a crossing proves both sides of it, from a window about it on; one that is on its way there
     proves nothing; any other proves what it can on both sides of its place.
 
-    bent: the eigenvalues about the places (see `Bent`), as functions of h, the distance in halves of a panel; radius: of the
-    circle that they are held against. crossing, theta: where the nearest one seems to cross, and its angle there; at_end: -1
-    or 1 if that counts as an end of the span. closing, toward: whether a test is next to a crossing, or on its way there.
-    begin: the h from which on both sides are proved, so the window is between; roots: the h of all other crossings. rough:
-    whether the window is wider than ends may be off; overlaid: whether another eigenvalue is outside in it.
+    models: the eigenvalues about the places (see `DominanceTests`), as functions of h, the distance in halves of a panel;
+    radius: of the circle that they are held against. crossing, theta: where the nearest one seems to cross, and its angle
+    there; at_end: -1 or 1 if that counts as an end of the span. closing, toward: whether a test is next to a crossing, or on
+    its way there. begin: the h from which on both sides are proved, so the window is between; roots: the h of all other
+    crossings. rough: whether the window is wider than ends may be off; overlaid: whether another eigenvalue is outside in it.
     """
 
     def __init__(self, panels, errors, span, slack, open_):
         self.open, self.span, self.column = open_, span, panels.column[open_.panel]
         self.half = half = panels.half[open_.panel]
         tests = np.flatnonzero(open_.steps > CROSSING)
-        exact = Exact(tests, *(errors(self.column[tests], open_.place[tests]) if tests.size else (None, None)))
+        exact = ExactFrames(tests, *(errors(self.column[tests], open_.place[tests]) if tests.size else (None, None)))
         self.pad = 4 * EPS * np.abs(span).max() / half
         length = (open_.high - open_.low) / half
         x = (open_.place - panels.middle[open_.panel]) / half
-        self.bent = Bent(panels, open_.panel, x, self.pad, length / 2, exact)
-        self.radius, roots = self.bent.radius(), self.bent.crossings()
+        self.models = DominanceTests(panels, open_.panel, x, self.pad, length / 2, exact)
+        self.radius, roots = self.models.radius(), self.models.crossings()
         nearest = np.argmin(np.abs(roots), 1)[:, None]
-        h, unsure, slope = (np.take_along_axis(a, nearest, 1)[:, 0] for a in (roots, self.bent.unsure, self.bent.slope))
-        self.theta = self.bent.angle(nearest[:, 0], h)
+        h, unsure, slope = (np.take_along_axis(a, nearest, 1)[:, 0] for a in (roots, self.models.unsure, self.models.slope))
+        self.theta = self.models.angle(nearest[:, 0], h)
         self.miss = unsure / np.maximum(1, np.abs(slope * open_.place) / half)
         self.crossing = open_.place + half * h
         low, high = (np.maximum(slack(end), 4 * EPS * np.abs(end)) for end in span)
@@ -193,7 +193,7 @@ class _Test:
         ends = np.where(closed, roots, np.inf).min(1) - eps, np.where(closed, roots, -np.inf).max(1) + eps
         self.begin = [np.where(self.closing, end, 0.0) for end in ends]
         self.rough = (unsure / np.abs(slope) > off) | (eps > FIRM * off)
-        self.overlaid = ((self.bent.excess > 0) & ~closed).any(1)
+        self.overlaid = ((self.models.excess > 0) & ~closed).any(1)
 
     def results(self):
         """Return the new tiles, and the stretches that are open."""
@@ -221,7 +221,7 @@ class _Test:
         open_, a, b, place = self.open, self.open.low, self.open.high, self.open.place
         moving = self.toward | again
         steps = np.where(again, np.maximum(open_.steps, CROSSING), open_.steps) + 1
-        stretches = [_Open(open_.panel, a, b, np.clip(self.crossing, a, b), steps).take(moving)]
+        stretches = [_OpenStretches(open_.panel, a, b, np.clip(self.crossing, a, b), steps).take(moving)]
         halved = failed & (b - a > RETRIED * (inner[1] - inner[0]))  # from elsewhere it may succeed
         beyond = np.where(failed & ~halved, GIVEN_UP * (inner[1] - inner[0]), 0.0)
         low = np.where(proved[0], reached[0], reached[0] - beyond)
@@ -236,7 +236,7 @@ class _Test:
             long = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
             gone = np.abs((high if sign < 0 else low) - place)[long]
             stretches.append(self._rest(long, low[long], high[long], sign, gone))
-        return _Open.join(stretches)
+        return _OpenStretches.join(stretches)
 
     def _rest(self, index, low, high, sign, gone):
         """What is left to one side, to be tested where an eigenvalue seems to cross, if that is near to what is proved."""
@@ -246,7 +246,7 @@ class _Test:
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length) & (ahead < np.maximum(3 * gone, 0.5 * length))
         trusted &= (self.radius[index] == 1) & (self.open.steps[index] < CROSSING)
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
-        return _Open(self.open.panel[index], low, high, place, trusted.astype(int))
+        return _OpenStretches(self.open.panel[index], low, high, place, trusted.astype(int))
 
     def _reached(self, inner):
         """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there.
@@ -269,7 +269,7 @@ class _Test:
             share = factor * first[todo]
             start, advance = begin[todo], share * extent[todo]
             start = np.where(start == 0, 0.0, start - pad[todo])
-            ok, count = self.bent.prove(of[todo], start, begin[todo] + advance + pad[todo], self.radius[of[todo]])
+            ok, count = self.models.prove(of[todo], start, begin[todo] + advance + pad[todo], self.radius[of[todo]])
             reached = place[todo] + half[todo] * (begin[todo] + advance)
             reached = np.clip(reached, self.open.low[of[todo]], self.open.high[of[todo]])
             reached = np.where(far[todo] | (share < 1), reached, edge[todo])

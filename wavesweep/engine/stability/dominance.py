@@ -127,7 +127,7 @@ def _turning(B, w, wanted, block):
 
 
 @dataclass(frozen=True, slots=True)
-class Exact:
+class ExactFrames:
     """Frames less identity at the places of some tests themselves, and bounds on their errors."""
 
     tests: np.ndarray
@@ -135,13 +135,13 @@ class Exact:
     off: np.ndarray
 
 
-class Bent:
+class DominanceTests:
     """Tests about places of panels, one element each; see this file's head.
 
     w: eigenvalues less 1 at the place, `(tests, n)`; unsure: bounds on their errors; excess, slope: of `|mu|^2 - 1` at h = 0.
     """
 
-    def __init__(self, panels: Panels, at, x, pad, wanted, exact: Exact):
+    def __init__(self, panels: Panels, at, x, pad, wanted, exact: ExactFrames):
         """at: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half of what is to be proved."""
         n, m = panels.error.shape[-1], at.size
         degree = DEGREES[1] if panels.coefficients[at, DEGREES[0] + 1 :].any() else DEGREES[0]

@@ -197,7 +197,7 @@ def _at_least(E, units, w):
     They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the delays that E has, if these
     are most of its states, of the others as their Schur complement, and of the ways from one to the other.
     """
-    from wavesweep.engine.monodromy.shifts import DelayLines
+    from wavesweep.engine.monodromy.delay_lines import DelayLines
 
     lines = DelayLines.of(E)
     k, d, w = lines.solved, lines.delayed, w[:, None, None]

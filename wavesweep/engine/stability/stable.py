@@ -42,7 +42,7 @@ def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None
         return _along_second(cut, along, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    intervals = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner, span)
+    intervals = _with_others(_by_each_method(_in_even_units(cut), owner, along, flat, span), cut, owner, span)
     if not span[0] < 0 < span[1]:
         return intervals
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
@@ -64,7 +64,7 @@ def _with_others(intervals, cut, owner, span) -> Intervals:
     return without_any(without_any(intervals, outside > 0), outside < 0, span, COUNTS)
 
 
-def _in_own_units(cut: LinearFractional) -> LinearFractional:
+def _in_even_units(cut: LinearFractional) -> LinearFractional:
     """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
     E, B, C = (np.broadcast_to(M, (*cut.batch, *M.shape[-2:])) for M in (cut.E, cut.B, cut.C))
     with np.errstate(over="ignore", invalid="ignore"):
