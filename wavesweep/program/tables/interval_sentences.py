@@ -8,6 +8,7 @@ from wavesweep.capabilities import where_explained
 from wavesweep.engine.doubts import DOUBTS
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.reading.keys import readable
+from wavesweep.program.tables.frame_lengths import lengths_in_words
 from wavesweep.program.tables.interval_summary import NEXT
 from wavesweep.program.tables.kind import Line, Numbers, count
 from wavesweep.program.tables.refuters import in_a_sentence
@@ -133,7 +134,8 @@ class Sentences:
         same = self._hand and felt and largest and np.isclose(felt["value"], largest["value"], rtol=1e-9)
         # Of rows that are searched none is certified by design: those of a box are proved or not.
         certified = "" if self._kind.searched else self.certified()[0]
-        line = "; ".join(filter(None, [*self.extremes(), "" if same else self.stiffest_felt(), certified]))
+        lengths = lengths_in_words(self._numbers["lengths"]) if "lengths" in self._numbers else ""
+        line = "; ".join(filter(None, [*self.extremes(), lengths, "" if same else self.stiffest_felt(), certified]))
         return f"{self._kind.title} ({self._hand}): {line}" if self._hand else line
 
     def _doubtful(self, extreme: Numbers) -> str:

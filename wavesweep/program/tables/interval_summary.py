@@ -14,6 +14,7 @@ from wavesweep.program.columns import Columns, axes_of, whose_column
 from wavesweep.program.reading.tables import members_of
 from wavesweep.program.spec import find_key
 from wavesweep.program.tables.columns import felt_unit, numbers_of, swept_range
+from wavesweep.program.tables.frame_lengths import DecidingLengths, varying_lengths
 from wavesweep.program.tables.refuters import Refuters
 from wavesweep.program.tables.row_kinds import row_kinds
 
@@ -67,6 +68,7 @@ class LoopSummary:
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
         self._ends_within = False  # whether an interval ends before the swept range does
+        self._lengths = DecidingLengths(varying_lengths(self._facts.get("spec", {})) if self.kind.proved else ())
         self._slices: list[dict[str, Any]] = []  # axes' values, intervals and open places of the first few
 
     def add(self, columns: Columns) -> None:
@@ -77,6 +79,7 @@ class LoopSummary:
         self._along = str(columns["along"][0])
         self._range = swept_range(self._facts, self._along)
         self._list(columns)
+        self._lengths.add(columns, self._range)
         self._rows += len(stable)
         self._intervals += int(stable.sum())
         # Every slice has exactly one row numbered 0.
@@ -112,6 +115,7 @@ class LoopSummary:
         """The summary as numbers and words that JSON can hold."""
         require, few = self._facts.get("require"), len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
         names = [self._along, *self._axes, *(self._largest.place() if self._largest.row else ())]
+        lengths = self._lengths.numbers()
         return {
             "along": self._along,
             "unit": self._unit(self._along),
@@ -131,6 +135,7 @@ class LoopSummary:
             "stiffest_felt": self._felt_numbers(),
             "least": self._least_numbers(),
             "few_slices": self._slices if few else [],
+            **({"lengths": lengths} if lengths else {}),
         }
 
     def _extreme(self, extreme: Extreme, **facts: Any) -> dict[str, Any] | None:

@@ -1,0 +1,83 @@
+"""Which lengths of frames decide what is proved for frames in any order, and which may be left out."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.program.columns import Columns
+from wavesweep.program.tables.refuters import Refuters
+
+RATIO = "rates.ratio"
+BEGINS = 2e-3  # of the high end, up to where what is proved begins next to the low end of the range
+
+
+def varying_lengths(written: Mapping[str, Any]) -> tuple[int, ...]:
+    """Return the lengths of frames (ticks) that may follow each other in any order by a written spec; empty without any."""
+    every = {RATIO, *(str(block.get("every")) for block in written.get("block", {}).values())}
+    for name, axis in written.get("for_all", {}).items():
+        if isinstance(axis, Mapping) and axis.get("varying") and {name, name.removeprefix("numbers.")} & every:
+            return tuple(map(int, axis.get("values") or range(int(axis["start"]), int(axis["stop"]) + 1)))
+    return ()
+
+
+def lengths_in(refuter: str) -> set[int]:
+    """Return the lengths of the frames in a counterexample; empty if it is cut or has none."""
+    pattern = re.search(r"\bframes ((?:\d+(?: \([^)]*\))?(?:, )?)+)", refuter)
+    if not pattern or refuter.endswith("..."):
+        return set()
+    return {int(length) for length in re.findall(r"(?:^|, )(\d+)", pattern[1])}
+
+
+class DecidingLengths:
+    """Counts the lengths of frames in the counterexamples of rows, and how far these are from what is proved.
+
+    A proof for all lengths is one for some of them, and a pattern refutes whatever has its lengths. So with these alone an end
+    lies between what is proved here and what is refuted, too.
+    """
+
+    def __init__(self, lengths: tuple[int, ...]) -> None:
+        self._lengths, self._decide, self._widest, self._open = lengths, set(), 0.0, not lengths
+
+    def add(self, columns: Columns, span: tuple[float, float]) -> None:
+        """Count the rows of a table of intervals; span: the swept range."""
+        if self._open or "fails_from" not in columns:
+            return
+        for row in np.flatnonzero(columns["intervals"] > 0).tolist():
+            low, high = float(columns["low"][row]), float(columns["high"][row])
+            refuters = Refuters.read(str(columns["counterexample"][row]))
+            at_range = (low - span[0] <= BEGINS * abs(high - span[0]), high == span[1])
+            fails = (columns["fails_below"][row], columns["fails_from"][row])
+            for end, beyond, refuter, reached in zip((low, high), fails, refuters, at_range, strict=True):
+                lengths = set() if np.isnan(beyond) else lengths_in(refuter)
+                self._decide |= lengths
+                self._open |= not (lengths or reached)
+                if lengths:
+                    self._widest = max(self._widest, float(abs(beyond - end) / max(abs(beyond), abs(end))))
+
+    def numbers(self) -> dict[str, Any]:
+        """The lengths that decide, those that may be left out, and by what share this may move an end; empty if not known."""
+        left_out = sorted({*self._lengths} - self._decide)
+        if self._open or not self._decide or not left_out:
+            return {}
+        return {"decide": sorted(self._decide), "left_out": left_out, "moves_an_end_by": self._widest}
+
+
+def lengths_in_words(numbers: Mapping[str, Any]) -> str:
+    """Which lengths decide, as a sentence."""
+    decide, left_out = (_runs(numbers[name]) for name in ("decide", "left_out"))
+    share = max(100 * numbers["moves_an_end_by"], 0.01)
+    return f"frames of {decide} ticks decide: without those of {left_out} no end moves by more than {share:.2g} %"
+
+
+def _runs(lengths):
+    """Numbers in words, three and more in a row by their first and last."""
+    runs = []
+    for length in lengths:
+        if runs and runs[-1][-1] == length - 1:
+            runs[-1].append(length)
+        else:
+            runs.append([length])
+    said = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
+    return ", ".join(said)
