@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +15,7 @@ import pytest
 from support.tables import same
 
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.results import at_work, placing, publish, read, read_table
+from wavesweep.program.results import at_work, publish, read, read_table, table_writing
 from wavesweep.program.results.folder import HEADER, PACKAGE
 from wavesweep.program.results.package import file_facts
 from wavesweep.program.tables.table import Table
@@ -163,14 +164,15 @@ def test_the_folder_of_results_may_be_a_link(columns, facts, tmp_path):
 
 def test_the_specs_of_designs_appear_with_their_table_and_take_the_place_of_older_ones(tmp_path):
     for texts in (("a", "b"), ("c",)):
-        folder = placing.new_folder("design", tmp_path)
+        folder = tmp_path / ".design.new"
+        folder.mkdir()
         (folder / "design.datapackage.json").write_text("{}")
         (folder / "best").mkdir()
         for number, text in enumerate(texts):
             (folder / f"best/design-{number:02d}.toml").write_text(f"{HEADER}{text}")
         with at_work(["design"], tmp_path / "elsewhere"):
-            placing.put_in_place("design", folder, tmp_path)
-        placing.abandon(folder)
+            table_writing.put_in_place("design", folder, tmp_path)
+        shutil.rmtree(folder)
         assert len(names(tmp_path / "best")) == len(texts)
     assert names(tmp_path) == ["best", "design.datapackage.json"]
 

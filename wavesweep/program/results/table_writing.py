@@ -1,4 +1,14 @@
-"""Tables into files or to a stream, block by block; all of a table's files appear whole, or none does."""
+"""Tables into files or to a stream, block by block; all of a table's files appear whole, or none does.
+
+The files are written in a new folder `.<kind>.new-<random>` beside the results. When they are complete and on the disk, each
+is renamed to its place. The package has the hashes of all of them, so its rename, the last one, is the commit mark: after a
+kill before it, the old package and the files do not agree, which `verify` and the reader of a CSV notice, and the same command
+gives the new results. If the place has the same bytes already, or a package that differs in facts of the run alone, such as its
+date, the old file stays, with its time.
+
+A table in parts is a folder of Parquet files, which is moved as one, as the folder of specs of `design` is; the folder or the
+file in its place is moved away first.
+"""
 
 import os
 import re
@@ -7,23 +17,23 @@ from contextlib import ExitStack, closing, nullcontext
 from itertools import chain
 from numbers import Integral
 from pathlib import Path
-from shutil import copyfileobj
+from shutil import copyfileobj, rmtree
 from tempfile import SpooledTemporaryFile, TemporaryDirectory
 from typing import Any, BinaryIO
 
 from wavesweep.engine.arguments import boolean
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.atomic_files import put, scratch, sync
+from wavesweep.program.atomic_files import is_folder, put, random_part, scratch, sync
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.results.folder import FIGURES, existing_facts, refuse_other_spec
+from wavesweep.program.results.folder import BEST, FIGURES, existing_facts, names_of, refuse_other_spec
 from wavesweep.program.results.lock import at_work
-from wavesweep.program.results.package import OWN_FACTS, package_text
-from wavesweep.program.results.placing import abandon, new_folder, put_in_place
+from wavesweep.program.results.package import OWN_FACTS, package_text, packaged_files, same_but_for_the_run
 from wavesweep.program.results.table_files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.program.tables.columns import checked, fields_of
 from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.table import Table
 
+REPLACED = "replaced"  # the name, in the folder of new files, of a file or folder whose place is needed
 IN_MEMORY = 1 << 26  # bytes of a table for stdout; more go to a file without a name
 
 
@@ -37,9 +47,8 @@ def publish(
 ) -> list[Path]:
     """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
-    Everything is written in a temporary folder beside the results and put in place at the end, the package last (see
-    `placing`); a figure that another spec left behind is removed. How the rows are cut into blocks leaves no trace in the
-    bytes.
+    Everything is written in a temporary folder beside the results and put in place at the end, the package last; a figure that
+    another spec left behind is removed. How the rows are cut into blocks leaves no trace in the bytes.
 
     table      its facts need `spec_sha256`; those of OWN_FACTS stay out of the Parquet file, so that equal runs give equal
                bytes in any folder
@@ -60,7 +69,8 @@ def publish(
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):
         if not overwrite:
             refuse_other_spec(table.kind, directory, facts["spec_sha256"], facts.get("spec_place", ""))
-        folder = new_folder(table.kind, directory)
+        folder = directory / f".{table.kind}.new-{random_part()}"
+        folder.mkdir(0o700)
         try:
             stem = folder / table.kind
             _write_all(stem, table, fields, blocks, formats, partition)
@@ -72,7 +82,33 @@ def publish(
         except OSError as error:
             raise _of_folder(error, directory) from error
         finally:
-            abandon(folder)
+            rmtree(folder, ignore_errors=True)  # what was not put in place, as far as that is possible now
+
+
+def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
+    """Move the files of a table to their places and give their paths; a figure or CSV that the package does not list goes."""
+    *files, package = (name for name in names_of(kind) if (folder / name).exists())
+    for name in (*files, package):
+        for file in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
+            sync(file)
+        sync(folder / name)
+    for name in sorted(files, key=lambda name: not name.endswith(".parquet")):  # it has the facts of the run as well
+        new, place = folder / name, directory / name
+        if is_folder(place) or (is_folder(new) and place.exists()):  # a rename cannot take its place
+            place.rename(folder / f"{REPLACED}-{name}")
+        if is_folder(new):
+            new.rename(place)
+        else:
+            put(new, place)
+    listed = packaged_files(folder / package)
+    for suffix in (".csv", *FIGURES):
+        if f"{kind}{suffix}" not in listed:
+            (directory / f"{kind}{suffix}").unlink(missing_ok=True)
+    sync(directory)
+    if not same_but_for_the_run(folder / package, directory / package):
+        (folder / package).replace(directory / package)
+        sync(directory)
+    return [directory / name for name in (*files, package) if name != BEST]
 
 
 def _of_folder(error: OSError, directory: Path) -> OSError:
@@ -86,6 +122,8 @@ def _write_all(
     stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None, only: str = ""
 ) -> None:
     """Write the files of a table but its package; `stem` is their path without a suffix. only: the suffix of the one wanted."""
+    from concurrent.futures import ThreadPoolExecutor
+
     lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
     place, csv = stem.with_suffix(".parquet"), None
     parquet: Any = None
@@ -97,7 +135,15 @@ def _write_all(
         if partition is None and only in ("", ".csv"):
             csv = opened.enter_context(stem.with_suffix(".csv").open("wb"))
             csv.write(csv_header(fields))
-        _write_rows(_groups(fields, blocks, partition), parquet, csv)
+        second = opened.enter_context(
+            ThreadPoolExecutor(1)
+        )  # writes Parquet, the CSV is written here: Arrow lets both run at once
+        for group in _groups(fields, blocks, partition):
+            written = second.submit(parquet.append, group) if parquet else None
+            if csv:
+                csv.write(csv_rows(group))
+            if written:
+                written.result()
     draw: Any = table.figure
     for form in formats if draw else ():
         try:
@@ -163,19 +209,6 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
     first = next(blocks)
     fields = table.fields or fields_of(table.kind, first, table.facts)
     return fields, chain([checked(fields, first)], blocks)
-
-
-def _write_rows(groups: Iterator[Columns], parquet: ParquetFile | ParquetParts | None, csv: BinaryIO | None) -> None:
-    """Write the groups to the open files, the CSV in this thread and Parquet in another one: Arrow lets both run at once."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(1) as second:
-        for group in groups:
-            written = second.submit(parquet.append, group) if parquet else None
-            if csv:
-                csv.write(csv_rows(group))
-            if written:
-                written.result()
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:

@@ -4,7 +4,6 @@ from wavesweep.engine.keys.key import Key
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import KEYS, SYMBOLS, find_key
 from wavesweep.program.spec.loading import load
-from wavesweep.program.spec.spec import Spec
-from wavesweep.program.spec.sweep_axes import no_axis, sweep_axes
+from wavesweep.program.spec.spec import Spec, no_axis, sweep_axes
 
 __all__ = ["KEYS", "SYMBOLS", "Axis", "Key", "Spec", "find_key", "load", "no_axis", "sweep_axes"]
