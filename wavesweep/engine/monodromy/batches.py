@@ -1,4 +1,4 @@
-"""Parts of a batch of matrices that fit into a processor's cache: new memory for a batch costs more than the arithmetic."""
+"""Work on a batch of matrices in portions that fit into a processor's cache: new memory costs more than the arithmetic."""
 
 from math import prod
 
@@ -13,7 +13,7 @@ MANY, SPARSE = 100, 0.05  # rows from which on, and share of entries up to which
 def product(A, B) -> np.ndarray:
     """Return `A @ B`, `(..., n, m)`; of many rows with few entries, as those of long delays are, by these entries alone.
 
-    Then infinities times zeros are left out. What is done with a matrix does not depend on the others of a batch.
+    Then infinities times zeros are left out. Each matrix is treated by itself, whatever the rest of the batch is.
     """
     if A.shape[-1] < MANY:
         return A @ B

@@ -99,7 +99,7 @@ class DelayLines:
         return states
 
     def row(self, E, C, theta):
-        """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, the others as for `reached`."""
+        """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, E and theta as for `reached`."""
         k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
         out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
         gained = out @ E[..., d[:, None], k]

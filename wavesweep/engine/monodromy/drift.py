@@ -205,14 +205,14 @@ def counted_from_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
 
 
 def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray:
-    """Return the frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
+    """Return the frame's matrix less identity without its marginal modes, `(..., k, k)`; it has all other eigenvalues.
 
     sizes: of errors of E; then those of the result are returned.
 
     States that a lead moves by constant factors are counted from it. Factors V that depend on the numbers of a loop are found
-    in its frame: with the leads S and the others R, `E_R V = -E_S` by columns, since nothing changes along a shift. The others
-    then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows
-    from the others depends on the combination that the loop conserves, and a lead need not be a part of it.
+    in its frame: with the leads S and the remaining states R, `E_R V = -E_S` by columns, since nothing changes along a shift.
+    The states R then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are used with equal weight, since it depends
+    on the combination that the loop conserves which row is redundant, and a lead need not be in it.
     """
     index = [i for i in range(len(drift.states)) if i in drift.varying or i in drift.remaining]
     if len(index) < E.shape[-1]:

@@ -106,7 +106,7 @@ def _after_with_errors(ramp, over, first, second):
 
 
 def _largest(over, E):
-    """The sizes of the entries of E, and of I + E, the largest over a batch of loops or each one's."""
+    """The sizes of the entries of E and of I + E, of each loop or the largest of a batch."""
     size, index = over(np.abs(E)), np.arange(E.shape[-2])
     with_identity = size.copy()
     with_identity[..., index, index] = over(np.abs(1 + E[..., index, index])[..., None, :])[..., 0, :]

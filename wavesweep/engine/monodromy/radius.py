@@ -29,7 +29,7 @@ def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
 def cut_within(cut: LinearFractional, radius) -> LinearFractional:
     """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the batch.
 
-    An integrator, whose eigenvalue 1 is outside of the circle, becomes a state as the others are.
+    An integrator, whose eigenvalue 1 is outside of the circle, becomes an ordinary state.
     """
     (E, B, x, v), (dE, dB, dx, dv) = with_integrator(cut), errors_with_integrator(cut)
     r, D, dD = np.asarray(radius)[..., None, None], cut.D.copy(), cut.dD.copy()

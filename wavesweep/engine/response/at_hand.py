@@ -1,4 +1,4 @@
-"""Batches of loops as a hand feels them, or as seen between an input and an output: ports, responses, the stiffness at rest."""
+"""Batches of loops at their hand, or between an input and an output: ports, responses, the stiffness at rest."""
 
 from collections.abc import Iterator
 from contextlib import suppress

@@ -10,7 +10,7 @@ from wavesweep.engine.response.linear_systems import solved
 from wavesweep.engine.response.static import LOST
 from wavesweep.engine.response.steady import respond
 
-DENSE = 64  # ticks up to which singular values of the whole matrix are quicker
+DENSE = 64  # ticks up to which singular values of the full matrix are quicker
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
 FEWEST = 8  # steps before it may stop, since the process may rest at another singular value first
 SETTLED = 1e-13  # relative change below which a singular value has settled

@@ -1,4 +1,4 @@
-"""Loops seen from the hand's port: a map per kind of tick, without the drift."""
+"""The ports of loops: a map per kind of tick from forces to displacements, without the drift."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ class NoPositionError(UsageError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Port:
-    """Loops seen from their port, a map per kind of tick; states that drift are left out, and the others counted from them.
+    """The port of loops, a map per kind of tick. States that drift are left out, and the remaining ones are counted from them.
 
     Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift,
     the change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(...,
@@ -97,7 +97,7 @@ class Port:
 
 
 def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
-    """Return the loops as they are seen from their port.
+    """Return the port of the loops at the hand.
 
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
     Errors: NoPositionError if it is not.
@@ -127,7 +127,7 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
 
 
 def port_between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> Port:
-    """Return the loops as they are seen from an input from outside and a signal, which may be any.
+    """Return the port between an external input and any signal.
 
     The first output is the signal in each tick. If it moves with a drift, that share of it is left out there, and the change of
     the share in the tick is a second output. drift: with the signal watched.
@@ -214,7 +214,7 @@ class _Shifts:
     def counted(self, steps, rows, of=()):
         """Return the map of a tick with the states counted from the leads.
 
-        steps: E and B. rows: pairs of rows of C and D. of: E and B, if the others are the sizes of their terms.
+        steps: E and B. rows: pairs of rows of C and D. of: E and B, if steps and rows are the sizes of their terms.
         """
         if self.leads:
             sign, N = (1, np.abs(self.N)) if of else (-1, self.N)

@@ -20,7 +20,7 @@ SURELY = 2  # a sum below so many bounds on its rounding counts as 0
 
 
 def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> bool:
-    """Whether the force against the hand can be seen in any tick by what is held for the loop alone; read: see `open_frame`."""
+    """Whether every tick shows the force against the hand with no more held than the loop needs; read: see `open_frame`."""
     held, placed = drawn.held(read), {scheduled.block.name: scheduled for scheduled in drawn.placed}
     sources = (source.rpartition(".") for source in drawn.sources(ports.reaction))
     return bool(ports.reaction) and all(

@@ -112,7 +112,7 @@ def _from_low_frequencies(loop, limits):
     """
     poles = np.abs(loop.modal.poles)
     slow = np.min(poles, axis=-1, where=poles > 0, initial=1.0)
-    # Powers of four, and each loop its own, so that what is found of one does not depend on the others of a batch.
+    # Powers of four, and one for each loop, so that a result does not depend on the batch that the loop is in.
     level = np.floor(np.log2(LOW * slow * loop.port.rate / loop.frame.ticks) / 2)
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
     for power in different(level):

@@ -70,7 +70,7 @@ class Step:
         return int(min(max(LONGER * last, 10), self.value.size - 1)) + 1
 
     def value_at(self, time_s: float) -> float:
-        """The sample that is seen at a time."""
+        """The sample at a time."""
         return float(self.value[round(time_s / self.period)])
 
     @property

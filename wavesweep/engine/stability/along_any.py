@@ -45,7 +45,7 @@ def regions_along_any(
 ) -> Regions:
     """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
 
-    frames(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
+    frames(column, p): `Frames` of these columns at these values, real or complex, in this order; or matrices `(...,
     order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
     columns. bounds: p beyond them has no loop, a number or `(columns,)` each.
     errors(column, p): frames less identity in the same states, and bounds on the errors of their entries; by default these are
@@ -149,7 +149,7 @@ def _rounded(frames, column, p):
 
 
 def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Regions:
-    """The regions of some columns in the variable; slack: how far an end may be off; the others: see `regions_along_any`."""
+    """The regions of some columns in the variable; slack: how far an end may be off; see `regions_along_any` for the rest."""
 
     def of_errors(column, t):
         column, t = np.broadcast_arrays(column, t)

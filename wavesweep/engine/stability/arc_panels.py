@@ -11,7 +11,7 @@ from wavesweep.engine.stability.real_roots import at_ends, by_discs
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
 OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge
-DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
+DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to these one by one, and what is cut away is added to its error
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
 ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
@@ -69,8 +69,8 @@ def panel_roots(
     low, high: the first panels. columns: number of columns. smallest: a panel narrower than this that proves nothing is given
     up. many: the open panels of a column are given up if there are so many. bounds: no point beyond them is sampled, a number
     or `(columns,)` each. end_bit: a panel at an end of the interval that is narrower than this and proves nothing is left open.
-    settling: number of a function that settles a panel on which it is proved to be positive, whatever the others do; its own
-    roots do not count.
+    settling: number of a function that settles a panel on which it is proved to be positive, whatever the other functions
+    do; its roots do not count.
 
     On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its roots for every
     function within the error bound; otherwise the panel is split. The bound consists of rounding, of the coefficients that are

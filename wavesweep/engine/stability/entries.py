@@ -17,7 +17,7 @@ EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 LEBESGUE = 4  # more than the constant of the points: how much the errors of values may add up to between them
 PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
 UNEVEN = 4.0  # times the bounds at these places: that at any other point of the panel
-OVERLAP = 0.035  # of its width a panel reaches beyond each end: a crossing next to it is seen from both sides
+OVERLAP = 0.035  # of its width a panel reaches beyond each end: a crossing next to it is found from both sides
 STEEP = 1e3  # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to the largest
 NARROW = 1e-9  # of the span: a panel this narrow that is not followed is given up
 FOLLOWED = 2**18  # entries of frames at the nodes of panels at a time
@@ -48,7 +48,7 @@ class Panels(Rows):
 
     @classmethod
     def joined(cls, batches):
-        """Return the panels of all batches, with frames of as many states as the largest has: those added have z = 0."""
+        """Return the panels of all batches, filled up to as many states as the largest has; those added have z = 0."""
         most = max(batch.error.shape[-1] for batch in batches)
         return cls.join([batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches])
 
@@ -91,7 +91,7 @@ def sizes_of(coefficients) -> np.ndarray:
 
 
 def _remembered(entries):
-    """The states that are left, of frames in which only these entries may be there; at least one."""
+    """The states that remain of frames in which only these entries may be nonzero; at least one."""
     states = np.arange(len(entries))
     while True:
         nonzero = entries[states[:, None], states]

@@ -33,7 +33,7 @@ class Intervals(Rows):
 
     @property
     def certified(self) -> np.ndarray:
-        """Whether each element's column is proved as a whole."""
+        """Whether all of each element's column is proved."""
         return self.doubt == NONE
 
 
@@ -66,7 +66,7 @@ def _numbered(rows: Intervals) -> Intervals:
 
 
 def doubts_of(regions: Regions, doubt) -> np.ndarray:
-    """Return the gravest doubt of each column: its own, and those of its regions.
+    """Return the gravest doubt of each column, of the given one and those of its regions.
 
     A region without a label leaves at least COUNTS.
     """

@@ -1,7 +1,7 @@
-"""Analytic functions of the numbers of a box, proved to be positive on all of it.
+"""Proofs that analytic functions of several numbers are positive all over a box of these.
 
-They are interpolated at Chebyshev nodes; their size on an ellipse about each number in turn bounds the error between the nodes.
-If the Bernstein coefficients of the interpolant do not prove that it is positive, the box is divided.
+They are interpolated at Chebyshev nodes; their size on an ellipse about one number at a time bounds the error between these. If
+the Bernstein coefficients of the interpolant do not prove that it is positive, the box is divided.
 """
 
 from collections.abc import Iterable, Sequence
@@ -101,7 +101,7 @@ def any_positive(
                 rest = open_
                 break
             negatives.append(negative)
-        if rest is None:  # divide where it parts the points at which one of them is negative from the others
+        if rest is None:  # divide between the points at which the alternatives are negative
             wide = np.flatnonzero(piece[0] < piece[1])
             away = [np.abs(points.mean(0) - piece.mean(0))[wide] / (piece[1] - piece[0])[wide] for points in negatives]
             rest = _divided(piece, wide, np.max(away, 0))

@@ -1,4 +1,4 @@
-"""Frames of a loop at values of a parameter, and whether they are analytic in it."""
+"""Frames of a loop at values of a number, and whether they are analytic in it."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,9 @@ LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logar
 
 @dataclass(frozen=True, slots=True)
 class Frames(Rows):
-    """Frames at values of a parameter.
+    """Frames at values of a number.
 
-    E: `(n, order, order)`, less identity. pivots: `(n, k)`, functions of the parameter that are analytic if none has a zero:
+    E: `(n, order, order)`, less identity. pivots: `(n, k)`, functions of the number that are analytic if none has a zero:
     one is zero if an algebraic loop has no solution, others are divisors. Frames are analytic if none is zero. condition:
     `(n,)`, see `Block`.
     """
@@ -25,7 +25,7 @@ class Frames(Rows):
 
     @staticmethod
     def of(frames) -> "Frames":
-        """Return frames as they are, and matrices `(..., order, order)` as frames, one after the other.
+        """Return frames as they are, and matrices `(..., order, order)` as frames, flattened to one axis.
 
         The matrices have to be analytic everywhere.
         """

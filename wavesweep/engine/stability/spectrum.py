@@ -139,8 +139,8 @@ def radius_of(E, hidden=False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
     thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.
 
-    hidden: whether this is known already (see `frame_with_reliability`). Otherwise only eigenvalues that nearly meet are so
-    uncertain. Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular
+    hidden: which are so uncertain, if the caller knows (see `frame_with_reliability`). Otherwise only eigenvalues that nearly
+    meet are. Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular
     value there at the angle of each of them (see `count_outside`).
     """
     delta, finite = eigenvalues(E)
@@ -195,7 +195,7 @@ def _at_least(E, units, w):
     """Return bounds from below on the smallest singular value of `w - E` in these units, at w `(points,)`; 0 if there is none.
 
     They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the delays that E has, if these
-    are most of its states, of the others as their Schur complement, and of the ways from one to the other.
+    are most of its states, of the remaining states as their Schur complement, and of the ways between these.
     """
     from wavesweep.engine.monodromy.delay_lines import DelayLines
 
