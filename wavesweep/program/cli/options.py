@@ -156,6 +156,11 @@ class Options:
     as_json: bool = False
 
     @property
+    def silent(self) -> bool:
+        """Whether nothing is said of what was done, neither in lines nor as JSON."""
+        return self.quiet and not self.as_json
+
+    @property
     def to_stdout(self) -> bool:
         """Whether the table goes to stdout and nothing to files."""
         return self.out == STDOUT

@@ -73,7 +73,7 @@ def produce(
         checkpoint = None if options.to_stdout else checkpoint_of(kinds[0], specs, options)
         with progress(options.quiet, less=less) as report:
             tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
-        before = results.existing_facts(tables[0].kind, directory) if options.to_folder else None
+        before = results.existing_facts(tables[0].kind, directory) if options.to_folder and not options.silent else None
         run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": shlex.join(["wavesweep", *talk().words])}
         tables = [replace(table, facts={**table.facts, "spec_place": place, **marks, **run}) for table in tables]
         try:
@@ -84,6 +84,8 @@ def produce(
             raise
         for kind in set(kinds) - {table.kind for table in tables} if options.to_folder else ():
             results.discard(kind, directory)  # another spec's, which would pass for one of this run
+    if options.silent:
+        return
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
     _report(kinds[0].removesuffix(HANDS), specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
 
@@ -163,7 +165,6 @@ def _report(
                 "seconds": round(seconds, 3),
             }
         )
-    if options.quiet or options.as_json:
         return
     from wavesweep.program.analyses.assumptions import FAVOURABLE
 
@@ -264,30 +265,33 @@ class Finished(NamedTuple):
 
 
 def _finish(table: Table, directory: Path, options: Options, main: bool) -> Finished:
-    """Write a table to files, or to stdout if it is the main one, and summarise it."""
+    """Write a table to files, or to stdout if it is the main one, and summarise it unless nothing is said."""
     from wavesweep.program import results
     from wavesweep.program.tables import kind_named
 
     kind, paths, notices = kind_named(table.kind), [], [str(notice) for notice in table.facts.get("notices", ())]
-    tally = kind.tally(table)
+    tally = None if options.silent else kind.tally(table)
     if options.formats and (main or options.to_folder):
         from wavesweep.program.plots import drawn
 
         table = drawn(table, notices.append)
+    written = table.watched(tally.add) if tally else table
     if options.file and main:
-        paths = [results.save(table.watched(tally.add), options.file)]
+        paths = [results.save(written, options.file)]
     elif options.to_folder:
         rows = options.partition if main else None
-        paths = results.publish(table.watched(tally.add), directory, options.overwrite, options.formats, True, rows)
+        paths = results.publish(written, directory, options.overwrite, options.formats, True, rows)
     elif options.to_stdout and main:
         try:
-            results.stream(table.watched(tally.add), sys.stdout.buffer)
+            results.stream(written, sys.stdout.buffer)
         except OSError as error:
             raise OSError(error.errno, error.strerror, error.filename or "stdout") from error
-    else:
+    elif tally:
         tally.add(table.columns)
     # The rows are written, so the checkpoint is not needed any more.
     table.forget()
+    if not tally:
+        return Finished(table.kind, notices, {}, [], paths)
     warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
     numbers = tally.numbers(table.facts)
     return Finished(table.kind, notices, numbers, [*warnings, *kind.lines(numbers)], paths)

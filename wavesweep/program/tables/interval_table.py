@@ -13,9 +13,7 @@ from wavesweep.capabilities import modules
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.tables.interval_sentences import interval_lines
-from wavesweep.program.tables.interval_summary import IntervalSummary
-from wavesweep.program.tables.kind import Kind, ProvedAgain, Recompute
+from wavesweep.program.tables.kind import Kind, Line, Numbers, ProvedAgain, Recompute, Summary
 from wavesweep.program.tables.table import Table, facts_of, spans_held
 
 if TYPE_CHECKING:
@@ -212,7 +210,18 @@ def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:
         | more
         | ({} if along == "" else {"again": partial(_again, along)})
     )
-    return Kind(name, lambda table: IntervalSummary(table.axes, table.facts), interval_lines, **more)
+
+    def summary(table: Table) -> Summary:
+        from wavesweep.program.tables.interval_summary import IntervalSummary
+
+        return IntervalSummary(table.axes, table.facts)
+
+    def lines(numbers: Numbers) -> Iterator[Line]:
+        from wavesweep.program.tables.interval_sentences import interval_lines
+
+        return interval_lines(numbers)
+
+    return Kind(name, summary, lines, **more)
 
 
 KINDS = (
