@@ -161,7 +161,7 @@ def test_a_plane_without_the_walls_numbers_is_filled_as_in_a_figure(client):
 
 def test_what_is_not_certified_is_not_drawn_as_stable():
     from wavesweep.explore.answers import plane_of
-    from wavesweep.program.tables.planes import KNOWN, Interval, PlaneCurve, View
+    from wavesweep.program.analyses.plane_columns import KNOWN, Interval, PlaneCurve, View
 
     columns = {float(x): ((Interval(0.0, 1.0 + x, True, True, x < 2),), ()) for x in range(4)}
     found = plane_of(PlaneCurve(columns, {(float(x), x + 1.0): KNOWN for x in range(3)}), View("b", False, 800, 400))
@@ -171,7 +171,7 @@ def test_what_is_not_certified_is_not_drawn_as_stable():
 
 def test_an_open_place_is_sent_with_its_values_and_what_is_known_nowhere_without():
     from wavesweep.explore.answers import plane_of
-    from wavesweep.program.tables.planes import KNOWN, Interval, PlaneCurve, View
+    from wavesweep.program.analyses.plane_columns import KNOWN, Interval, PlaneCurve, View
 
     interval, spans = (Interval(0.0, 1.0, True, True, False),), (((0.2, 0.4),), ((-np.inf, np.inf),))
     columns = {float(x): (interval, spans[x]) for x in range(2)}

@@ -39,6 +39,7 @@ PROGRAM = (
     "atomic_files",
     "reproducibility",
     "columns",
+    "row_kinds",
     "reading",
     "spec",
     "store",

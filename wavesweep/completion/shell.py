@@ -176,7 +176,7 @@ def _files(incomplete: str) -> list[CompletionItem]:
 
 
 def _hands(incomplete: str) -> list[CompletionItem]:
-    from wavesweep.program.tables.row_kinds import hands_offered
+    from wavesweep.program.row_kinds import hands_offered
 
     return _among(hands_offered())(incomplete)
 

@@ -7,12 +7,12 @@ import numpy as np
 
 from wavesweep.designs.table import margins_of, wish_of
 from wavesweep.designs.wish_keys import WISHES
+from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.labels import assumption, at_hand, label, printed, symbol, unit, valued, with_unit
 from wavesweep.program.plots.scales import by_factors
 from wavesweep.program.plots.style import FAINT, GRID, TWO_COLUMNS, Look, family_looks, figure, is_narrow, note_below, paler
 from wavesweep.program.tables.columns import fields
-from wavesweep.program.tables.planes import spec_of
 
 _FEW = 3  # designs that are shown one by one
 _ACROSS = 3  # panels

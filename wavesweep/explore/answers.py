@@ -21,13 +21,14 @@ from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over
 from wavesweep.program.analyses.own_design import own_design
+from wavesweep.program.analyses.plane_columns import NARROW, Interval, PlaneCurve, View, curves_of, known_gaps
 from wavesweep.program.analyses.response_jobs import doubt_of
 from wavesweep.program.analyses.spec_loops import loop_at_hand, radius_over
 from wavesweep.program.columns import complex_columns
+from wavesweep.program.plots.plane_regions import region_of
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import make_grid
 from wavesweep.program.sweep.running import in_memory
-from wavesweep.program.tables.planes import NARROW, Interval, PlaneCurve, View, curves_of, known_gaps, region_of
 
 COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
 SECONDS = 0.4  # that these may take

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from wavesweep.program.tables.row_kinds import RowKind
+from wavesweep.program.row_kinds import RowKind
 
 if TYPE_CHECKING:
     from wavesweep.program.analyses.interval_jobs import Guarantee

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from wavesweep.engine.search.interval_search import Search
     from wavesweep.program.analyses.interval_jobs import Guarantee
     from wavesweep.program.reading.tables import SpecTable
+    from wavesweep.program.row_kinds import RowKind
     from wavesweep.program.spec import Axis, Spec
     from wavesweep.program.sweep.job import Job
     from wavesweep.program.tables.kind import ProvedAgain
-    from wavesweep.program.tables.row_kinds import RowKind
     from wavesweep.program.tables.table import Table
 
     Facts = Mapping[str, Any]  # of a run or a verdict, JSON-able
@@ -55,7 +55,7 @@ class LocusModule(Protocol):
         """The poles per frame over that axis."""
 
 
-class WallMarks(Protocol):
+class MarksBesideIntervals(Protocol):
     """Points beside the intervals of a figure."""
 
     def highest(self, most: float) -> float:
@@ -68,7 +68,7 @@ class WallMarks(Protocol):
         """The entries of the legend, of those within these ranges."""
 
 
-class ResponseMarks(Protocol):
+class MarksBesideCurves(Protocol):
     """Points beside the curves of responses."""
 
     def draw(self, axes: Axes, name: str) -> np.ndarray:
@@ -81,13 +81,13 @@ class MarksModule(Protocol):
     def facts_of(self, specs: Iterable[Spec], kind: str) -> dict[str, Any]:
         """Facts of a run whose table of this kind has points beside it, with the points."""
 
-    def walls(self, facts: Facts, x: str | None, along: str, several: bool) -> WallMarks:
+    def walls(self, facts: Facts, x: str | None, along: str, several: bool) -> MarksBesideIntervals:
         """The points in the plane of x and along, from the facts of the run; several: of several specs."""
 
     def undrawn(self, facts: Facts, x: str | None, along: str) -> str:
         """A sentence about points that the figure cannot show; empty without any."""
 
-    def responses(self, facts: Facts, specs: Iterable[str]) -> ResponseMarks:
+    def responses(self, facts: Facts, specs: Iterable[str]) -> MarksBesideCurves:
         """The points beside responses."""
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns, complex_columns
 from wavesweep.program.plots.labels import assumption, at_hand, printed, with_unit
 from wavesweep.program.plots.sampling import POINTS_OF_A_LINE, extremes
@@ -27,7 +28,6 @@ from wavesweep.program.plots.style import (
     wide,
 )
 from wavesweep.program.tables.columns import signals_of
-from wavesweep.program.tables.planes import spec_of
 from wavesweep.simulation.keys import RANDOM
 
 _DETAIL_FRAMES = 40

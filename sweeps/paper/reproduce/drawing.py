@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.plane_columns import curves_of
 from wavesweep.program.plots.labels import label
+from wavesweep.program.plots.plane_regions import region_of
 from wavesweep.program.plots.region_figures import Bars, draw_at_values, draw_region, handles_of, view_of
 from wavesweep.program.plots.scales import scale_magnitudes
 from wavesweep.program.plots.style import (
@@ -21,7 +23,6 @@ from wavesweep.program.plots.style import (
     fitting,
     wide,
 )
-from wavesweep.program.tables.planes import curves_of, region_of
 
 NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
 MARKS = "osv^D<>p"

@@ -3,8 +3,8 @@
 import numpy as np
 
 from wavesweep.program.plots.plain_figure import MOST, plain
+from wavesweep.program.row_kinds import row_kind
 from wavesweep.program.tables.columns import missing_command, missing_for
-from wavesweep.program.tables.row_kinds import row_kind
 
 
 def test_a_plain_figure_has_a_panel_for_each_column_of_numbers():

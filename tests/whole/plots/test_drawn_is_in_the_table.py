@@ -12,10 +12,10 @@ from matplotlib.colors import same_color, to_rgb
 
 import wavesweep
 from wavesweep.program import plots
+from wavesweep.program.analyses.plane_columns import Interval
 from wavesweep.program.plots.region_figures import FELT, LADDER
 from wavesweep.program.plots.style import DOUBTFUL
 from wavesweep.program.tables import planes
-from wavesweep.program.tables.planes import Interval
 
 pytestmark = [pytest.mark.whole, pytest.mark.slow]
 

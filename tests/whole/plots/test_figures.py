@@ -15,6 +15,7 @@ import wavesweep
 import wavesweep.program.sweep
 from wavesweep.engine.loops.controllers import CONTROLLERS
 from wavesweep.program import plots
+from wavesweep.program.analyses.plane_columns import smooth_axes
 from wavesweep.program.cli import main
 from wavesweep.program.plots import style
 from wavesweep.program.plots.figure_files import save
@@ -23,7 +24,6 @@ from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import about_figure, as_asked, figure, note_below, warn_above
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.program.tables.planes import smooth_axes
 from wavesweep.program.tables.specs import intervals_of_specs
 
 pytestmark = pytest.mark.slow

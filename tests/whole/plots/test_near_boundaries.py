@@ -6,9 +6,10 @@ import pytest
 import wavesweep
 from wavesweep.engine.stability.radii import radii_of
 from wavesweep.explore.answers import PIXELS, Plane, certified_plane
+from wavesweep.program.analyses.plane_columns import View, curves_of
+from wavesweep.program.plots.plane_regions import region_of
 from wavesweep.program.sweep.grid import loops_of
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.program.tables.planes import View, curves_of, region_of
 
 pytestmark = pytest.mark.slow
 POINTS, AWAY = 200, 8  # of each boundary, and pixels up to which they lie away from it

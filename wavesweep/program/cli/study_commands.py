@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from wavesweep.program.cli.options import Options, run_options
-from wavesweep.program.tables.row_kinds import hands_offered
+from wavesweep.program.row_kinds import hands_offered
 
 one_spec = click.argument("spec")
 several_specs = click.argument("specs", metavar="SPEC...", nargs=-1, required=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.engine.stability.certificate import FELT_ALIKE
 from wavesweep.program.columns import Columns, whose_column
-from wavesweep.program.tables.row_kinds import COMPUTED, row_kinds
+from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
 # What a person can still read in one figure.
 MOST_MEMBERS = 8

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import modules
+from wavesweep.program.analyses.plane_columns import incomplete, smooth_axes
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, joined, whose_column
 from wavesweep.program.plots.figure_layout import MOST_BARS, best_of, best_row, lay_out, rows_with
@@ -20,6 +21,7 @@ from wavesweep.program.plots.member_panels import (
     over_one_damping,
     specs_of,
 )
+from wavesweep.program.plots.plane_regions import region_of
 from wavesweep.program.plots.region_figures import (
     Bars,
     draw_at_values,
@@ -36,7 +38,6 @@ from wavesweep.program.plots.scales import by_factors, is_logarithmic
 from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, is_narrow, note_below, wide
 from wavesweep.program.tables.columns import unlike_units
-from wavesweep.program.tables.planes import incomplete, region_of, smooth_axes
 
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 0.8  # points between bars of two members at a value of x
@@ -54,9 +55,9 @@ _HOW = {  # how stable sets are drawn, in the notes below the figure
 def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     """Draw the stable intervals of a `zwidth` or `stability-region` table.
 
-    A line or an area lies between two values of x only if `tables.planes` has computed the intervals between them. What is
-    known at the values of the table alone, as what is guaranteed for hands or for [for_all], are bars at these values. A single
-    region is filled. Several are outlined, with strokes to the unstable side, so that none hides the hole of another.
+    A line or an area lies between two values of x only if the intervals between them were computed, see `plane_columns`. What
+    is known at the values of the table alone, as what is guaranteed for hands or for [for_all], are bars at these values. A
+    single region is filled. Several are outlined, with strokes to the unstable side, so that none hides the hole of another.
     Boundaries are dashed red if not certified, and slices that are only partly known are hatched outside of their intervals.
     One further axis is a family of lines, the next one gives panels through the best design.
     """

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.stability.certificate import FELT_ALIKE
+from wavesweep.program.analyses.plane_columns import incomplete
 from wavesweep.program.plots.labels import unit, valued
 from wavesweep.program.plots.member_panels import Member, look_of
 from wavesweep.program.plots.region_figures import (
@@ -23,8 +24,7 @@ from wavesweep.program.plots.region_figures import (
 )
 from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import DOUBTFUL, UNKNOWN, UNPROVED, fitting
-from wavesweep.program.tables.planes import incomplete
-from wavesweep.program.tables.row_kinds import COMPUTED, row_kind
+from wavesweep.program.row_kinds import COMPUTED, row_kind
 
 _BESIDE = 0.5  # inches, of a figure of one column that its panel leaves to numbers
 NOT_KNOWN, REFUTED = "not known", "refuted from here"

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.plane_columns import KNOWN, PlaneCurve, View, columns_of, curves_of, open_spans
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.plots.figure_layout import rows_with, where
 from wavesweep.program.plots.labels import shortened, valued
 from wavesweep.program.plots.style import DOUBTFUL, LINES, UNKNOWN, UNPROVED, Look, distinct_look, family_looks, paler
-from wavesweep.program.tables.planes import KNOWN, PlaneCurve, View, columns_of, curves_of, open_spans
-from wavesweep.program.tables.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
+from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.program.analyses.plane_columns import View
 from wavesweep.program.columns import Columns
+from wavesweep.program.plots.plane_regions import Chain, Region
 from wavesweep.program.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPROVED, Look, family_looks, paler
-from wavesweep.program.tables.planes import Chain, Region, View
 
 SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import modules
+from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.plots.figure_layout import Layout
 from wavesweep.program.plots.labels import valued
 from wavesweep.program.plots.member_panels import Member, members_of, specs_of
 from wavesweep.program.plots.region_figures import felt_differs, range_end
 from wavesweep.program.tables.columns import swept_range
-from wavesweep.program.tables.planes import spec_of
 
 _SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
 _LOWEST, _BELOW = 0.1, 3  # of an axis of bars from 0 on, in whose lowest part all limits would be; where it then begins

@@ -12,11 +12,11 @@ from wavesweep.engine.drawing.drawn_block import keys_of_block
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.keys.key import TURNED
 from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import KEYS, SYMBOLS
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.tables import HOMES, kind_named, kinds
 from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, FieldKind
-from wavesweep.program.tables.row_kinds import row_kinds
 
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
 _ACCEPTED = {"number": "fiu", "integer": "iu", "boolean": "b", "string": "OU"}

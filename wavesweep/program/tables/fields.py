@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from wavesweep.capabilities import CAPABILITIES
 from wavesweep.engine.doubts import DOUBTS_OF
-from wavesweep.program.tables.row_kinds import words_of
+from wavesweep.program.row_kinds import words_of
 
 if TYPE_CHECKING:
     import numpy as np

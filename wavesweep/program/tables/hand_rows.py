@@ -9,10 +9,10 @@ from wavesweep.engine.energy.held_loop import held_loop
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loops.controllers import HAND
 from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.row_kinds import hands_offered
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.sweep.job import Job
-from wavesweep.program.tables.row_kinds import hands_offered
 
 if TYPE_CHECKING:
     from wavesweep.engine.energy.held_loop import HeldLoop

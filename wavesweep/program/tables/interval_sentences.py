@@ -8,11 +8,11 @@ from wavesweep.capabilities import where_explained
 from wavesweep.engine.doubts import DOUBTS
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.reading.keys import readable
+from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.tables.frame_lengths import lengths_in_words
 from wavesweep.program.tables.interval_summary import NEXT
 from wavesweep.program.tables.kind import Line, Numbers, count
 from wavesweep.program.tables.refuters import in_a_sentence
-from wavesweep.program.tables.row_kinds import row_kinds
 
 STIFFNESS = ("N/m", "N*m/rad")
 ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which {} is not known"}

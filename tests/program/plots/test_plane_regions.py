@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from wavesweep.program import plots
+from wavesweep.program.analyses.plane_columns import KNOWN, NARROW, Interval, PlaneCurve, View, _is_straight, curves_of
+from wavesweep.program.plots.plane_regions import region_of
 from wavesweep.program.plots.region_figures import draw_region
 from wavesweep.program.plots.style import Look
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
-from wavesweep.program.tables.planes import KNOWN, NARROW, Interval, PlaneCurve, View, _is_straight, curves_of, region_of
 
 from .conftest import table_of_intervals
 

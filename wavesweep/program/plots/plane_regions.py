@@ -1,0 +1,139 @@
+"""What a picture shows of the stable region of a plane: areas, lines along their boundary, bars, and what is not known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wavesweep.program.analyses.plane_columns import KNOWN, NARROW, UNDECIDED, Interval, PlaneCurve, View
+
+Chain = list[tuple[float, Interval]]
+"""An interval followed over neighbouring values of x."""
+Line = list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Region:
+    """What a picture shows of a curve.
+
+    areas: outlines of what is stable. unproved: those of its parts that are not certified. certain, doubtful: lines along its
+    boundary, with the unstable side at their left. felt: lines of the stiffness felt at upper limits. bars: (x, interval) at
+    values of x whose neighbourhood is not known. unknown: (from, to) of x, and of the values there that are not known: those of
+    open places, or all that are outside the areas; so are gaps that are not known where others are.
+    """
+
+    areas: list[Line]
+    unproved: list[Line]
+    certain: list[Line]
+    doubtful: list[Line]
+    felt: list[Line]
+    bars: Chain
+    unknown: list[tuple[float, float, float, float]]
+
+
+def region_of(curve: PlaneCurve, view: View) -> Region:
+    """The areas, lines and bars of a curve.
+
+    Across a narrow gap the intervals of both sides go on to its middle. What only one side has there ends in a line across x,
+    unless other intervals may be missing: an interval that is not known has not ended.
+    """
+    places = sorted(curve.columns)
+    chains: list[Chain] = [[(places[0], each)] for each in curve.columns[places[0]][0]]
+    across: list[tuple[Line, bool]] = []
+    growing, bars, alone = chains[:], [], True
+    for gap in pairwise(places):
+        (left, right), state = gap, curve.gaps.get(gap, UNDECIDED)
+        (before, *less), (after, *more) = curve.columns[left], curve.columns[right]
+        if state == KNOWN:
+            for chain, interval in zip(growing, after, strict=True):
+                chain.append((right, interval))
+        else:
+            (middle,) = view.between(left, right, 2) if state == NARROW else (right,)
+            if state == NARROW:
+                for chain, interval in zip(growing, before, strict=True):
+                    chain.append((middle, interval))
+                across += [] if any(less + more) else _jumps(middle, before, after)
+            else:
+                bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
+            growing = [[(middle, each), *([(right, each)] if state == NARROW else [])] for each in after]
+            chains += growing
+        alone = state != UNDECIDED
+    if len(places) == 1:
+        bars = [(places[0], each) for each in curve.columns[places[0]][0]]
+    edges = [*across, *(edge for chain in chains for edge in _edges(chain))]
+    gaps = [(*gap, -np.inf, np.inf) for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
+    # Columns that are known in part, half way to their neighbours.
+    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
+    cells = zip(places, [places[0], *middles], [*middles, places[-1]], strict=True)
+    half_known = [(left, right, *span) for x, left, right in cells for span in curve.columns[x][1]]
+    return Region(
+        areas=[_outline(chain) for chain in chains if len(chain) > 1],
+        unproved=[_outline(part) for chain in chains for part in _unproved(chain)],
+        certain=_joined([line for line, certified in edges if certified]),
+        doubtful=_joined([line for line, certified in edges if not certified]),
+        felt=_joined([line for chain in chains for line in _felt(chain)]),
+        bars=bars,
+        unknown=[*half_known, *gaps],
+    )
+
+
+def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
+    """The steps along both real ends of an interval, and whether they are certified at both sides."""
+    for (left, a), (right, b) in pairwise(chain):
+        certified = a.certified and b.certified
+        if a.low_real and b.low_real:
+            yield [(right, b.low), (left, a.low)], certified
+        if a.high_real and b.high_real:
+            yield [(left, a.high), (right, b.high)], certified
+
+
+def _felt(chain: Chain) -> Iterator[Line]:
+    """The steps along the stiffness felt at the upper limit; there is none where the swept range ends the interval."""
+    for (left, a), (right, b) in pairwise(chain):
+        if a.high_real and b.high_real and not np.isnan(a.felt_high + b.felt_high):
+            yield [(left, a.felt_high), (right, b.felt_high)]
+
+
+def _jumps(x: float, before: Sequence[Interval], after: Sequence[Interval]) -> Iterator[tuple[Line, bool]]:
+    """Lines across x: down where the left side is stable alone, up where the right side is."""
+    values = sorted({end for each in (*before, *after) for end in (each.low, each.high)})
+    for low, high in pairwise(values):
+        left, right = ([each for each in side if each.low <= low and each.high >= high] for side in (before, after))
+        if bool(left) != bool(right):
+            yield [(x, high), (x, low)] if left else [(x, low), (x, high)], (left or right)[0].certified
+
+
+def _joined(lines: Sequence[Line]) -> list[Line]:
+    """The lines, each followed by that which begins where it ends: dashes and strokes run on along a boundary."""
+    begins = {line[0]: line for line in reversed(lines)}
+    ends = {line[-1] for line in lines}
+    joined, done = [], set()
+    for first in (*(line for line in lines if line[0] not in ends), *lines):  # a closed boundary begins anywhere
+        line, path = first, [first[0]]
+        while line and id(line) not in done:
+            done.add(id(line))
+            path += line[1:]
+            line = begins.get(path[-1], [])
+        joined += [path] if len(path) > 1 else []
+    return joined
+
+
+def _outline(chain: Chain) -> Line:
+    return [(x, each.high) for x, each in chain] + [(x, each.low) for x, each in reversed(chain)]
+
+
+def _unproved(chain: Chain) -> Iterator[Chain]:
+    """The parts of a chain between columns of which one at least is not certified there."""
+    part: Chain = []
+    for one, other in pairwise(chain):
+        if one[1].certified and other[1].certified:
+            if part:
+                yield part
+            part = []
+        else:
+            part = [*(part or [one]), other]
+    if part:
+        yield part
