@@ -113,31 +113,22 @@ def check(key: Key, value: object) -> float | int | str | bool:
 def _number(key: Key, value: object) -> float | int:
     """Return `value` as a number that the key accepts, or raise `Rejected`."""
     number: Any = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-    finite = _is_finite(number)
+    try:
+        finite = math.isfinite(number)
+    except (OverflowError, TypeError):  # a whole number beyond the largest double, or None
+        finite = False
     if not finite or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
         expected = expectation(key)
         expected = expected if number is None or finite else expected.replace("a number", "a finite number")
         raise Rejected(expected, show(value), key.instead if isinstance(value, str) == key.instead.startswith('"') else "")
-    if _is_beyond(key, number):
+    below = key.low is not None and (number < key.low or (key.above_low and number == key.low))
+    above = key.high is not None and number > key.high
+    if below or above or (key.choices and number not in key.choices):
         raise Rejected(expectation(key, number), show(value))
     if not computable(number):
         raise Rejected(SIZES, show(value))
     # Adding 0.0 turns -0.0 into 0.0, so that equal specs have equal digests.
     return int(number) if key.type == "integer" else float(number) + 0.0
-
-
-def _is_finite(number: Any) -> bool:
-    try:
-        return math.isfinite(number)
-    except (OverflowError, TypeError):  # a whole number beyond the largest double, or None
-        return False
-
-
-def _is_beyond(key: Key, number: float) -> bool:
-    """Return whether a number is beyond the limits of a key, or none of its choices."""
-    below = key.low is not None and (number < key.low or (key.above_low and number == key.low))
-    above = key.high is not None and number > key.high
-    return below or above or (bool(key.choices) and number not in key.choices)
 
 
 def computable(number: Any) -> Any:

@@ -50,15 +50,12 @@ def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tup
 def _known_guards(drawing, values, path):
     """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
     numbers = scalars({**values, path: 0.0})
-    none = {f"block.{block.name}.cutoff_hz" for block in drawing.blocks if _is_no_filter(block, numbers)}
+    filters = [block for block in drawing.blocks if block.type == "butterworth"]
+    none = {f"block.{block.name}.cutoff_hz" for block in filters if not int(values_of(dict(block.keys)["order"], numbers))}
     for key, guard, read, root in _guards_of(drawing, name_of(path)):
         if key in none:
             continue
         yield key, guard, {name: value for name, value in numbers.items() if name in read}, root
-
-
-def _is_no_filter(block, known):
-    return block.type == "butterworth" and int(values_of(dict(block.keys)["order"], known)) == 0
 
 
 def _limits(key, guard, root, known, name, span):
@@ -170,18 +167,12 @@ def _rows_of(known, some):
 @lru_cache(maxsize=256)
 def _guards_of(drawing, number):
     """The guards that read a number, as path of a key, tree, names of all numbers that it or its root reads, and that root."""
-    guards = {(guard, root): key for key, guard, root in _guards(drawing)}
+    guards = {(guard, root): key for key, tree in drawing.trees() for guard, root in singular(tree)}
+    guards |= {(tree, None): key for key, tree in divisors(drawing)}
     named = [
         (key, guard, frozenset(name for name, _ in names_in(root or guard)), root) for (guard, root), key in guards.items()
     ]
     return tuple(entry for entry in named if any(name == number for name, _ in names_in(entry[1])))
-
-
-def _guards(drawing):
-    """Yield the path of a key, a tree that must not vanish, and the root or power that it is the argument of."""
-    for path, tree in drawing.trees():
-        yield from ((path, *guard) for guard in singular(tree))
-    yield from ((path, tree, None) for path, tree in divisors(drawing))
 
 
 def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:

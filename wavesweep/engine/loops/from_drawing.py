@@ -50,7 +50,8 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     shown += zip((POSITION, REACTION), drawing.hand[1:], strict=True) if drawing.hand else ()
     sums |= {signal: _gains(terms, known_values) for signal, terms in shown if terms is not None}
     inputs = drawing.outside
-    sums = _of_plants(sums, drawing.inside)
+    if inside := drawing.inside:  # the names that the ports of blocks have in plants of several
+        sums = {inside.get(port, port): {inside.get(name, name): gain for name, gain in sums[port].items()} for port in sums}
     if drawing.dead_times:
         sums = dead_time.joined(sums, drawing.plants, drawing.inside, PRODUCT, FACTOR)
     return MultirateLoop(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
@@ -70,13 +71,6 @@ def _dead_time(drawing, name, known):
     reads_others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
     ticks = known[f"block.{name}.ticks"]
     return ScheduledBlock(dead_time.block_of(name, ticks, sensed=bool(sensed), others=reads_others, arriving=arriving))
-
-
-def _of_plants(sums, inside):
-    """Junctions with the names that the ports of blocks have in plants of several."""
-    if not inside:
-        return sums
-    return {inside.get(port, port): {inside.get(name, name): gain for name, gain in sums[port].items()} for port in sums}
 
 
 def rate_of(drawing: Drawing, values: Mapping[str, object]):

@@ -143,7 +143,12 @@ def _counted(block, groups, leads, copies):
             if lead in copies:
                 exact[0][..., state, state] -= np.abs(block.E[..., state, state])
                 sizes[0][..., state, state] += np.abs(block.E[..., state, state])
-    E, B, C = (_cleaned(matrix, ALIKE * size) for matrix, size in zip(exact, sizes, strict=True))
+    matrices = []
+    for matrix, rounding in zip(exact, (ALIKE * size for size in sizes), strict=True):
+        # Entries that are rounding of their terms are 0, unless the rounding in a row could hide an entry.
+        least = NEGLIGIBLE * np.abs(matrix).max(-1, keepdims=True, initial=0.0)
+        matrices.append(np.where((np.abs(matrix) <= rounding) & (rounding <= least), 0.0, matrix))
+    E, B, C = matrices
     E[..., leads] = 0.0  # nothing opposes a drift
     sizes = [np.where(matrix == 0, 0.0, size) for matrix, size in zip((E, B, C), sizes, strict=True)]
     return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
@@ -159,12 +164,6 @@ def _count(matrices, state, lead, factor, sign, copied):
             matrix[..., state, :] = 0.0 - sign * matrix[..., lead, :]
         else:
             matrix[..., state, :] -= sign * factor * matrix[..., lead, :]
-
-
-def _cleaned(matrix, rounding):
-    """Set entries to 0 that are rounding of their terms, unless the rounding in a row could hide an entry."""
-    least = NEGLIGIBLE * np.abs(matrix).max(-1, keepdims=True, initial=0.0)
-    return np.where((np.abs(matrix) <= rounding) & (rounding <= least), 0.0, matrix)
 
 
 def _copies(ticks):

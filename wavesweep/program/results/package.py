@@ -26,7 +26,13 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
 
     stem: the CSV and the Parquet file, or the folder of Parquet files, without their suffixes.
     """
-    schema = {"fields": [_field(field) for field in fields], "missingValues": [""]}
+    of_booleans = {"trueValues": ["1"], "falseValues": ["0"]}
+    described = [
+        {"name": field.name, "type": field.kind, "unit": field.unit, "description": field.description}
+        | (of_booleans if field.kind == "boolean" else {})
+        for field in fields
+    ]
+    schema = {"fields": described, "missingValues": [""]}
     package = {
         "profile": "data-package",
         "name": kind,
@@ -221,11 +227,6 @@ def packaged_kinds(csv: Path) -> dict[str, FieldKind]:
         return {}
     schema = loaded(package)["resources"][0]["schema"]
     return {field["name"]: field["type"] for field in schema["fields"]}
-
-
-def _field(field: Field) -> dict[str, Any]:
-    spelling = {"trueValues": ["1"], "falseValues": ["0"]} if field.kind == "boolean" else {}
-    return {"name": field.name, "type": field.kind, "unit": field.unit, "description": field.description, **spelling}
 
 
 def file_facts(path: Path) -> dict[str, Any]:

@@ -53,7 +53,10 @@ class Grid:
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination (flat indices)."""
         digits = dict(zip((axis.path for axis in self.axes), _digits(self.axes, combination), strict=True))
-        return _flat(self.loop_axes, digits, np.size(combination))
+        if not self.loop_axes:
+            return np.zeros(np.size(combination), int)
+        shape = tuple(len(axis.values) for axis in self.loop_axes)
+        return np.ravel_multi_index([digits[axis.path] for axis in self.loop_axes], shape)
 
     def axis_columns(self, combination) -> dict[str, np.ndarray]:
         """Name -> value of each combination, the table's leading columns."""
@@ -116,12 +119,6 @@ def _count(axes):
 
 def _digits(axes, index):
     return np.unravel_index(np.asarray(index), tuple(len(axis.values) for axis in axes)) if axes else ()
-
-
-def _flat(axes, digits, size):
-    if not axes:
-        return np.zeros(size, int)
-    return np.ravel_multi_index([digits[axis.path] for axis in axes], tuple(len(axis.values) for axis in axes))
 
 
 def groups(

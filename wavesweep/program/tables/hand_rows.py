@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from wavesweep.capabilities import HANDS, modules
-from wavesweep.engine.energy.held_loop import held_loop
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loops.controllers import HAND
 from wavesweep.program.analyses.interval_jobs import Guarantee
@@ -89,6 +88,8 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
 
 def device_held(kind: str, own: Job) -> "HeldLoop":
     """The spec's own loop, whose device any hand can hold. Errors: UsageError if its hand does not hold one mass alone."""
+    from wavesweep.engine.energy.held_loop import held_loop
+
     loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
     if loop.device is None:
         raise UsageError(
