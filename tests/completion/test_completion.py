@@ -187,7 +187,16 @@ def test_completion_loads_nothing_heavy(words):
     loaded = set(done.stderr.splitlines()[-1].split()[1:])
     assert "wavesweep.completion.shell" in loaded
     assert (
-        loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.program.sweep", "wavesweep.engine.loops"}
+        loaded
+        & {
+            "numpy",
+            "scipy",
+            "pandas",
+            "matplotlib",
+            "pyarrow",
+            "wavesweep.program.sweep",
+            "wavesweep.engine.loops.from_drawing",
+        }
         == set()
     )
     assert words or not loaded & {"wavesweep.program.cli.study_commands", "wavesweep.programs.command"}

@@ -174,7 +174,7 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
 
     stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
     if felt["rigid"] or (stiffness is None and damping is None):
-        yield 2.5, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not ways'}"
+        yield 2.5, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not known'}"
         return
     if band is None:
         ways = (

@@ -7,7 +7,7 @@ from support.intervals import cut_of, excess, intervals_of, mislabelled, pairs
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.engine.search.interval_search import Search
+from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.stability.stable import stable_intervals
 
 pytestmark = pytest.mark.slow
@@ -68,7 +68,7 @@ def test_dominance_finds_what_the_polynomial_finds(along, monkeypatch):
         loop, axis = wavesweep.compile(nested(random_values(seed))), {fixed: columns(seed, along)[1:]}
         usual = loop.stable_intervals(along, span, **axis)
         with monkeypatch.context() as patch:
-            patch.setattr(Search, "opened", lambda *_: None)
+            patch.setattr(Opened, "of", lambda *_, **__: None)
             other = loop.stable_intervals(along, span, **axis)
         for column in axis[fixed]:
             one, two = (found[found[fixed] == column] for found in (usual, other))

@@ -129,7 +129,7 @@ def _listed() -> Iterator[str]:
     yield from ("", "Its device by name, with --device NAME, or as device.preset in a spec of your own:")
     for name, device in DEVICES.items():
         unknown = " and ".join(path.removeprefix("device.") for path in device.unknown())
-        yield f"  {name:{width}}  {device.title}{f'; nobody publishes its {unknown}: put your unknown' if unknown else ''}"
+        yield f"  {name:{width}}  {device.title}{f'; nobody publishes its {unknown}: put your own' if unknown else ''}"
     for folder, heading in DRAWN.items():
         yield from ("", heading)
         for name, path in drawn.items():

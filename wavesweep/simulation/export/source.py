@@ -457,7 +457,7 @@ def _host(own: ExportedController, whole: MarchedLoop, members: Mapping[str, str
             moved.append(f"        next[{i}] = {sum_of(block, terms)};")
             after.append(f"        {own_names[f'{block.name}.{name}']} = next[{i}];")
     outside = (*own.loop.inputs, *(signal for _, signal in own.loop.entries))
-    sensed += [f"        in.{members[s]} = {'share_text' if s == entry else '0.0'};" for s in own.inputs if s in outside]
+    sensed += [f"        in.{members[s]} = {'given' if s == entry else '0.0'};" for s in own.inputs if s in outside]
     shown = [*(f"in.{members[name]}" for name in own.inputs), *(f"out.{members[name]}" for name in own.outputs)]
     return {
         "host": "\n".join(f"    double {name} = 0.0;" for name in own_names.values()),
