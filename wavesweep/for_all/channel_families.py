@@ -20,7 +20,7 @@ from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.common_tick import with_common_tick
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks, drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.for_all.folded import pivots_of, without_folded
 from wavesweep.for_all.loop_frames import LoopFrames
@@ -142,7 +142,7 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
     rows, ticks = _ticks(own, channels, steps, pair[0].held(), number)
     drift = drift_of_drawn(*pair)
     _refuse_moved(ticks, drift)
-    ticks, _ = counted_ticks(ticks, drift)
+    ticks, _ = relative_ticks(ticks, drift)
     follows = np.array([[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps])
     symbols = tuple(symbol for _, symbol, *_ in steps)
     return LoopFrames.of(ticks, drift.remaining, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
@@ -179,7 +179,7 @@ def messages_over(
     symbols = tuple(symbol for _, symbol, *_ in steps)
 
     def evaluate(points):
-        ticks = counted_ticks(ticks_at(points)[1], drift)[0]
+        ticks = relative_ticks(ticks_at(points)[1], drift)[0]
         return *without_folded(ticks, drift), pivots_of(ticks, len(points))
 
     return FramesOver.of(evaluate, box, tuple(ahead), tuple(last), symbols, units)

@@ -10,7 +10,7 @@ from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks, drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.for_all.folded import lasting, pivots_of, without_folded
@@ -104,7 +104,7 @@ class Plan:
 
         maps, _, index = self._kinds(ticks_at)
         drift = self._drift(varied)
-        ticks, _ = counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
+        ticks, _ = relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
         return LoopFrames.of(ticks, drift.remaining, *self.written(index), drift if drift.varying else None)
 
     def over(
@@ -131,7 +131,7 @@ class Plan:
             for step, some in groupby(picked, lambda each: each[0]):
                 ticks = ticks_at(step, points, [place for _, place in some])
                 maps += [ticks.maps[kind] for kind in ticks.kind]
-            return counted_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)[0]
+            return relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)[0]
 
         drift = lasting(drift, counted_at, box)
         rows, samples, symbols, _ = self.written(index)

@@ -11,7 +11,7 @@ import wavesweep
 def test_a_spring_behind_a_long_delay(steps, stiffness, damping):
     """`X = G/(1 + (K + B (1 - 1/z)/T) G/z^N + 2 T/(m (z - 1)))`; under a held force `G = T^2 (z + 1)/(2 m (z - 1)^2)`.
 
-    Without a spring the positions drift, and the delay's states are counted from that of the mass.
+    Without a spring the positions drift, and the delay's states are taken relative to that of the mass.
     """
     blocks = {"m": {"type": "mass", "mass": 0.3}, "net": {"type": "delay", "steps": steps}, "rate": {"type": "difference"}}
     wires = {"net.u": "m.x", "rate.u": "net.y", "m.f": f"hand - {stiffness}*net.y - {damping}*rate.y - 2.0*m.v"}

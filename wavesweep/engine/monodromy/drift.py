@@ -104,9 +104,9 @@ def _idle(block):
     return [state for i, state in enumerate(block.states) if i not in busy]
 
 
-def counted_ticks(ticks: Ticks, drift: MarginalModes) -> tuple[Ticks, tuple]:
-    """Return the ticks with states counted from others: those that a drift moves from its lead, and copies from their source;
-    and which are counted from which, as `MarginalModes.constant`.
+def relative_ticks(ticks: Ticks, drift: MarginalModes) -> tuple[Ticks, tuple]:
+    """Return the ticks with states relative to others: those that a drift moves to its lead, and copies to their source; and
+    which are relative to which, as `MarginalModes.constant`.
 
     A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does. If
     both were kept, what they have in common would be cancelled in every tick, and its digits with it.
@@ -120,11 +120,11 @@ def counted_ticks(ticks: Ticks, drift: MarginalModes) -> tuple[Ticks, tuple]:
     if not groups:
         return ticks, groups
     leads = [lead for lead, _ in drift.constant]
-    return replace(ticks, maps=tuple(_counted(block, groups, leads, dict(copies)) for block in ticks.maps)), groups
+    return replace(ticks, maps=tuple(_relative_block(block, groups, leads, dict(copies)) for block in ticks.maps)), groups
 
 
-def counted_row(row, groups):
-    """Return a row over states `(..., n)` as one over states that are counted from others."""
+def relative_row(row, groups):
+    """Return a row over states `(..., n)` as one over states that are relative to others."""
     row = row.copy()
     for lead, followers in groups:
         terms = np.stack([row[..., lead], *(factor * row[..., index] for index, factor in followers)], axis=-1)
@@ -133,13 +133,13 @@ def counted_row(row, groups):
     return row
 
 
-def _counted(block, groups, leads, copies):
+def _relative_block(block, groups, leads, copies):
     """The map of a tick in these states; copies: source -> its copies, which either take over its value or keep theirs."""
     exact, sizes = [block.E.copy(), block.B.copy(), block.C.copy()], [terms.copy() for terms in block.terms[:3]]
     for lead, followers in groups:
         for state, factor in followers:
-            _count(exact, state, lead, factor, 1.0, lead in copies)
-            _count(sizes, state, lead, abs(factor), -1.0, lead in copies)
+            _make_relative(exact, state, lead, factor, 1.0, lead in copies)
+            _make_relative(sizes, state, lead, abs(factor), -1.0, lead in copies)
             if lead in copies:
                 exact[0][..., state, state] -= np.abs(block.E[..., state, state])
                 sizes[0][..., state, state] += np.abs(block.E[..., state, state])
@@ -154,8 +154,8 @@ def _counted(block, groups, leads, copies):
     return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
 
 
-def _count(matrices, state, lead, factor, sign, copied):
-    """Count a state from its lead in E, B and C of a tick, in place, or in their sizes with the sign -1."""
+def _make_relative(matrices, state, lead, factor, sign, copied):
+    """Make a state relative to its lead in E, B and C of a tick, in place, or in their sizes with the sign -1."""
     E, B, C = matrices
     for matrix in (E, C):
         matrix[..., lead] += factor * matrix[..., state]
@@ -193,8 +193,8 @@ def _copied(state, rows):
     return next((at for at, value in pairs[0].items() if at != state and value == 1.0), None)
 
 
-def counted_from_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
-    """Return matrices whose rows are changes of states, those that leads move being counted from these; sign: 1 for sizes."""
+def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
+    """Return matrices whose rows are changes of states, those that leads move being relative to these; sign: 1 for sizes."""
     matrices = tuple(matrix.copy() for matrix in matrices)
     for lead, followers in drift.constant:
         for index, factor in followers:
@@ -208,7 +208,7 @@ def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray
 
     sizes: of errors of E; then those of the result are returned.
 
-    States that a lead moves by constant factors are counted from it. Factors V that depend on the numbers of a loop are found
+    States that a lead moves by constant factors are relative to it. Factors V that depend on the numbers of a loop are found
     in its frame: with the leads S and the remaining states R, `E_R V = -E_S` by columns, since nothing changes along a shift.
     The states R then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are used with equal weight, since it depends
     on the combination that the loop conserves which row is redundant, and a lead need not be in it.
@@ -216,8 +216,8 @@ def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray
     index = [i for i in range(len(drift.states)) if i in drift.varying or i in drift.remaining]
     if len(index) < E.shape[-1]:
         at = np.ix_(index, index)
-        E = counted_from_leads((E,), drift)[0][..., *at]
-        sizes = None if sizes is None else counted_from_leads((sizes,), drift, 1)[0][..., *at]
+        E = relative_to_leads((E,), drift)[0][..., *at]
+        sizes = None if sizes is None else relative_to_leads((sizes,), drift, 1)[0][..., *at]
     if not drift.varying:
         return E if sizes is None else sizes
     leads = np.array([index.index(lead) for lead in drift.varying], int)

@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.engine.loops.block import concatenated
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, LinearFractional
-from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks
+from wavesweep.engine.monodromy.drift import MarginalModes, relative_ticks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.engine.monodromy.product import blocks_of, product_with_errors
 from wavesweep.engine.monodromy.rounding import ALIKE, ENTRIES
@@ -19,14 +19,14 @@ from wavesweep.engine.state_space import StateSpace
 class OpenFrame:
     """The frame of a loop without a number that is one scalar gain of it, in delta form, from the tick in which it is read.
 
-    ticks: of that frame, with the sizes of their terms. counted: which states are counted from which, see `counted_ticks`.
+    ticks: of that frame, with the sizes of their terms. relative: which states are relative to which, see `relative_ticks`.
     E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a hand's force if there is one two columns more: of a force
     that is constant over the frame, and of one that grows by 1 with every tick from 0. C, D: rows of signals read and shown,
     in the first tick; columns of D as those of B. dE, dB, dC, dD: bounds on the errors of their entries. period: s.
     """
 
     ticks: Ticks
-    counted: tuple
+    relative: tuple
     E: np.ndarray
     B: np.ndarray
     C: np.ndarray
@@ -63,7 +63,7 @@ def open_frame(
         return None
     if ticks.states != drift.states:
         raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
-    ticks, groups = counted_ticks(ticks.from_tick(at), drift)
+    ticks, groups = relative_ticks(ticks.from_tick(at), drift)
     inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
     changes = [concatenated((block.E, _with_moment(block.B[..., inputs])), -1) for block in ticks.maps]

@@ -24,7 +24,7 @@ class NoPositionError(UsageError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Port:
-    """The port of loops, a map per kind of tick. States that drift are left out, and the remaining ones are counted from them.
+    """The port of loops, a map per kind of tick. States that drift are left out, and the remaining ones are relative to them.
 
     Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift,
     the change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(...,
@@ -118,7 +118,7 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
         return [first] + ([(tick.C[..., 1:2, :], tick.D[..., 1:2, :])] if ports.reaction else [])
 
     columns, reaction = [drawn.inputs.index(name) for name in ports.forces], ticks.maps[0].C[..., 1:2, :]
-    maps, sizes = _counted_maps(ticks, columns, shifts, reaction if ports.reaction else None, outputs)
+    maps, sizes = _relative_maps(ticks, columns, shifts, reaction if ports.reaction else None, outputs)
     moving = shifts.move(reads)
     position = None if moving and not ports.others else reads[..., shifts.remaining]
     moves = shifts.share_of(reads)
@@ -136,13 +136,13 @@ def port_between(drawn: MultirateLoop, source: str, signal: str, drift: Marginal
     ticks, column = ticks_of(drawn, (signal,), terms=True), drawn.inputs.index(source)
     reads = ticks.maps[0].C
     shifts = _Shifts.of(ticks, drift, reads)
-    maps, sizes = _counted_maps(ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)])
+    maps, sizes = _relative_maps(ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)])
     position = np.zeros((1, len(shifts.remaining)))
     return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), between=True)
 
 
-def _counted_maps(ticks, columns, shifts, drifting, outputs):
-    """Return the map of each kind of tick with states counted from the leads, and the sizes of its terms.
+def _relative_maps(ticks, columns, shifts, drifting, outputs):
+    """Return the map of each kind of tick with states relative to the leads, and the sizes of its terms.
 
     columns: of the inputs. drifting: rows of a signal whose share that drifts becomes a further output, or None. outputs(tick,
     absolute): pairs of rows of C and D of the other outputs, of a tick or of the sizes of its terms.
@@ -159,8 +159,8 @@ def _counted_maps(ticks, columns, shifts, drifting, outputs):
         if share is not None:
             rows.append((share @ E[..., shifts.leads, :], share @ exact.B[..., shifts.leads, :]))
             of_rows.append((size @ of_E[..., shifts.leads, :], size @ terms.B[..., shifts.leads, :]))
-        maps.append(shifts.counted(exact[:2], rows))
-        sizes.append(shifts.counted(terms[:2], of_rows, exact[:2]))
+        maps.append(shifts.relative(exact[:2], rows))
+        sizes.append(shifts.relative(terms[:2], of_rows, exact[:2]))
     return tuple(maps), tuple(sizes)
 
 
@@ -211,8 +211,8 @@ class _Shifts:
         size = np.abs(reads[..., self.leads]) + np.abs(reads) @ np.abs(self.N)
         return bool((np.abs(self.share_of(reads)) > STILL * size + np.abs(reads) @ self.dN).any())
 
-    def counted(self, steps, rows, of=()):
-        """Return the map of a tick with the states counted from the leads.
+    def relative(self, steps, rows, of=()):
+        """Return the map of a tick with the states relative to the leads.
 
         steps: E and B. rows: pairs of rows of C and D. of: E and B, if steps and rows are the sizes of their terms.
         """

@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.drift import MarginalModes, counted_row
+from wavesweep.engine.monodromy.drift import MarginalModes, relative_row
 from wavesweep.engine.monodromy.open_frame import OpenFrame
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.response.linear_systems import solved
@@ -36,14 +36,14 @@ def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: Ma
 
     Unknowns X are the states that the two signals depend on, and the number's product F. At rest `E X + B F + g = 0` and
     `C X + D F + d = r`; r is the signal that the number multiplies. A share of the position that no state reads changes in a
-    frame by `G X + H F + h`. With `l (E, B; C, D) = (G, H)` it changes by the hand's force alone if it is counted from `l X`:
+    frame by `G X + H F + h`. With `l (E, B; C, D) = (G, H)` it changes by the hand's force alone if it is relative to `l X`:
     not at all in the mean, if something holds the device, and then it keeps the first moment of the force over the frame.
     Accuracy: errors follow from the bounds on those of the frame's entries.
     """
     position = _position(drawn, ports.position, frame.ticks.states)
     if drift.varying or position is None:
         return None
-    position = counted_row(position, frame.counted)
+    position = relative_row(position, frame.relative)
     with np.errstate(all="ignore"):
         return _Equations.of(frame, drift, position).resting(drawn.ticks)
 
@@ -70,7 +70,7 @@ def _position(drawn, signal, states):
 class _Equations:
     """The equations at rest, and the sizes of the terms of their entries, times their rounding.
 
-    P `(..., n + 3, n + 3)`: rows of the states, those that leads move being counted from them, of the signal that the number
+    P `(..., n + 3, n + 3)`: rows of the states, those that leads move being relative to them, of the signal that the number
     multiplies, of the force against the hand and of the position, and perhaps a further one of the signal that another number
     multiplies; columns of the states, of the product, and of a hand's force that is constant, and of one that grows with every
     tick.
@@ -109,7 +109,7 @@ class _Equations:
             X = _product(inverse, (right, unsure))
         else:
             X, inverse = solved(A, dA, right, unsure), (0 * A, 0 * A)
-        # Of the share of the position that is read by no state: the change in a frame, and what it is counted from.
+        # Of the share of the position that is read by no state: the change in a frame, and what it is relative to.
         share = P[..., n + 2 : n + 3, :][..., adding]
         change, of_change = share @ P[..., adding, :], np.abs(share) @ dP[..., adding, :]
         law = _product((change[..., at], of_change[..., at]), inverse)

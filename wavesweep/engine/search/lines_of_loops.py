@@ -13,7 +13,7 @@ from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.from_drawing import PRODUCT
 from wavesweep.engine.monodromy.cut import LinearFractional
-from wavesweep.engine.monodromy.drift import MarginalModes, counted_ticks
+from wavesweep.engine.monodromy.drift import MarginalModes, relative_ticks
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
 from wavesweep.engine.monodromy.rounding import balance
@@ -39,7 +39,7 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
     if drawn.ticks == 1:
         return lines_of(np.ones((size, 1, 1)), s[:, 0], period)
     with named_loops(drawn), np.errstate(all="ignore"):
-        ticks, _ = counted_ticks(ticks_of(drawn, alone=True, terms=True), drift)
+        ticks, _ = relative_ticks(ticks_of(drawn, alone=True, terms=True), drift)
         n, leads = len(ticks.states), [lead for lead, _ in drift.constant]
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
@@ -61,7 +61,7 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
 
 
 def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking) -> tuple[np.ndarray, np.ndarray]:
-    """The states that a spectrum shows as rows over states that are counted from others, `(n, n)`, and which it shows of modes
+    """The states that a spectrum shows as rows over states that are relative to others, `(n, n)`, and which it shows of modes
     in which the states `taking` take part, masks `(..., n)`.
 
     They are the states of plants, also a position of theirs that nothing else reads; what programs remember, a spectrum shows
