@@ -15,7 +15,7 @@ from wavesweep.engine.monodromy.cut import with_batch
 from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.engine.stability.stable import stable_intervals
-from wavesweep.for_all.frame_families import FRAME, LOST, Frames
+from wavesweep.for_all.frame_families import FRAME, LOST, FramesInAnyOrder
 from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.patterns import growth
@@ -51,7 +51,7 @@ def large(eigenvalues):
 @pytest.mark.parametrize(("ticks", "delay"), [(1, 0), (1, 1), (7, 0), (7, 2), (7, FRAME)])
 def test_one_length_for_ever_is_the_loop_of_that_ratio(kind, integration, ticks, delay):
     values = fig4(kind, **{"environment.integration": integration, "controller.Kp": 20.0 * (ticks > 1), "rates.ratio": 5})
-    frames = frames_of_controller(values, Frames((ticks,), (delay,)))
+    frames = frames_of_controller(values, FramesInAnyOrder((ticks,), (delay,)))
     alone = values | {"rates.ratio": ticks, "environment.delay": ticks if delay == FRAME else delay, "environment.K_VE": 35.0}
     drawing = loop_drawing(alone)
     read = {path: alone[path] for path in alone if path in drawing.reads}
@@ -122,7 +122,7 @@ def marched(values, K, pattern, repeats, nominal=None):
 @pytest.mark.parametrize("elapsed", [True, False])
 def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
     rng = np.random.default_rng(5)
-    frames = Frames(LENGTHS, (1, 8, FRAME), elapsed=elapsed)
+    frames = FramesInAnyOrder(LENGTHS, (1, 8, FRAME), elapsed=elapsed)
     family = frames_of_controller(fig4(), frames)
     for K in (150.0, 400.0, 900.0):
         pattern = [(int(rng.choice(LENGTHS)), frames.delays[rng.integers(3)]) for _ in range(3)]
@@ -134,7 +134,7 @@ def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
 @pytest.mark.thorough
 @pytest.mark.slow
 def test_the_pattern_that_is_found_grows_and_what_is_proved_does_not():
-    found = bracket(family := frames_of_controller(fig4(), Frames(LENGTHS)), 20.0, (0.0, 5000.0))
+    found = bracket(family := frames_of_controller(fig4(), FramesInAnyOrder(LENGTHS)), 20.0, (0.0, 5000.0))
     pattern = [(family.symbols[i].ticks, 1) for i in found.words[1]]
     assert marched(fig4(), 1.02 * found.fails_from, pattern, 600) > 1
     rng, K = np.random.default_rng(1), found.high
@@ -144,7 +144,7 @@ def test_the_pattern_that_is_found_grows_and_what_is_proved_does_not():
 
 
 def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
-    family = frames_of_controller(fig4(), Frames((20,), (1,), lost=2))
+    family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (1,), lost=2))
     kinds = [(each.delay, each.lost) for each in family.symbols]
     assert kinds == [(1, 0), (LOST, 1), (LOST, 2)]
     np.testing.assert_array_equal(family.follows, [[True, True, False], [True, False, True], [True, False, False]])
@@ -153,19 +153,19 @@ def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
 
 
 def test_a_result_that_is_there_at_once_and_one_that_is_not():
-    family = frames_of_controller(fig4(), Frames((20,), (0, 5)))
+    family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (0, 5)))
     assert [(each.delay, each.through) for each in family.symbols] == [(0, False), (0, True), (5, False), (5, True)]
     assert growth(family.at(200.0), (1,)) == pytest.approx(
-        growth(frames_of_controller(fig4(), Frames((20,), (0,))).at(200.0), (0,)), rel=1e-9
+        growth(frames_of_controller(fig4(), FramesInAnyOrder((20,), (0,))).at(200.0), (0,)), rel=1e-9
     )
 
 
 @pytest.mark.parametrize(
     ("kind", "number", "integration", "frames"),
     [
-        ("dc-lm", "local_model.K_LM", "explicit", Frames((20, 33))),
-        ("pmw", "environment.K_VE", "explicit", Frames((20, 33))),
-        ("pmw", "environment.K_VE", "implicit", Frames((20,), (0, 5))),
+        ("dc-lm", "local_model.K_LM", "explicit", FramesInAnyOrder((20, 33))),
+        ("pmw", "environment.K_VE", "explicit", FramesInAnyOrder((20, 33))),
+        ("pmw", "environment.K_VE", "implicit", FramesInAnyOrder((20,), (0, 5))),
     ],
 )
 def test_matrices_between_two_numbers_are_at_one_place_of_a_curve(kind, number, integration, frames):
@@ -186,7 +186,7 @@ def test_a_drawn_loop_has_the_frames_of_the_controller_that_it_draws(elapsed):
     drawing = loop_drawing(values)
     read = {path: values[path] for path in values if path in drawing.reads}
     drawn = frames_of_drawing(drawing, read, LENGTHS, "environment.K_VE", elapsed=elapsed)
-    own = frames_of_controller(values, Frames(LENGTHS, elapsed=elapsed))
+    own = frames_of_controller(values, FramesInAnyOrder(LENGTHS, elapsed=elapsed))
     for one, other in zip(drawn.at(300.0), own.at(300.0), strict=True):
         np.testing.assert_allclose(large(np.linalg.eigvals(one)), large(np.linalg.eigvals(other)), atol=1e-9)
 
@@ -234,7 +234,7 @@ def test_periods_of_blocks_that_run_after_the_sample_are_those_of_the_frame_befo
 def test_one_length_alone_is_the_interval_of_today():
     values = fig4(**{"environment.delay": 1})
     today = stable_intervals(with_batch(wall_cut(values), 1), "K_VE", (0.0, 5000.0), np.array([[1.0]]))
-    found = bracket(frames_of_controller(values, Frames((20,))), 20.0, (0.0, 5000.0), 1e-6)
+    found = bracket(frames_of_controller(values, FramesInAnyOrder((20,))), 20.0, (0.0, 5000.0), 1e-6)
     assert found.high == pytest.approx(today.high[0], rel=1e-6)
     assert found.low == pytest.approx(today.low[0], abs=1e-6)
     assert found.fails_from == pytest.approx(today.high[0], rel=1e-9)
@@ -242,7 +242,7 @@ def test_one_length_alone_is_the_interval_of_today():
 
 @pytest.mark.slow
 def test_long_runs_of_the_shortest_and_of_the_longest_of_many_lengths_refute():
-    family = frames_of_controller(fig4(**{"environment.B_VE": 0.0}), Frames(tuple(range(14, 23)), (FRAME,)))
+    family = frames_of_controller(fig4(**{"environment.B_VE": 0.0}), FramesInAnyOrder(tuple(range(14, 23)), (FRAME,)))
     assert nearest_refuted(family, 20.0, 5000.0, 0.01)[0] < 290
 
 
@@ -251,7 +251,7 @@ def test_fast_and_slow_modes_beside_each_other_leave_room_for_rounding():
     """A virtual coupling on the measured device: near K_VE = 0 the slow mode loses a millionth in a frame."""
     device = {"device.mass": 0.25, "device.damping": 1.2, "device.dead_time": 0.0015}
     loop = fig4("dc-vc", **device, **{"environment.B_VE": 5.0, "controller.K_VC": 500.0, "controller.B_VC": 5.0})
-    found = bracket(frames_of_controller(loop, Frames(tuple(range(14, 23)), (FRAME,))), 25.0, (0.0, 2000.0))
+    found = bracket(frames_of_controller(loop, FramesInAnyOrder(tuple(range(14, 23)), (FRAME,))), 25.0, (0.0, 2000.0))
     assert found.settled
     assert 0 < found.low < 0.02
     assert 216 < found.high < 216.87
@@ -263,19 +263,19 @@ def test_a_pattern_is_met_that_grows_below_all_others_and_decays_again_before_th
     """Frames of 14, 14, 22, 22, 22 ticks grow between 1536 and about 1670 N/m; a search from 2000 downwards ends at 1719."""
     changes = {"controller.b": 15.0, "environment.B_VE": 10.0, "filters.lp1.cutoff_hz": 10.0, "device.mass": 0.25}
     changes |= {"device.damping": 1.2, "device.dead_time": 0.0015}
-    family = frames_of_controller(fig4(**changes), Frames(tuple(range(14, 23)), (FRAME,)))
+    family = frames_of_controller(fig4(**changes), FramesInAnyOrder(tuple(range(14, 23)), (FRAME,)))
     assert nearest_refuted(family, 100.0, 2000.0, 0.01)[0] < 1540
 
 
 TABLE = [
-    ("pmw", Frames(LENGTHS), 196.9, 198.9),
-    pytest.param("pmw", Frames(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.thorough),
-    pytest.param("pmw", Frames((20, 40)), 148.4, 148.5, marks=pytest.mark.thorough),
-    ("pmw", Frames((19, 20, 21)), 791.5, 792.3),
-    pytest.param("pmw", Frames(tuple(range(16, 34))), 196.9, 198.9, marks=pytest.mark.thorough),
-    ("dc-slow", Frames(LENGTHS), 146.8, 147.0),
-    ("dc-slow", Frames(LENGTHS, (FRAME,)), 48.9, 49.0),
-    pytest.param("pmw-lm", Frames(LENGTHS), 306.3, 309.5, marks=pytest.mark.thorough),
+    ("pmw", FramesInAnyOrder(LENGTHS), 196.9, 198.9),
+    pytest.param("pmw", FramesInAnyOrder(LENGTHS, elapsed=False), 287.0, 289.8, marks=pytest.mark.thorough),
+    pytest.param("pmw", FramesInAnyOrder((20, 40)), 148.4, 148.5, marks=pytest.mark.thorough),
+    ("pmw", FramesInAnyOrder((19, 20, 21)), 791.5, 792.3),
+    pytest.param("pmw", FramesInAnyOrder(tuple(range(16, 34))), 196.9, 198.9, marks=pytest.mark.thorough),
+    ("dc-slow", FramesInAnyOrder(LENGTHS), 146.8, 147.0),
+    ("dc-slow", FramesInAnyOrder(LENGTHS, (FRAME,)), 48.9, 49.0),
+    pytest.param("pmw-lm", FramesInAnyOrder(LENGTHS), 306.3, 309.5, marks=pytest.mark.thorough),
 ]
 
 
@@ -301,8 +301,8 @@ def test_brackets_to_a_hundredth(kind, frames, proved, refuted):
 
 def test_along_a_gain_that_is_0_in_the_spec_the_frames_are_those_of_its_values():
     values = fig4(**{"controller.Kp": 0.0})
-    along = frames_of_controller(values, Frames(LENGTHS), "controller.Kp")
-    own = frames_of_controller(values | {"controller.Kp": 20.0}, Frames(LENGTHS))
+    along = frames_of_controller(values, FramesInAnyOrder(LENGTHS), "controller.Kp")
+    own = frames_of_controller(values | {"controller.Kp": 20.0}, FramesInAnyOrder(LENGTHS))
     for one, other in zip(along.at(20.0), own.at(values["environment.K_VE"]), strict=True):
         np.testing.assert_allclose(large(np.linalg.eigvals(one)), large(np.linalg.eigvals(other)), atol=1e-9)
 
@@ -310,9 +310,9 @@ def test_along_a_gain_that_is_0_in_the_spec_the_frames_are_those_of_its_values()
 def test_what_is_no_frame_is_refused():
     for lengths, delays in (((), (1,)), ((0,), (1,)), ((16, 20), (17,)), ((16,), ())):
         with pytest.raises(UsageError, match=r"rates.ratio: expected frames|environment.delay: expected delays"):
-            Frames(lengths, delays)
+            FramesInAnyOrder(lengths, delays)
     with pytest.raises(UsageError, match=r"while frames vary \(\[for_all\]\), expected a number that one wire"):
-        frames_of_controller(fig4(), Frames((20,)), "controller.b")
+        frames_of_controller(fig4(), FramesInAnyOrder((20,)), "controller.b")
 
 
 @pytest.mark.sample(1)

@@ -10,7 +10,7 @@ from support.frames import plan_of_controller
 from support.specs import values_of
 
 from wavesweep.for_all import loop_numbers, ranges
-from wavesweep.for_all.frame_families import Frames, Slow, plan_of
+from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_numbers import FramesOver, TickSeries
 from wavesweep.for_all.norm_check import shrink_over
@@ -210,7 +210,7 @@ def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(s
     }
     tables["block"]["s"]["D"] = [[0]]
     loop = load(tables)
-    plan = plan_of(loop.drawing, loop.values, Frames((2, 3)), Slow.of(loop.drawing, loop.values))
+    plan = plan_of(loop.drawing, loop.values, FramesInAnyOrder((2, 3)), SlowFrames.of(loop.drawing, loop.values))
     found = plan.over(["numbers.p"], lambda sides: sides, np.array([[0.0], [stop]]))
     assert found == 0 if stop == 1 else found.polynomials().rest.max() < 1e-6
 
@@ -220,7 +220,7 @@ def frames_at(kind, box):
     values = values_of(kind) | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
     values |= {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
     paths = ["environment.K_VE", *HAND]
-    plan = plan_of_controller(values, Frames((18, 22)), paths)
+    plan = plan_of_controller(values, FramesInAnyOrder((18, 22)), paths)
     return plan.over(paths, lambda sides: np.column_stack([np.exp(sides[:, 0]), sides[:, 1:]]), box)
 
 

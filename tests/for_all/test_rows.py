@@ -15,7 +15,7 @@ from wavesweep.engine.loops.batch import distinct
 from wavesweep.engine.stability.radii import radii_of
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
-from wavesweep.for_all.frame_families import Slow
+from wavesweep.for_all.frame_families import SlowFrames
 from wavesweep.for_all.on_check import facts, lines
 from wavesweep.for_all.rows import ForAllGuarantee, text_of_part
 from wavesweep.for_all.unknown import Part
@@ -206,8 +206,8 @@ def test_every_may_be_any_expression_of_the_number_that_varies(every, more, long
 @pytest.mark.slow
 def test_a_row_that_goes_beyond_one_of_its_members_is_in_doubt_and_asks_to_be_reported(monkeypatch):
     """Frames that are planned half as long as they are, are told from the loops at constant frames."""
-    own = Slow.of
-    monkeypatch.setattr(Slow, "of", lambda *about: replace(own(*about), lengths=(1, 2, 3)))
+    own = SlowFrames.of
+    monkeypatch.setattr(SlowFrames, "of", lambda *about: replace(own(*about), lengths=(1, 2, 3)))
     numbers, integrator = {"K": 45.0, "n": 2}, {"type": "integrator", "method": "explicit"}
     blocks, wires = {"p": integrator, "h": {"type": "hold", "every": "2*n"}}, {"h.u": "p.y", "p.u": "-10*K*h.y"}
     loop = {"rates": {"tick_hz": 1000}, "numbers": numbers, "block": blocks, "wire": wires}

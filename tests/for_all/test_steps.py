@@ -22,7 +22,7 @@ from wavesweep.engine.loops import controller_drawings as controllers
 from wavesweep.engine.loops.controller_page import BlockDiagram
 from wavesweep.engine.loops.controllers import CONTROLLERS
 from wavesweep.engine.loops.direct import dc_slow
-from wavesweep.for_all.frame_families import Frames
+from wavesweep.for_all.frame_families import FramesInAnyOrder
 from wavesweep.for_all.joint import PROVED, REFUTED, decide
 from wavesweep.for_all.patterns import growth
 from wavesweep.program.spec import load
@@ -282,7 +282,7 @@ def growth_of_waves(stiffness, pattern):
 @pytest.mark.slow
 def test_trapezia_of_the_slow_environment_are_refuted_where_a_march_grows():
     values = load(TRAPEZIA).values
-    family = frames_of_controller(values, Frames((16, 33), (2,)))
+    family = frames_of_controller(values, FramesInAnyOrder((16, 33), (2,)))
     word = [16, 33, 16, 33, 16, 33, 33]
     assert growth_of_waves(150.0, word) == pytest.approx(1.0078, abs=5e-5)
     for stiffness, some in ((150.0, word), (90.0, [16, 33, 33]), (250.0, [33, 16])):

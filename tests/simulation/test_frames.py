@@ -129,7 +129,7 @@ def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, ste
     pytest.importorskip("wavesweep.for_all")
     from support.frames import frames_of_controller
 
-    from wavesweep.for_all.frame_families import LOST, Frames
+    from wavesweep.for_all.frame_families import LOST, FramesInAnyOrder
     from wavesweep.for_all.patterns import growth as growth_of
 
     pattern = [(5, 2), (9, 5), (7, LOST), (7, 0)]
@@ -138,7 +138,7 @@ def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, ste
     spec = fig4(
         frames, controller={"kind": kind, "K_VC": 60.0, "B_VC": 4.0}, environment=environment, local_model={"K_LM": 60.0}
     )
-    family = frames_of_controller(dict(spec.values), Frames((5, 7, 9), (0, 2, 5), 1, step == "elapsed"))
+    family = frames_of_controller(dict(spec.values), FramesInAnyOrder((5, 7, 9), (0, 2, 5), 1, step == "elapsed"))
     word = tuple(
         next(i for i, symbol in enumerate(family.symbols) if alike(symbol, *each, following))
         for each, (_, following) in zip(pattern, pattern[1:] + pattern[:1], strict=True)

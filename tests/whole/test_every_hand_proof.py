@@ -10,7 +10,7 @@ from support.specs import values_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.for_all import every_hand_proof as every_hand
 from wavesweep.for_all.every_hand_proof import EveryHand
-from wavesweep.for_all.frame_families import FRAME, Frames
+from wavesweep.for_all.frame_families import FRAME, FramesInAnyOrder
 
 WALL = {"device.velocity": "difference", "environment.integration": "explicit"}
 
@@ -25,7 +25,7 @@ def needed(kind, frames, K_VE=100.0, B_VE=1.0, **more):
 )
 def test_at_constant_frames_it_is_the_damping_needed(kind, ticks, delay):
     gain = {"controller.Kp": 20.0}
-    found = needed(kind, Frames((ticks,), (delay,)), **gain)
+    found = needed(kind, FramesInAnyOrder((ticks,), (delay,)), **gain)
     constant = {"rates.ratio": ticks, "environment.delay": ticks if delay == FRAME else delay}
     exact = damping_needed(values_of(kind, K_VE=100.0, B_VE=1.0, **WALL | gain | constant))
     assert found.proved == pytest.approx(exact.damping, rel=1e-6)
@@ -36,13 +36,15 @@ def test_at_constant_frames_it_is_the_damping_needed(kind, ticks, delay):
 @pytest.mark.slow
 @pytest.mark.parametrize(("B_VE", "damping"), [(0.0, 1.79457871), (1.0, 4.39839959)])
 def test_prompt_results_need_no_more_than_the_longest_frame(B_VE, damping):
-    found = needed("dc-slow", Frames(tuple(range(16, 34))), B_VE=B_VE)
+    found = needed("dc-slow", FramesInAnyOrder(tuple(range(16, 34))), B_VE=B_VE)
     assert (found.proved, found.refuted) == pytest.approx((damping, damping), rel=1e-6)
 
 
 def test_a_pattern_may_need_more_than_any_frame_that_is_repeated():
-    alone = [needed("dc-slow", Frames((ticks,), (2,)), 400.0, 16.0, **{"rates.fast_hz": 155.0}) for ticks in (2, 3, 5)]
-    found = needed("dc-slow", Frames((2, 3, 5), (2,)), 400.0, 16.0, **{"rates.fast_hz": 155.0})
+    alone = [
+        needed("dc-slow", FramesInAnyOrder((ticks,), (2,)), 400.0, 16.0, **{"rates.fast_hz": 155.0}) for ticks in (2, 3, 5)
+    ]
+    found = needed("dc-slow", FramesInAnyOrder((2, 3, 5), (2,)), 400.0, 16.0, **{"rates.fast_hz": 155.0})
     assert len(found.word) == 2
     assert found.refuted > 1.1 * max(each.proved for each in alone)
     assert found.refuted < found.proved < 1.05 * found.refuted
@@ -54,7 +56,7 @@ def test_networks_of_masses_and_springs_are_stable_with_frames_in_any_order(seed
     lengths, period = tuple(sorted({*rng.integers(2, 12, 3).tolist()})), 10 ** rng.uniform(-4, -2)
     wall = 10 ** rng.uniform(0, 4), 10 ** rng.uniform(0, 3) * period * (seed % 2)
     delays = (FRAME,) if seed % 3 == 0 else tuple(sorted({*rng.integers(0, min(lengths) + 1, 2).tolist()}))
-    found = needed("dc-slow", Frames(lengths, delays), *wall, **{"rates.fast_hz": 1 / period})
+    found = needed("dc-slow", FramesInAnyOrder(lengths, delays), *wall, **{"rates.fast_hz": 1 / period})
     for _ in range(40):
         word = [(length, delay) for length, delay in zip(rng.choice(lengths, 3), rng.choice(delays, 3), strict=True)]
         word = [(int(length), int(length if delay == FRAME else delay)) for length, delay in word]
@@ -63,7 +65,7 @@ def test_networks_of_masses_and_springs_are_stable_with_frames_in_any_order(seed
 
 
 def test_with_less_damping_a_heavy_mass_is_unstable():
-    found = needed("dc-slow", Frames((16, 33)), B_VE=0.0)
+    found = needed("dc-slow", FramesInAnyOrder((16, 33)), B_VE=0.0)
     nothing = np.zeros((1, 1))
     unstable = [
         growth((nothing, nothing, nothing), (mass, 0.9 * found.refuted), (100.0, 0.0), [(33, 1)], 1e-3) for mass in (0.3, 3.0)
@@ -73,17 +75,17 @@ def test_with_less_damping_a_heavy_mass_is_unstable():
 
 
 def test_waves_without_position_feedback_settle_nowhere():
-    assert EveryHand.of(plan_of_controller(values_of("pmw", **WALL), Frames((4, 5)))) is None
+    assert EveryHand.of(plan_of_controller(values_of("pmw", **WALL), FramesInAnyOrder((4, 5)))) is None
 
 
 @pytest.mark.slow
 def test_energies_for_less_damping_than_a_pattern_needs_are_refused(monkeypatch):
     search = every_hand.least_damping
     monkeypatch.setattr(every_hand, "least_damping", lambda *loop: ((forms, 0.99 * d) for forms, d in search(*loop)))
-    found = needed("dc-slow", Frames((16, 20, 33)))
+    found = needed("dc-slow", FramesInAnyOrder((16, 20, 33)))
     assert found.proved >= found.refuted > 0
 
 
 def test_a_program_that_would_take_long_is_refused():
     with pytest.raises(UsageError, match="unknown numbers of stored energies"):
-        needed("pmw-lm", Frames(tuple(range(16, 34))), **{"controller.Kp": 20.0})
+        needed("pmw-lm", FramesInAnyOrder(tuple(range(16, 34))), **{"controller.Kp": 20.0})

@@ -31,7 +31,7 @@ THROUGH, SHOW, TICK, LATE = "through", "show", "tick", "late"
 
 
 @dataclass(frozen=True, slots=True)
-class Frames:
+class FramesInAnyOrder:
     """What may happen in a frame.
 
     lengths: in fast ticks. delays: of the result, in ticks after its sample, up to the frame's length, or FRAME; each may occur
@@ -55,7 +55,7 @@ class Frames:
 
 
 @dataclass(frozen=True, slots=True)
-class Slow:
+class SlowFrames:
     """The blocks that run once in a frame, the lengths of frames and the nominal one (ticks), and the number behind them."""
 
     names: tuple[str, ...]
@@ -64,7 +64,7 @@ class Slow:
     number: str = ""
 
     @staticmethod
-    def of(drawing: Drawing, values: Mapping[str, object], number: str = "", numbers: Sequence[int] = ()) -> "Slow":
+    def of(drawing: Drawing, values: Mapping[str, object], number: str = "", numbers: Sequence[int] = ()) -> "SlowFrames":
         """Return those of a loop in which a number has some values in turn, and `every` of blocks depends on it in any way.
 
         number: its path; its value among `values` gives the nominal length, which is the only one without a number.
@@ -87,7 +87,7 @@ class Slow:
             last, _ = [*found.values()][-1]
             refuse(_every(last), "one `every` of all blocks that do not run in every tick, whatever varies", runs)
         ticks = next((ticks for _, ticks in found.values()), (1,))
-        return Slow(tuple(found), tuple(dict.fromkeys(ticks[:-1] or ticks)), ticks[-1], name)
+        return SlowFrames(tuple(found), tuple(dict.fromkeys(ticks[:-1] or ticks)), ticks[-1], name)
 
 
 def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = ()) -> Drawing:
@@ -103,7 +103,11 @@ def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = (
 
 
 def plan_of(
-    drawing: Drawing, values: Mapping[str, object], frames: Frames, slow: Slow, channels: frozenset[str] = frozenset()
+    drawing: Drawing,
+    values: Mapping[str, object],
+    frames: FramesInAnyOrder,
+    slow: SlowFrames,
+    channels: frozenset[str] = frozenset(),
 ) -> Plan:
     """Return what the frames of a loop consist of: the one way from any loop to its frames.
 

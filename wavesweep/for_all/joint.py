@@ -56,7 +56,7 @@ class Decision:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class ProvedStretch:
     """An interval of numbers for which the matrices shrink in norms that lie between those of its ends, see `shrink_along`."""
 
     low: float
@@ -81,7 +81,7 @@ class Bracket:
     fails_from: float
     words: tuple[Word, Word]
     settled: bool
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[ProvedStretch, ...]
 
 
 def decide(family: Family, x: float = 0.0, work: float = WORK) -> Decision:
@@ -139,7 +139,7 @@ class _Side:
     fails: float
     word: Word
     settled: bool
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[ProvedStretch, ...]
     centre: Centre
 
 
@@ -329,6 +329,6 @@ def _covered(family, centre, start, goal, least, work):
         centre = replace(centre, work=ahead.work)
         if norms is None:
             break
-        stretches.append(Stretch(*ends, norms))
+        stretches.append(ProvedStretch(*ends, norms))
         end, centre = x, ahead
     return tuple(stretches), end, centre

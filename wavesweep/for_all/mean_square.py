@@ -29,7 +29,7 @@ from wavesweep.engine.stability.spectrum import count_outside
 from wavesweep.for_all.channel_families import LOST, channels_of, frames_with_messages
 from wavesweep.for_all.frame_families import LOST as LOST_RESULT
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.joint import NEAR_START, Bracket, Stretch
+from wavesweep.for_all.joint import NEAR_START, Bracket, ProvedStretch
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.norm_check import Norms, shrink_on_average
 from wavesweep.for_all.norms import acting, packed, unpacked
@@ -541,7 +541,7 @@ def _side(loop, start, end, limit):
         to = goal if abs(goal - at) <= abs(step) else at + step
         P = loop.forms(to, loop.sizes(to))
         if loop.proves(P, min(at, to), max(at, to)):
-            stretches.append(Stretch(min(at, to), max(at, to), (Norms(P, loop.graph),)))
+            stretches.append(ProvedStretch(min(at, to), max(at, to), (Norms(P, loop.graph),)))
             at, step, failed = to, step if failed else 2 * step, False
         else:
             step, failed = step / 2, True

@@ -26,7 +26,7 @@ class Schedule:
     """Which slow blocks run in each kind of tick.
 
     kinds: the blocks of each kind; None for a moment at which only the blocks `shown` run. nominal: the nominal length of a
-    frame; elapsed: see `Frames`.
+    frame; elapsed: see `FramesInAnyOrder`.
     """
 
     kinds: Mapping[object, frozenset[str] | None]

@@ -25,8 +25,8 @@ from wavesweep.for_all.frame_families import (
     LOST,
     RATIO,
     RULED,
-    Frames,
-    Slow,
+    FramesInAnyOrder,
+    SlowFrames,
     drawing_of_controller,
     plan_of,
     refuse,
@@ -38,8 +38,7 @@ from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
 from wavesweep.for_all.worst import WORK as WORK_OVER
-from wavesweep.for_all.worst import Loops as LoopsOver
-from wavesweep.for_all.worst import as_numbers, as_sides, bracket_over, decide_over
+from wavesweep.for_all.worst import LoopsOver, as_numbers, as_sides, bracket_over, decide_over
 from wavesweep.program.spec import Axis, Spec
 
 FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
@@ -116,12 +115,12 @@ class Rules:
         if wrong := [axis for path, axis in axes.items() if path not in (RATIO, DELAY)]:
             refuse(self._key(wrong[0]), "rates.ratio or environment.delay as numbers that vary", wrong[0].name)
         lengths = values_of_range(axes[RATIO]) if RATIO in axes else (values[RATIO],)
-        slow = Slow.of(drawing, values, RATIO, lengths)
+        slow = SlowFrames.of(drawing, values, RATIO, lengths)
         if self.vary and not slow.names:
             refuse(KIND, "a controller with a slow environment, whose frames may vary", values[KIND])
         delays = values_of_range(axes[DELAY]) if DELAY in axes else delays
         lost = self.for_all.lost or int(self.for_all.loss > 0)
-        return plan_of(drawing, values, Frames(slow.lengths, tuple(delays), lost, self.elapsed), slow)
+        return plan_of(drawing, values, FramesInAnyOrder(slow.lengths, tuple(delays), lost, self.elapsed), slow)
 
     def _plan_of_drawing(self, values, axes):
         if self.for_all.lost or self.for_all.loss:
@@ -135,13 +134,13 @@ class Rules:
         if wrong:
             found = ", ".join(axis.name for axis in axes.values())
             refuse(self._key(wrong[0]), "one number that varies, which `every` of blocks reads", found)
-        slow = Slow.of(self.drawing, values, *(of for path, axis in axes.items() for of in (path, values_of_range(axis))))
+        slow = SlowFrames.of(self.drawing, values, *(of for path, axis in axes.items() for of in (path, values_of_range(axis))))
         channels = self.drawing.channels
         if wrong := [block for block in channels if block.name not in slow.names or dict(block.keys)["missing"] == "zero"]:
             expected = 'channels that run once a frame and hold the last message (missing = "held") beside frames at random'
             refuse(f"block.{wrong[0].name}", expected, "another")
         names = frozenset(block.name for block in channels)
-        return plan_of(self.drawing, values, Frames(slow.lengths, IN_PHASE, 0, self.elapsed), slow, names)
+        return plan_of(self.drawing, values, FramesInAnyOrder(slow.lengths, IN_PHASE, 0, self.elapsed), slow, names)
 
     @staticmethod
     def _key(axis: Axis) -> str:

@@ -38,7 +38,7 @@ class Refuted:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Bracket:
+class WorstBracket:
     """The numbers around a start that are proved for the whole box, low to high, NaN if none is; and the refuted ones.
 
     open: the box around what was left open next to `high`, or to `low`, as low and high ends of the number and of the others,
@@ -54,7 +54,7 @@ class Bracket:
 
 
 @dataclass(frozen=True, slots=True)
-class Loops:
+class LoopsOver:
     """Loops over a box of numbers, `(2, numbers)`, along another number.
 
     family: gives the frames at a point of the box as a family along the number. frames_at: gives the frames over a box of sides
@@ -98,7 +98,7 @@ def as_numbers(sides: np.ndarray, zeros: np.ndarray) -> np.ndarray:
         return np.where(np.isnan(zeros), sides, np.exp(sides) + np.nan_to_num(zeros))
 
 
-def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least: float, work: float = WORK) -> Bracket:
+def bracket_over(loops: LoopsOver, start: float, limits: tuple[float, float], least: float, work: float = WORK) -> WorstBracket:
     """Return the numbers around a start, within limits, at which all loops of the box decay in every order of frames.
 
     least: the lowest number that the proof aims at. work: operations of the proofs.
@@ -129,9 +129,9 @@ def bracket_over(loops: Loops, start: float, limits: tuple[float, float], least:
         found, end, spent = proved(goal, start, work, False)
         low, open_ = min(low, end), open_ or _left(loops, found, 1)
     if high == low:
-        return Bracket(np.nan, np.nan, below, above, False, open_)
+        return WorstBracket(np.nan, np.nan, below, above, False, open_)
     near = [_near(low, below.x if below.word else limits[0]), _near(high, above.x if above.word else limits[1])]
-    return Bracket(low, high, below, above, all(near), open_)
+    return WorstBracket(low, high, below, above, all(near), open_)
 
 
 def _near(end, refuted):
@@ -160,7 +160,7 @@ def _left(loops, found, end):
     return as_numbers(np.array([open_[:, 0].min(0), open_[:, 1].max(0)]), loops.zeros), float(share)
 
 
-def _worst(loops: Loops, start: float, limit: float) -> Refuted:
+def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     """The refuted number closest to the start that a search over the box finds, towards a limit.
 
     Words are searched at the members that are tried first; then the best point is moved, with its word, as long as that refutes
@@ -231,7 +231,7 @@ def _met(loops, found, start, above):
     return _refuted_at(loops, point, start, at, best)
 
 
-def decide_over(loops: Loops, work: float = WORK) -> tuple[tuple[float, ...], Word, bool]:
+def decide_over(loops: LoopsOver, work: float = WORK) -> tuple[tuple[float, ...], Word, bool]:
     """Return a point of the box and a word that grows there, () without, and whether all of the box is proved.
 
     loops: along no number. work: operations of the proof.
