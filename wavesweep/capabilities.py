@@ -56,8 +56,8 @@ def _published() -> Iterator[Capability]:
     """
     for path in filter(os.path.isfile, _entry_points()):
         with open(path, encoding="utf-8") as file:  # noqa: PTH123 - pathlib would take 3 ms of every start
-            own = file.read().partition(f"[{GROUP}]")[2].partition("[")[0]
-        for line in filter(str.strip, own.splitlines()):
+            section = file.read().partition(f"[{GROUP}]")[2].partition("[")[0]
+        for line in filter(str.strip, section.splitlines()):
             module, _, name = line.partition("=")[2].strip().partition(":")
             yield getattr(import_module(module), name)
 
@@ -66,7 +66,7 @@ def _entry_points() -> Iterator[str]:
     """Where the entry points of what is installed would be."""
     for folder in dict.fromkeys(sys.path):
         with suppress(OSError), os.scandir(folder or os.curdir) as found:
-            yield from (f"{each.path}/entry_points.txt" for each in found if each.name.endswith(".dist-info"))
+            yield from (f"{entry.path}/entry_points.txt" for entry in found if entry.name.endswith(".dist-info"))
 
 
 # Rows of guarantees are listed in this order, from what promises least: those of for_all before those of passive.
@@ -196,7 +196,7 @@ OTHER_COMMANDS = "Other commands"
 
 def home_of(command: str) -> Capability | None:
     """The capability that has a command; None if none has it."""
-    return next((each for each in CAPABILITIES if command in each.commands), None)
+    return next((capability for capability in CAPABILITIES if command in capability.commands), None)
 
 
 def where_explained(word: str) -> str:
@@ -235,7 +235,8 @@ def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:
 
 def library_names(of: str = "") -> list[str]:
     """The functions that capabilities add to the library, or the methods that they add to a class `of` it."""
-    return [name.rpartition(".")[2] for each in CAPABILITIES for name in each.library if name.rpartition(".")[0] == of]
+    names = (name.rpartition(".") for capability in CAPABILITIES for name in capability.library)
+    return [last for kind, _, last in names if kind == of]
 
 
 def of_library(name: str, known: Iterable[str] = ()) -> Any:
@@ -244,12 +245,12 @@ def of_library(name: str, known: Iterable[str] = ()) -> Any:
     known: the names of the program. Errors: AttributeError for another name, with the nearest.
     """
     kind, _, last = name.rpartition(".")
-    for each in CAPABILITIES:
-        if name in each.library:
-            library = each.module("library")
-            return getattr(getattr(library, each.class_for(kind)) if kind else library, last)
+    for capability in CAPABILITIES:
+        if name in capability.library:
+            library = capability.module("library")
+            return getattr(getattr(library, capability.class_for(kind)) if kind else library, last)
     from wavesweep.engine.keys.checking import nearest
 
-    meant = nearest(last, [each for each in (*known, *library_names(kind)) if each[0] != "_"]) if last[0] != "_" else ""
+    meant = nearest(last, [word for word in (*known, *library_names(kind)) if word[0] != "_"]) if last[0] != "_" else ""
     hint = f"did you mean {meant}?" if meant else f"dir({kind.lower() or 'wavesweep'}) lists what there is"
     raise AttributeError(f"wavesweep has no {name}; {hint}", name=last)  # with the name, Python adds none of its own

@@ -25,8 +25,8 @@ def key_named(spec: Spec, name: object) -> Key:
     key = names.find(name)
     if key is None or not key.numeric:
         hint = nearest(name, (*ARGUMENTS, *names.symbols, *names.numeric))
-        some = f" ({', '.join(names.symbols)}, or the path of another)" if names.symbols else ""
-        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else some))
+        symbols = f" ({', '.join(names.symbols)}, or the path of another)" if names.symbols else ""
+        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else symbols))
     return key
 
 
@@ -50,14 +50,14 @@ def axis_along(spec: Spec, name: str, span: object) -> Axis:
 
 def axes_asked(spec: Spec, axes: Mapping[str, object], along: Axis | None = None) -> tuple[Axis, ...]:
     """The axes that a call names, with their values; along: that of the intervals. Errors: UsageError, SpecError."""
-    found = tuple(_axis(spec, name, values) for name, values in axes.items())
-    for number, axis in enumerate(found):
-        if axis.path in [other.path for other in found[:number]]:
+    axes_read = tuple(_axis(spec, name, values) for name, values in axes.items())
+    for number, axis in enumerate(axes_read):
+        if axis.path in [earlier.path for earlier in axes_read[:number]]:
             raise UsageError(f"{axis.name}: expected each number once, found it under two names; leave one of them out")
         if along is not None and axis.path == along.path:
             raise UsageError(f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span")
-    _refuse_values(spec, (along, *found) if along else found)
-    return found
+    _refuse_values(spec, (along, *axes_read) if along else axes_read)
+    return axes_read
 
 
 def _refuse_values(spec: Spec, axes: Sequence[Axis]) -> None:
@@ -97,10 +97,10 @@ def _accept(spec: Spec, paths: tuple[str, ...], *values: float) -> None:
 
 def frequencies_asked(spec: Spec, frequency_hz: object) -> np.ndarray:
     """Frequencies in Hz that a call names, those of [bode] by default. Errors: UsageError."""
-    found = real_numbers(spec.frequency_hz if frequency_hz is None else frequency_hz)
-    if found is None:
+    numbers = real_numbers(spec.frequency_hz if frequency_hz is None else frequency_hz)
+    if numbers is None:
         raise UsageError(f"frequency_hz: expected a number or a list of numbers, found {frequency_hz!r:.60}")
-    frequency = found.astype(float).ravel()
+    frequency = numbers.astype(float).ravel()
     if not frequency.size or not np.all((frequency >= 0) & np.isfinite(frequency)):
         wrong = frequency[~((frequency >= 0) & np.isfinite(frequency))]
         raise UsageError(f"frequency_hz: expected finite numbers >= 0, found {wrong[0] if wrong.size else 'none'}")

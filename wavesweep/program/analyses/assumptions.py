@@ -43,43 +43,43 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, r
     drawn loop shows all of that itself; its sentence says which numbers act continuously, and within which limits of its blocks
     it is linear.
     """
-    own = run or (IN_TIME if nominal else None)  # of the spec's own numbers
-    varied = {} if own else {axis.path: _values(axis) for axis in spec.changing}
-    asked, order = None if own else spec.for_all, "in any order"
-    if asked and asked.at_random:
-        alone = asked.loss or (spec.drawing and spec.drawing.at_random)
+    in_run = run or (IN_TIME if nominal else None)  # of the spec's own numbers
+    varied = {} if in_run else {axis.path: _values(axis) for axis in spec.changing}
+    ranges, order = None if in_run else spec.for_all, "in any order"
+    if ranges and ranges.at_random:
+        alone = ranges.loss or (spec.drawing and spec.drawing.at_random)
         order = f"{'' if alone else 'in any order, or '}at random (mean_square)"
     if spec.drawing:
-        said = [*_continuous(spec), *(f"{name_of(path)} is {each} {order}" for path, each in varied.items())]
-        said += [own.frames, own.messages * bool(spec.drawing.channels)] if own else []
-        said += [] if own else [*_unknown(spec, swept), *_messages(spec, swept)]
+        said = [*_continuous(spec), *(f"{name_of(path)} is {how} {order}" for path, how in varied.items())]
+        said += [in_run.frames, in_run.messages * bool(spec.drawing.channels)] if in_run else []
+        said += [] if in_run else [*_unknown(spec, swept), *_messages(spec, swept)]
         if limits := ", ".join(_limits(spec, swept)):
             said.append(f"kept to its limits, {limits}" if run else f"linear while {limits}; simulate goes beyond")
         return "; ".join(filter(None, said))
     read, values = keys_of_page(spec.values), spec.values
     varies = bool(varied or (run and run.frames))
-    parts = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order, run.frames if run else "")]
-    parts += _lost(asked)
+    phrases = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order, run.frames if run else "")]
+    phrases += _lost(ranges)
     if DELAY in read and not varies:
         delay, ratio = values[DELAY], values["rates.ratio"]
         within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
         ticks = "tick" if delay == 1 and not within else "ticks"
-        parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
+        phrases.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
     if VELOCITY in read:
-        parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
-    parts += [] if own else _unknown(spec, swept)
+        phrases.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
+    phrases += [] if in_run else _unknown(spec, swept)
     late, dead = values["device.delay"], values["device.dead_time"]
     if {"device.delay", "device.dead_time"} & set(swept):
-        parts.append("amplifier's delay swept")
+        phrases.append("amplifier's delay swept")
     elif late or dead:
         ticks = f"{late} tick{'s' * (late > 1)}" if late else ""
-        parts.append(f"amplifier late by {ticks}{' and ' * bool(late and dead)}{f'{1e3 * dead:g} ms' if dead else ''}")
-    kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
-    if not kept:
-        return ", ".join(parts)
+        phrases.append(f"amplifier late by {ticks}{' and ' * bool(late and dead)}{f'{1e3 * dead:g} ms' if dead else ''}")
+    by_default = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in {*spec.given, *swept}]
+    if not by_default:
+        return ", ".join(phrases)
     usual = {INTEGRATION: '"explicit"', DELAY: str(longest_delay(values["rates.ratio"])), VELOCITY: '"difference"'}
-    defaults = f"{FAVOURABLE}{'s' * (len(kept) > 1)} of {_listed(kept)}"
-    return f"{', '.join(parts)}; {defaults}: engines usually have {_listed([usual[path] for path in kept])}"
+    defaults = f"{FAVOURABLE}{'s' * (len(by_default) > 1)} of {_listed(by_default)}"
+    return f"{', '.join(phrases)}; {defaults}: engines usually have {_listed([usual[path] for path in by_default])}"
 
 
 def losses(spec: Spec) -> list[str]:
@@ -106,8 +106,8 @@ def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
         if axis.values != (value,):
             shown = f"{axis.name} = {value:g}{f' {unit}' if unit not in ('', '1') else ''}"
             said.append(f"{shown}, {'of' if inside else 'not in'} {table} {values}")
-    more = len(said) - MOST_AXES
-    return "; ".join(said if more < 2 else [*said[:MOST_AXES], f"{more} other numbers of {table}"])
+    left_out = len(said) - MOST_AXES
+    return "; ".join(said if left_out < 2 else [*said[:MOST_AXES], f"{left_out} other numbers of {table}"])
 
 
 def _continuous(spec) -> Iterator[str]:
@@ -116,11 +116,11 @@ def _continuous(spec) -> Iterator[str]:
     for port, terms in spec.drawing.couplings:
         numbers = [f"{value_of(gain, {}):g}" for _, gain in terms if not any(names_in(gain))]
         names = [name for _, gain in terms for name, _ in names_in(gain)]
-        for name in dict.fromkeys([*names, *(each for each in numbers if each not in ("1", "-1"))]):
+        for name in dict.fromkeys([*names, *(term for term in numbers if term not in ("1", "-1"))]):
             ports.setdefault(name, []).append(port)
     acting: dict[str, list[str]] = {}
-    for name, found in ports.items():
-        shown = found if len(found) <= MOST_PORTS else [*found[:2], f"{len(found) - 2} other wires"]
+    for name, continuous in ports.items():
+        shown = continuous if len(continuous) <= MOST_PORTS else [*continuous[:2], f"{len(continuous) - 2} other wires"]
         acting.setdefault(_listed(shown), []).append(name)
     said = [f"{_listed(names)} act{'s' * (len(names) == 1)} continuously in {where}" for where, names in acting.items()]
     if said:
@@ -162,14 +162,17 @@ def _unknown(spec, swept) -> Iterator[str]:
 
 def _messages(spec, swept) -> Iterator[str]:
     """Yield what the messages of each channel may do; a number of a swept axis is a range."""
-    known, axes = scalars(spec.values), [axis for axis in (*spec.sweep, *spec.bode) if axis.path in swept]
+    numbers, axes = scalars(spec.values), [axis for axis in (*spec.sweep, *spec.bode) if axis.path in swept]
 
     def ends(tree):
         """The least and the largest value of a key."""
-        own = [axis for axis in axes if axis.path in {path_of(name) for name, _ in names_in(tree)}]
-        names, values = [name_of(axis.path) for axis in own], [axis.values or (axis.start, axis.stop) for axis in own]
-        found = [float(value_of(tree, known | dict(zip(names, each, strict=True)))) for each in product(*values)]
-        return sorted({min(found), max(found)})
+        varied = [axis for axis in axes if axis.path in {path_of(name) for name, _ in names_in(tree)}]
+        names, values = (
+            [name_of(axis.path) for axis in varied],
+            [axis.values or (axis.start, axis.stop) for axis in varied],
+        )
+        delays = [float(value_of(tree, numbers | dict(zip(names, place, strict=True)))) for place in product(*values)]
+        return sorted({min(delays), max(delays)})
 
     for block in spec.drawing.channels:
         late, lost = (ends(dict(block.keys)[key]) for key in ("late", "lost"))
@@ -192,9 +195,9 @@ def _limits(spec, swept) -> Iterator[str]:
 
     def shown(tree):
         moving = {path_of(name) for name, _ in names_in(tree)} & set(swept)
-        return text_of(tree) if moving else f"{value_of(tree, known):g}"
+        return text_of(tree) if moving else f"{value_of(tree, numbers):g}"
 
-    known = scalars(spec.values)
+    numbers = scalars(spec.values)
     for block in spec.drawing.blocks:
         limits = dict(block.limits)
         if "high" in limits:
@@ -245,10 +248,10 @@ def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})
     """Yield a sentence about the numbers of a preset device that the spec itself gives otherwise; options: other numbers."""
     if spec.preset:
         used, numbers = {**spec.values, **options}, DEVICES[spec.preset].numbers.items()
-        own = [(path, used[path], number.value) for path, number in numbers if path in used]
-        given = [f"{path} = {value:g} and not {other:g}" for path, value, other in own if value != other]
-        if given:
-            yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
+        pairs = [(path, used[path], number.value) for path, number in numbers if path in used]
+        differing = [f"{path} = {value:g} and not {preset:g}" for path, value, preset in pairs if value != preset]
+        if differing:
+            yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(differing)}"
 
 
 def assumed_by(
@@ -256,8 +259,8 @@ def assumed_by(
 ) -> str:
     """The sentence of one spec, or those of several, a line each with its name; swept: of any; nominal, run: see `assumes`."""
     several = len(specs) > 1
-    own = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
-    said = [assumes(spec, mine.intersection(swept), nominal=nominal, run=run) for spec, mine in zip(specs, own, strict=True)]
+    swept_here = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
+    said = [assumes(spec, axes & {*swept}, nominal=nominal, run=run) for spec, axes in zip(specs, swept_here, strict=True)]
     if len(set(said)) == 1:
         return said[0]
     return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)

@@ -42,19 +42,19 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     if free is None:
         return None
     most = min(HIGHEST_HZ, 0.499 * loop.port.rate)
-    hertz = np.array([each for each in BAND_HZ if each <= most])
+    hertz = np.array([number for number in BAND_HZ if number <= most])
     *sizes, sure = _added(loop, free, hertz)
-    found = {
-        name: [float(each) if ok else None for each, ok in zip(size, sure, strict=True)]
+    felt = {
+        name: [float(number) if ok else None for number, ok in zip(size, sure, strict=True)]
         for name, size in zip(("impedance", "free"), sizes, strict=True)
     }
     rest = stiffness - np.nan_to_num(static_response(free)[1].ravel()[0].real)
-    whole = np.geomspace(LOWEST_HZ, most, POINTS)
-    added = cache(lambda *ends: _added(loop, free, whole if not ends else np.geomspace(*ends, FINE)))
-    changed = _runs(whole, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
-    found["holds_to_hz"] = next((before for before, *_ in changed), None)
-    bands = [band for _, *band in _runs(whole, lambda *ends: np.greater(*added(*ends)[1::-1]))]
-    return {"hz": hertz.tolist(), **found, "outweighed_hz": bands[0][0] if bands else None, "outweighed_bands_hz": bands}
+    frequencies = np.geomspace(LOWEST_HZ, most, POINTS)
+    added = cache(lambda *ends: _added(loop, free, frequencies if not ends else np.geomspace(*ends, FINE)))
+    changed = _runs(frequencies, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
+    felt["holds_to_hz"] = next((before for before, *_ in changed), None)
+    bands = [band for _, *band in _runs(frequencies, lambda *ends: np.greater(*added(*ends)[1::-1]))]
+    return {"hz": hertz.tolist(), **felt, "outweighed_hz": bands[0][0] if bands else None, "outweighed_bands_hz": bands}
 
 
 def _runs(grid, so):
@@ -71,10 +71,10 @@ def _runs(grid, so):
 
 def _added(loop, free, hertz):
     """The sizes of what the wall adds to the impedance and of that of free motion, and whether they are known, at each Hz."""
-    found, without = respond(loop, hertz), respond(free, hertz)
+    with_loop, without = respond(loop, hertz), respond(free, hertz)
     with np.errstate(all="ignore"):
-        added = np.abs(found.impedance - without.impedance)
-        off = sum(np.abs(each.impedance) * each.impedance_error for each in (found, without))
+        added = np.abs(with_loop.impedance - without.impedance)
+        off = sum(np.abs(answer.impedance) * answer.impedance_error for answer in (with_loop, without))
         return added, np.abs(without.impedance), off <= SURE * added
 
 
@@ -105,13 +105,13 @@ def felt_at_rest(spec: Spec, loop) -> dict | None:
     """
     if loop is None:
         return None
-    admittance, stiffness = (part.ravel()[0].real for part in static_response(loop)[:2])
+    admittance, stiffness = (value.ravel()[0].real for value in static_response(loop)[:2])
     if admittance == 0:
         return {"stiffness": None, "damping": None, "rigid": True}
     damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
     small = loop.order <= LARGE
     band = felt_over_band(spec, loop, stiffness) if stiffness > 0 and small else None
-    stiffness, damping = (float(each) if np.isfinite(each) else None for each in (stiffness, damping))
+    stiffness, damping = (float(number) if np.isfinite(number) else None for number in (stiffness, damping))
     return {"stiffness": stiffness, "damping": damping, "rigid": False, "over_band": band}
 
 
@@ -124,8 +124,8 @@ def _damping(response, low):
     if one further down differs by more than its rounding. response: of frequencies.
     """
     frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
-    found = response(frequency.ravel())
-    impedance, error = (part.reshape(frequency.shape) for part in (found.impedance, found.impedance_error))
+    at_port = response(frequency.ravel())
+    impedance, error = (array.reshape(frequency.shape) for array in (at_port.impedance, at_port.impedance_error))
     with np.errstate(all="ignore"):
         values, unsure = impedance.imag / (2 * np.pi * frequency), error * np.abs(impedance) / (2 * np.pi * frequency)
         damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3

@@ -54,7 +54,7 @@ def peak_of_encoder(loop: Loops) -> PeakGain | None:
 def peaks_of(loops: Loops, size: int) -> np.ndarray:
     """Return the peak gains of some loops, `(size,)`; NaN for loops without one."""
     peaks = (peak_of_encoder(loops.one(at)) for at in range(size))
-    return np.array([np.nan if each is None else each.gain for each in peaks])
+    return np.array([np.nan if peak is None else peak.gain for peak in peaks])
 
 
 def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
@@ -66,12 +66,12 @@ def hardware_of(spec: Spec, *, stable: bool = True) -> dict[str, float | None]:
     holds_to, passive_to: see `limits_of_walls`. depth (m), by `verdict`: to which the wall can be pressed, slowly, before the
     motors end, max_force over the stiffness felt at rest.
     """
-    found: dict[str, float | None] = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
+    limits: dict[str, float | None] = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
     loop = own_loop(spec)
-    if stable and (step := found.get("resolution")) and device_of(loop.drawing) and loop.drawing.hand[2] is not None:
+    if stable and (step := limits.get("resolution")) and device_of(loop.drawing) and loop.drawing.hand[2] is not None:
         peak = peak_of_encoder(loop)
-        found |= {"step_force": peak and peak.step * step, "chatter": peak and peak.gain * step / 2}
-    return found | limits_of_walls(spec) if found else {}
+        limits |= {"step_force": peak and peak.step * step, "chatter": peak and peak.gain * step / 2}
+    return limits | limits_of_walls(spec) if limits else {}
 
 
 def limits_of_walls(spec: Spec) -> dict[str, float]:
@@ -83,19 +83,19 @@ def limits_of_walls(spec: Spec) -> dict[str, float]:
     device takes up what sampling and delay generate. Sources: Abbott and Okamura 2005, Effects of position quantization and
     sampling rate on virtual-wall passivity; with a delay Diolaiti and others 2006, Stability of haptic rendering.
     """
-    found, values = {}, spec.values
+    limits, values = {}, spec.values
     step, friction = spec.hardware["resolution"], spec.hardware["friction"]
     if step and friction:
-        found["holds_to"] = 2 * friction / step
+        limits["holds_to"] = 2 * friction / step
     if spec.kind == "dc":
         late = values["device.delay"] + values["device.dead_time"] * values["rates.fast_hz"]
-        found["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / (0.5 + late)
+        limits["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / (0.5 + late)
     elif values["device.dead_time"]:
-        return found
+        return limits
     elif spec.kind == "dc-slow" and (late := values["environment.delay"] + values["device.delay"]) % values["rates.ratio"] == 0:
         ticks = values["rates.ratio"] / 2 + late
-        found["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / ticks
-    return found
+        limits["passive_to"] = values["device.damping"] * values["rates.fast_hz"] / ticks
+    return limits
 
 
 def deciding(path: str) -> bool:

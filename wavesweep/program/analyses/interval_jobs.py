@@ -114,19 +114,19 @@ def interval_job(grid: Grid, chunks: Chunks, resolved: dict, asked: IntervalQuer
 
 
 def _task(job, chunk):
-    asked, path = job.asked, job.asked.axis.path
-    if asked.guarantee is None:
+    query, path = job.asked, job.asked.axis.path
+    if query.guarantee is None:
         return searches_of(job, chunk).records
     changes = job.loop_values(chunk)
-    own = "" if job.grid.spec.drawing and asked.guarantee.own_ticks else path
-    parts = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=own))
-    return partial(loop_by_loop, parts, path, asked.span, asked.guarantee)
+    number = "" if job.grid.spec.drawing and query.guarantee.own_ticks else path
+    groups = tuple(drawn_groups(job.grid.spec, changes, len(chunk.loops), job.resolved, rates=True, along=number))
+    return partial(loop_by_loop, groups, path, query.span, query.guarantee)
 
 
 def searches_of(job: Job, chunk: Chunk) -> Searches:
     """The searches for the intervals of the loops of a chunk."""
-    changes, known = job.loop_values(chunk), job.grid.loops <= CHECKED
-    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=known, prover=_ball_prover)
+    changes, checked = job.loop_values(chunk), job.grid.loops <= CHECKED
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=checked, prover=_ball_prover)
 
 
 def _ball_prover(loops, along, period):
@@ -136,11 +136,11 @@ def _ball_prover(loops, along, period):
 
 def _columns(job, combination, records):
     """The axes, `along`, and the fields of the records."""
-    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
-    found["doubt"] = words(found["doubt"])
-    found |= ends_of(records, set_by=bool(job.asked.require and job.asked.require.bound.gain))
+    columns = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+    columns["doubt"] = words(columns["doubt"])
+    columns |= ends_of(records, set_by=bool(job.asked.require and job.asked.require.bound.gain))
     along = np.full(records.size, job.asked.axis.name, dtype=object)
-    return job.grid.axis_columns(combination) | {"along": along} | found
+    return job.grid.axis_columns(combination) | {"along": along} | columns
 
 
 def _sample(job):
@@ -168,13 +168,13 @@ def _searches(
     changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
     factors of it. felt, checked, prover: see `Search`.
     """
-    parts: dict = {}
+    by_bound: dict = {}
     path, require = asked.axis.path, asked.require
     for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)):
         bound = require and require.bound.over(frames_of(loops))
-        parts.setdefault((loops.drawing, bound), []).append((members, loops.read))
+        by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
-    for (drawing, bound), alike in parts.items():
+    for (drawing, bound), alike in by_bound.items():
         drawn = drawing.tied(path, ties) if ties else drawing
         groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
         searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prover, bound))
@@ -188,17 +188,17 @@ def _varied(spec, path, require):
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
-    axis, others = sweep_axes(spec, along)
-    return job_over(make_grid(spec, others, axis.path), axis, require=spec.require)
+    axis, other_axes = sweep_axes(spec, along)
+    return job_over(make_grid(spec, other_axes, axis.path), axis, require=spec.require)
 
 
 def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Job:
     """The job of a grid; require: see `IntervalQuery`. Errors: UsageError or SpecError if it cannot be done."""
-    spec, asked = grid.spec, IntervalQuery(axis, require=require)
-    if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
+    spec, query = grid.spec, IntervalQuery(axis, require=require)
+    if axis.structural and spec.builds(axis.path, [axis.path, *(loop_axis.path for loop_axis in grid.loop_axes)]):
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
-    for end in asked.span:
+    for end in query.span:
         wrong = spec.drawing and unsuitable(spec.drawing, {**spec.values, axis.path: np.array([end])}).any()
         if wrong or spec.uneven or axis.path == FAST:
             spec.with_values({axis.path: end})
@@ -206,20 +206,20 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         refuse_singular(spec, spec.drawing)
     index = some_loops(grid)
     changes = grid.loop_values(index)
-    own = _varied(spec, axis.path, require)
-    parts = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=own)]
-    for loops in parts:
+    number = _varied(spec, axis.path, require)
+    groups = [loops for _, loops in drawn_groups(spec, changes, index.size, resolved, rates=True, along=number)]
+    for loops in groups:
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
-        domain(*loops, axis.path, asked.span)
-    orders = _orders_of_few(spec, asked, changes, index.size, resolved) if index.size <= FEW else []
+        domain(*loops, axis.path, query.span)
+    orders = _orders_of_few(spec, query, changes, index.size, resolved) if index.size <= FEW else []
     ways = [Way.CUT] * len(orders)
     if not orders:
-        orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in parts[:STRUCTURES]), strict=True)
-    way = ways[0] if len({*ways}) == 1 else Way.BOTH
+        orders, ways = zip(*(_order_of(spec, loops.some([0]), axis) for loops in groups[:STRUCTURES]), strict=True)
+    ways_used = ways[0] if len({*ways}) == 1 else Way.BOTH
     cost = (require and require.bound.cost) or expected_cost(orders[0], ways[0])
-    most = MOST_SLOW if way is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
-    return interval_job(grid, cut_up(grid.loops, 1, cost, most), resolved, replace(asked, way=way))
+    most = MOST_SLOW if ways_used is not Way.CUT else MOST_DRAWN if spec.drawing else MOST
+    return interval_job(grid, cut_up(grid.loops, 1, cost, most), resolved, replace(query, way=ways_used))
 
 
 def guaranteed(job: Job, guarantee: Guarantee) -> Job:
@@ -258,8 +258,8 @@ def expected_cost(order: int, way: Way) -> float:
 
 def cost_of(spec: Spec, axis: Axis) -> tuple[float, Way]:
     """Expected s per slice of the spec along the axis, and its way."""
-    order, way = _order_of(spec, own_loop(spec, axis.path), axis)
-    return expected_cost(order, way), way
+    order, method = _order_of(spec, own_loop(spec, axis.path), axis)
+    return expected_cost(order, method), method
 
 
 def _order_of(spec, loops, axis):
@@ -271,12 +271,16 @@ def _like_own(spec, loops):
 
     A compiled loop is asked about other values again and again.
     """
-    kept, found = {path_of(name) for name in loops.drawing.shaping}, dict(loops.values)
+    shaping, like = {path_of(name) for name in loops.drawing.shaping}, dict(loops.values)
     for path, value in loops.values.items():
-        own, one = spec.values.get(path), value[0] if np.ndim(value) else value
-        if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
-            found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
-    return found
+        value_of_spec, first = spec.values.get(path), value[0] if np.ndim(value) else value
+        if (
+            path not in shaping
+            and isinstance(value_of_spec, float)
+            and (first > 0, first < 0) == (value_of_spec > 0, value_of_spec < 0)
+        ):
+            like[path] = value_of_spec * np.array([1.0, VARIED]) if np.ndim(value) else value_of_spec
+    return like
 
 
 def at_points(
@@ -295,8 +299,8 @@ def at_points(
     """
     count = len(next(iter(points.values())))
     records = _searches(spec, IntervalQuery(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
-    found = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
-    return found | ends_of(records, set_by=False)
+    columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+    return columns | ends_of(records, set_by=False)
 
 
 CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
@@ -305,9 +309,9 @@ DOMINANCE = "eigenvalues off the unit circle by dominance in eigenvectors, on Ch
 
 def method(asked: IntervalQuery) -> str:
     """How the intervals are found, in a line."""
-    found = {
+    text = {
         Way.CUT: CUT,
         Way.DOMINANCE: DOMINANCE,
         Way.BOTH: f"{CUT}, in loops of which the axis is one scalar gain of a frame; {DOMINANCE}, in others",
     }[asked.way]
-    return asked.require.bound.method(found) if asked.require else found
+    return asked.require.bound.method(text) if asked.require else text

@@ -47,22 +47,22 @@ def own_design(spec: Spec, loop=None) -> dict:
     ratio, if it is another one. A drawn loop is felt at the hand's port if it has one.
     loop: the one prepared for responses, if it is known already.
     """
-    own = own_loop(spec)
-    refuse_singular(spec, own.drawing)
-    (E, hidden), drawn, drift = frames_with_reliability(own), own.drawn(), drift_of(own)
+    nominal = own_loop(spec)
+    refuse_singular(spec, nominal.drawing)
+    (E, hidden), drawn, drift = frames_with_reliability(nominal), nominal.drawn(), drift_of(nominal)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
-    found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
-    found["assumes"] = assumes(spec, nominal=True)
+    numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
+    numbers["assumes"] = assumes(spec, nominal=True)
     if radius == 1:
         z = 1 + eigenvalues(E)[0].ravel()
         z = z[np.abs(z) > ON_CIRCLE]  # the others are over after one frame
-        found["only_oscillates"] = bool(((np.abs(np.abs(z) - 1) <= ON_CIRCLE) & (np.abs(z.imag) > ON_CIRCLE)).all())
+        numbers["only_oscillates"] = bool(((np.abs(np.abs(z) - 1) <= ON_CIRCLE) & (np.abs(z.imag) > ON_CIRCLE)).all())
     modes = []
     if loop is None and not (spec.drawing and spec.drawing.hand is None):
         loop = loop_at_hand(spec)
-    if found["stable"]:
+    if numbers["stable"]:
         names, (delta, shares) = named_modes(E, drawn, drift)
-        modes = [(complex(mode), leading(names, each)) for mode, each in zip(delta, shares, strict=True)]
+        modes = [(complex(mode), leading(names, share)) for mode, share in zip(delta, shares, strict=True)]
         modes = modes or [(-1 + 0j, [])]  # without a state
     slowest = modes[0] if modes else None
     ratios = [np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0 for mode, _ in modes]
@@ -70,7 +70,7 @@ def own_design(spec: Spec, loop=None) -> dict:
     another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
     named = {"slowest": slowest, "least_damped": damped if another else None}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
-    return found | {"felt": felt_at_rest(spec, loop), **described}
+    return numbers | {"felt": felt_at_rest(spec, loop), **described}
 
 
 def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
@@ -79,13 +79,12 @@ def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
     found: see `own_design`.
     """
     radius = found["spectral_radius"]
-    known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
-    said = "stable" if found["stable"] else "UNSTABLE" if known else "not known whether it is stable"
+    decided = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
+    said = "stable" if found["stable"] else "UNSTABLE" if decided else "not known whether it is stable"
     why = "numbers overflow, or rounding hides them"
     if radius is not None:
-        why = (
-            f"spectral radius {radius:.6g} per frame of {1e3 * found['period_s']:.6g} ms{'' if known else ', but for rounding'}"
-        )
+        why = f"spectral radius {radius:.6g} per frame of {1e3 * found['period_s']:.6g} ms"
+        why += "" if decided else ", but for rounding"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
@@ -105,8 +104,8 @@ def _mode(spec, mode, states, period):
         hz, second = lines_in_loops(own_loop(spec), np.array([[s]]))[0].tolist()
         s = complex(s.real / period, 2 * np.pi * hz)
         ratio = float(damping_ratio(mode))  # from frame to frame, as requirements and wishes mean it
-        found = {"time_constant_s": -1 / s.real, "damping_ratio": ratio, "omega": s.imag, "second_hz": second}
-    return {name: _number(value) for name, value in found.items()} | {"states": states}
+        numbers = {"time_constant_s": -1 / s.real, "damping_ratio": ratio, "omega": s.imag, "second_hz": second}
+    return {name: _number(value) for name, value in numbers.items()} | {"states": states}
 
 
 def _number(value):

@@ -143,37 +143,37 @@ def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
 def open_spans(rows: Columns) -> list[tuple[Span, ...]]:
     """Of each row the span of its open places; all values in the first row of a slice that is known in part, and not where."""
     places = rows.get("open_places", np.zeros(len(rows["interval"]), int))
-    whole = incomplete(rows) & (places == 0) & (rows["interval"] == 0)
+    everywhere = incomplete(rows) & (places == 0) & (rows["interval"] == 0)
     ends = ("open_low", -np.inf), ("open_high", np.inf)
-    low, high = (np.where(whole, end, rows.get(name, np.nan)).tolist() for name, end in ends)
-    some = (whole | (places > 0)).tolist()
-    return [((first, last),) if each else () for each, first, last in zip(some, low, high, strict=True)]
+    low, high = (np.where(everywhere, end, rows.get(name, np.nan)).tolist() for name, end in ends)
+    unknown = (everywhere | (places > 0)).tolist()
+    return [((first, last),) if is_unknown else () for is_unknown, first, last in zip(unknown, low, high, strict=True)]
 
 
 def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Source) -> None:
     """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
     ends = [view.position(x) for curve in curves for x in curve.columns]
-    whole = float(max(ends) - min(ends))
+    width_of_all = float(max(ends) - min(ends))
     # A batch of dear columns costs much by itself, so that a few more of them save time.
-    parts = 4 if source.batch else 2
+    halves = 4 if source.batch else 2
     cells = [(n, a, b) for n, curve in enumerate(curves) for a, b in pairwise(sorted(curve.columns))]
 
     def width(cell):
         return view.position(cell[2]) - view.position(cell[1])
 
     cells.sort(key=width, reverse=True)
-    smallest = whole / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
+    smallest = width_of_all / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
     left = BUDGET
     while cells:
-        taken: list[tuple[int, list[float]]] = []
+        examined: list[tuple[int, list[float]]] = []
         wanted: list[tuple[int, float]] = []
         designs: set[int] = set()
         for cell in cells:
-            inside = view.between(*cell[1:], max(parts if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
+            inside = view.between(*cell[1:], max(halves if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
             if source.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
                 break
             designs.add(cell[0])
-            taken.append((cell[0], [cell[1], *inside, cell[2]]))
+            examined.append((cell[0], [cell[1], *inside, cell[2]]))
             wanted += [(cell[0], x) for x in inside]
         if not wanted:
             return
@@ -181,13 +181,13 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
             curves[number].columns[x] = column
         left -= source.seconds(len(wanted), len(designs))
         undecided = []
-        for number, points in taken:
+        for number, points in examined:
             gaps = known_gaps({x: curves[number].columns[x] for x in points}, view, tolerance)
             curves[number].gaps |= gaps
             undecided += [(number, *gap) for gap in pairwise(points) if gap not in gaps]
-        for number, a, b in [cell for cell in undecided if width(cell) <= whole / view.wide]:
+        for number, a, b in [cell for cell in undecided if width(cell) <= width_of_all / view.wide]:
             curves[number].gaps[a, b] = NARROW
-        cells = [cell for cell in undecided if width(cell) > whole / view.wide]
+        cells = [cell for cell in undecided if width(cell) > width_of_all / view.wide]
 
 
 def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
@@ -195,19 +195,19 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
 
     A gap that is left and no wider than two pixels is narrow; a wider one is not known.
     """
-    places, whole = sorted(curve.columns), float(np.ptp(view.position(np.array(sorted(curve.columns)))))
-    own = [x for x in places if x in curve.own]
+    places, width_of_all = sorted(curve.columns), float(np.ptp(view.position(np.array(sorted(curve.columns)))))
+    in_table = [x for x in places if x in curve.own]
     doubtful = {x for x in places if _doubtful(curve.columns[x])}
-    for left, right in pairwise(own):
+    for left, right in pairwise(in_table):
         if not {left, right} & doubtful:
             inside = [x for x in places if left <= x <= right]
-            kept = [x for x in inside if x not in doubtful]
-            for x in {*inside} - {*kept}:
+            certain = [x for x in inside if x not in doubtful]
+            for x in {*inside} - {*certain}:
                 del curve.columns[x]
-            for gap in {*pairwise(inside)} - {*pairwise(kept)}:
+            for gap in {*pairwise(inside)} - {*pairwise(certain)}:
                 curve.gaps.pop(gap, None)
-            for gap in {*pairwise(kept)} - {*pairwise(inside)}:
-                if view.position(gap[1]) - view.position(gap[0]) <= 2 * whole / view.wide:
+            for gap in {*pairwise(certain)} - {*pairwise(inside)}:
+                if view.position(gap[1]) - view.position(gap[0]) <= 2 * width_of_all / view.wide:
                     curve.gaps[gap] = NARROW
 
 
@@ -228,7 +228,7 @@ def _is_straight(before: Column, middle: Column, after: Column, view: View, tole
     """
     if len({(len(column[0]), bool(column[1])) for column in (before, middle, after)}) > 1:
         return False
-    ends = np.array([[(each.low, each.high) for each in column[0]] for column in (before, middle, after)])
+    ends = np.array([[(interval.low, interval.high) for interval in column[0]] for column in (before, middle, after)])
     left, centre, right = view.height(ends)
     return bool((np.abs(centre - (left + right) / 2) <= tolerance).all())
 
@@ -241,8 +241,10 @@ def spec_of(facts: Mapping[str, Any]) -> Any:
 
     # Facts have the order and the cutoff that follow from band edges next to these; a spec has one or the other.
     filters = {
-        name: {key: value for key, value in given.items() if "passband_hz" not in given or key not in ("order", "cutoff_hz")}
-        for name, given in facts["spec"].get("filters", {}).items()
+        name: {
+            key: value for key, value in written.items() if "passband_hz" not in written or key not in ("order", "cutoff_hz")
+        }
+        for name, written in facts["spec"].get("filters", {}).items()
     }
     return load({**facts["spec"], **({"filters": filters} if filters else {})})
 
@@ -302,13 +304,13 @@ class _Source:
             name, value = next((path, value) for path, value in self.spec.values.items() if isinstance(value, float))
             points = {name: np.array([value])}
         rows = at_points(self.spec, self.axis, points, require=self.spec.require)
-        found = columns_of(rows, rows["slice"])
-        return {place: found[number] for number, place in enumerate(places)}
+        columns = columns_of(rows, rows["slice"])
+        return {place: columns[number] for number, place in enumerate(places)}
 
 
 def _doubtful(column: Column) -> bool:
     """Whether a column has an interval that is not certified, or a place that is not known."""
-    return bool(column[1]) or not all(each.certified for each in column[0])
+    return bool(column[1]) or not all(interval.certified for interval in column[0])
 
 
 def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _Source | None:
@@ -327,11 +329,11 @@ def _source(members: Sequence[Columns], x: str, facts: Mapping[str, Any]) -> _So
     if not is_plain(spec, path):
         return None
     if hand == "free":
-        spec = spec.with_values(dict.fromkeys((f"operator.{part}" for part in ("mass", "damping", "stiffness")), 0.0))
+        spec = spec.with_values(dict.fromkeys((f"operator.{number}" for number in ("mass", "damping", "stiffness")), 0.0))
     axis, axes = sweep_axes(spec, str(rows["along"][0]))
     used = make_grid(spec, axes, axis.path).loop_axes
-    keys = [tuple((each.path, rows[each.name][0].item()) for each in used if each.path != path) for rows in members]
+    keys = [tuple((swept.path, rows[swept.name][0].item()) for swept in used if swept.path != path) for rows in members]
     designs = list(dict.fromkeys(keys))
-    cost, way = cost_of(spec.with_values(dict(designs[0])), axis)
-    cost, batch = (cost, 0.0) if way is Way.CUT else (max(cost, DEAR), ROUND)
-    return _Source(spec, axis, path if any(each.path == path for each in used) else None, keys, designs, cost, batch)
+    cost, method = cost_of(spec.with_values(dict(designs[0])), axis)
+    cost, batch = (cost, 0.0) if method is Way.CUT else (max(cost, DEAR), ROUND)
+    return _Source(spec, axis, path if any(swept.path == path for swept in used) else None, keys, designs, cost, batch)

@@ -30,28 +30,31 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
     Errors: SpecError for a loop without a solution.
     """
     refuse_singular(spec, own_loop(spec).drawing)
-    grid, parts = make_grid(spec, (axis,) if axis else ()), {}
+    grid, blocks = make_grid(spec, (axis,) if axis else ()), {}
     for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
-        found = _of_batch(loops.read, members.size)
+        by_loop = _of_batch(loops.read, members.size)
         axes = grid.axis_columns(members)
-        for place, (at, columns) in enumerate(zip(members.tolist(), found, strict=True)):
-            parts[at] = {name: np.full(len(columns["doubt"]), axes[name][place]) for name in axes} | columns
-    return joined(parts[at] for at in sorted(parts))
+        for place, (at, columns) in enumerate(zip(members.tolist(), by_loop, strict=True)):
+            blocks[at] = {name: np.full(len(columns["doubt"]), axes[name][place]) for name in axes} | columns
+    return joined(blocks[at] for at in sorted(blocks))
 
 
 def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
     drawn, drift = loops.drawn(), drift_of(loops)
-    kept, period = len(drift.remaining), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    states, period = len(drift.remaining), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     E, hidden = frames_with_reliability(loops)
     E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
     finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
-    named = [named_modes(each, drawn, drift) for each in E]
-    all_delta = np.stack([each.delta if each.delta.size else np.full(kept, -0.5 + 0j) for _, each in named])
-    lines = [lines_in_loops(loops, np.log1p(all_delta[:, [k]])) for k in range(kept)]
+    named = [named_modes(array, drawn, drift) for array in E]
+    all_delta = np.stack([array.delta if array.delta.size else np.full(states, -0.5 + 0j) for _, array in named])
+    lines = [lines_in_loops(loops, np.log1p(all_delta[:, [k]])) for k in range(states)]
     for at, (names, (delta, shares)) in enumerate(named):
         doubted = ~certain_modes(delta, clear=bool(clear[at]))
-        s, (hz, second) = np.log1p(delta) / period[at], np.array([each[at] for each in lines]).reshape(-1, 2).T[:, : delta.size]
+        s, (hz, second) = (
+            np.log1p(delta) / period[at],
+            np.array([array[at] for array in lines]).reshape(-1, 2).T[:, : delta.size],
+        )
         numbers = {
             "z_re": 1 + delta.real,
             "z_im": delta.imag,
@@ -61,18 +64,19 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
             "frequency_hz": np.abs(s.imag) / (2 * np.pi),
             "damping_ratio": damping_ratio(delta),
             "time_constant_s": -1 / s.real,
-            "states": np.array([", ".join(leading(names, each)) for each in shares], object),
+            "states": np.array([", ".join(leading(names, array)) for array in shares], object),
             "shown_hz": hz,
             "second_hz": second,
             "shown_damping_ratio": -s.real / np.abs(s.real + 2j * np.pi * hz),
             "stable": (np.abs(1 + delta) < 1) & ~doubted,
             "doubt": np.where(doubted, "rounding", "").astype(object),
         }
-        if kept and not finite[at]:
+        if states and not finite[at]:
             unknown = {"states": np.array([""], object), "stable": np.zeros(1, bool), "doubt": np.array(["overflow"], object)}
             numbers = {name: unknown.get(name, np.full(1, np.nan)) for name in numbers}
         yield {
-            name: np.where(np.isfinite(each), each, np.nan) if each.dtype == float else each for name, each in numbers.items()
+            name: np.where(np.isfinite(array), array, np.nan) if array.dtype == float else array
+            for name, array in numbers.items()
         }
 
 

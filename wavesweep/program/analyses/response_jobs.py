@@ -25,7 +25,7 @@ from wavesweep.program.sweep.job import Chunks, Job, JobKind, resolve_all
 from wavesweep.program.sweep.running import in_memory
 
 PARTS = ("re", "im", "abs", "deg")
-NUMBERS = ("omega_Ts", *(f"{name}_{part}" for name in ("admittance", "impedance") for part in PARTS), "worst_gain")
+NUMBERS = ("omega_Ts", *(f"{name}_{suffix}" for name in ("admittance", "impedance") for suffix in PARTS), "worst_gain")
 ERRORS = ("admittance_error", "impedance_error", "worst_gain_error")
 
 
@@ -35,7 +35,7 @@ def _record(numbers, errors):
 
 
 RESPONSE = _record(NUMBERS, ERRORS)
-TRANSFER = _record(("omega_Ts", *(f"response_{part}" for part in PARTS)), ("response_error",))  # of a signal to an input
+TRANSFER = _record(("omega_Ts", *(f"response_{suffix}" for suffix in PARTS)), ("response_error",))  # of a signal to an input
 TICKS = 100_000  # responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
 WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that are computed together, so few tables are cut there
 
@@ -74,10 +74,10 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None, ro
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
     curves = TICKS // ticks // points if 0 < points <= WIDE else 1
-    chunks, asked = Chunks(grid.loops, points, max(1, curves), min(points, WIDE)), ResponseQuery(frequency, names, read, route)
+    chunks, query = Chunks(grid.loops, points, max(1, curves), min(points, WIDE)), ResponseQuery(frequency, names, read, route)
     if route:
-        return Job(TRANSFERS, grid, chunks, resolved, TRANSFER, {"records": "transfer", "route": list(route)}, asked)
-    return Job(RESPONSES, grid, chunks, resolved, RESPONSE, {"records": "responses"}, asked)
+        return Job(TRANSFERS, grid, chunks, resolved, TRANSFER, {"records": "transfer", "route": list(route)}, query)
+    return Job(RESPONSES, grid, chunks, resolved, RESPONSE, {"records": "responses"}, query)
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
@@ -91,20 +91,20 @@ def _ticks_drawn(spec, *, at_hand):
 def _refuse_aliases(grid, frequency):
     """Raise SpecError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
     name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
-    own = Axis("frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False)
+    axis_of_bode = Axis("frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False)
     beyond = Mistakes()
-    refuse_beyond_half(own, grid.axes, grid.spec.tick_hz, name, beyond)
+    refuse_beyond_half(axis_of_bode, grid.axes, grid.spec.tick_hz, name, beyond)
     if beyond:
         raise SpecError(beyond)
 
 
 def _task(job, chunk):
-    spec, parts = job.grid.spec, []
+    spec, groups = job.grid.spec, []
     for members, loops in drawn_groups(spec, job.loop_values(chunk), len(chunk.loops), job.resolved):
         read = {path: value for path, value in loops.values.items() if path in loops.drawing.reads}
-        parts.append((members, Loops(loops.drawing, read), None if spec.drawing else loops.values[RATIO]))
+        groups.append((members, Loops(loops.drawing, read), None if spec.drawing else loops.values[RATIO]))
     frequency = job.asked.frequency[chunk.points.start : chunk.points.stop]
-    return partial(_records, tuple(parts), frequency, job.asked.route, job.dtype)
+    return partial(_records, tuple(groups), frequency, job.asked.route, job.dtype)
 
 
 def _records(parts, frequency, route, dtype):
@@ -169,13 +169,13 @@ class Prepared:
             value, error = transfer(self.loop, frequency)
             columns, errors = columns | complex_columns("response", value), {"response": error}
         else:
-            found, (gain, gain_error) = respond(self.loop, frequency), self.gain(frequency)
-            columns |= complex_columns("admittance", found.admittance) | complex_columns("impedance", found.impedance)
+            felt, (gain, gain_error) = respond(self.loop, frequency), self.gain(frequency)
+            columns |= complex_columns("admittance", felt.admittance) | complex_columns("impedance", felt.impedance)
             columns["worst_gain"] = gain
-            errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
+            errors = {"admittance": felt.admittance_error, "impedance": felt.impedance_error, "worst_gain": gain_error}
         radius, lost = self.radius[:, None], self.loop.lost[..., None]
-        known = {name: ~np.isnan(columns[name if name in columns else f"{name}_re"]) for name in errors}
-        columns |= {f"{name}_error": np.where(known[name], error, np.nan) for name, error in errors.items()}
+        is_known = {name: ~np.isnan(columns[name if name in columns else f"{name}_re"]) for name in errors}
+        columns |= {f"{name}_error": np.where(is_known[name], error, np.nan) for name, error in errors.items()}
         doubt = _doubts(errors.values(), radius < 1, lost | np.isnan(radius), radius == 1)
         return columns | {"stable": radius < 1, "doubt": doubt}
 
@@ -189,11 +189,11 @@ def _prepared(loops, size, ratio, route) -> list[Prepared]:
     """Loops of one drawing, as many at a time as are computed together."""
     prepared = []
     for at, port in ports_of_batch(loops, size, route):
-        loop, some = Lifted.of(port), loops if at.size == size else loops.some(at)
+        loop, these = Lifted.of(port), loops if at.size == size else loops.some(at)
         radius = np.zeros(at.size)  # 0 stands for any that is surely less than 1
         rest = np.flatnonzero(~np.broadcast_to(loop.stable_for_sure(), at.shape))
         if rest.size:
-            radius[rest] = radii_of(some.some(rest), rest.size)
+            radius[rest] = radii_of(these.some(rest), rest.size)
         gain = None if route else gain_of(loop)
         prepared.append(Prepared(at, loop, gain, radius, port.slowest if ratio is None else ratio))
     return prepared
@@ -218,10 +218,10 @@ def _doubts(errors, stable, lost, marginal=False):
 def own_value(spec, name, read):
     """The spec's own value of a key, named as an axis is; NaN if its controller reads other keys (`read`)."""
     key = spec.names.find(name)
-    own = None if key is None else spec.own(key.path)
-    if own is None or key.type == "integer":
-        return np.nan if own is None else own
-    return own if ("rates.ratio" if key.path == "rates.slow_hz" else key.path) in read else np.nan
+    value = None if key is None else spec.own(key.path)
+    if value is None or key.type == "integer":
+        return np.nan if value is None else value
+    return value if ("rates.ratio" if key.path == "rates.slow_hz" else key.path) in read else np.nan
 
 
 def units_in(several, name: str) -> list[tuple[str, str]]:

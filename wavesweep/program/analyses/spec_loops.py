@@ -26,8 +26,8 @@ def refuse_singular(spec, drawing: Drawing) -> None:
     blocks = blocks_without_solution(drawing, items_of(spec.values))
     if blocks is not None:
         path = f"block.{blocks[0]}" if blocks else "wire"
-        found = f"one without, or with none that double precision can find, through {', '.join(blocks)}"
-        raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)])
+        lacking = f"one without, or with none that double precision can find, through {', '.join(blocks)}"
+        raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", lacking)])
 
 
 def radius_over(spec, axes) -> np.ndarray:
@@ -57,8 +57,8 @@ def port_at_hand(spec) -> Port:
         refuse_unsuitable(*loop)
         return port_of_loops(loop.one(0))
     except NoPositionError:
-        found = spec.tables()["ports"]["hand"]["displacement"]
-        raise SpecError([spec.mistake(POSITION, OF_PLANT, show(found))]) from None
+        displacement = spec.tables()["ports"]["hand"]["displacement"]
+        raise SpecError([spec.mistake(POSITION, OF_PLANT, show(displacement))]) from None
 
 
 def loop_at_hand(spec) -> Lifted:

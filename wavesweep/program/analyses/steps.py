@@ -31,11 +31,11 @@ def step_at(spec: Spec, signal: str, most: int = MOST) -> Step:
 
     The transfer function is -L/(1 + L), with L as `broken_at` has it. most, errors: see `step_of`.
     """
-    own = own_loop(spec)
+    nominal = own_loop(spec)
     wires = tuple(
-        (port, (*terms, *((ADDED, gain) for name, gain in terms if name == signal))) for port, terms in own.drawing.wires
+        (port, (*terms, *((ADDED, gain) for name, gain in terms if name == signal))) for port, terms in nominal.drawing.wires
     )
-    loop = Loops(replace(own.drawing, wires=wires, inputs=(*own.drawing.inputs, (ADDED, ADDED, "1"))), own.values)
+    loop = Loops(replace(nominal.drawing, wires=wires, inputs=(*nominal.drawing.inputs, (ADDED, ADDED, "1"))), nominal.values)
     refuse_unsuitable(*loop)
     drawn = loop.drawn()
     with named_loops(drawn):

@@ -45,8 +45,8 @@ def figure_of(kind: str) -> Callable[..., Any]:
 
 def diagram(spec: Spec) -> Any:
     """The picture of the loop of a spec, which a capability draws. Errors: UsageError if none does."""
-    for each in modules("diagram"):
-        return each.diagram(spec)
+    for module in modules("diagram"):
+        return module.diagram(spec)
     raise UsageError("the picture of a loop: expected the capability picture, found that it is not there")
 
 
@@ -70,11 +70,11 @@ def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
     """
     if table.figure is not None:
         return table
-    more = {"say": say} if "bode" in table.kind else {}
+    options = {"say": say} if "bode" in table.kind else {}
 
     def draw() -> Any:
         rows = table.blocks if table.rows > IN_MEMORY else table.columns
-        return figure_of(table.kind)(rows, table.facts, **more)
+        return figure_of(table.kind)(rows, table.facts, **options)
 
     return with_figure(table, draw)
 

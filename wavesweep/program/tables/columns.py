@@ -31,13 +31,13 @@ def fields(
     along: the axis that `low` and `high` are values of, which take its unit. extra: those of its optional columns that it has.
     facts: of the run, with the numbers of a drawn loop. Raises WavesweepError for a table or an axis that does not exist.
     """
-    known = kind_named(kind)
-    own, wanted = numbers_of(facts) | signals_of(facts), set(extra)
-    units = {OF_ALONG: _axis(along, own).unit, OF_WALL: felt_unit(facts)}
-    unlike, present = unlike_units(facts), [each for each in known.fields if not each.optional or each.name in wanted]
-    units |= {each.unit: at_port(each.unit, facts) for each in present if each.unit not in units}
-    columns = [replace(each, unit="" if each.name in unlike else units[each.unit]) for each in present]
-    return (*columns[: known.before], *(_axis(axis, own) for axis in axes), *columns[known.before :])
+    table_kind = kind_named(kind)
+    numbers, wanted = numbers_of(facts) | signals_of(facts), set(extra)
+    units = {OF_ALONG: _axis(along, numbers).unit, OF_WALL: felt_unit(facts)}
+    unlike, present = unlike_units(facts), [field for field in table_kind.fields if not field.optional or field.name in wanted]
+    units |= {field.unit: at_port(field.unit, facts) for field in present if field.unit not in units}
+    columns = [replace(field, unit="" if field.name in unlike else units[field.unit]) for field in present]
+    return (*columns[: table_kind.before], *(_axis(axis, numbers) for axis in axes), *columns[table_kind.before :])
 
 
 def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> tuple[Field, ...]:
@@ -45,25 +45,26 @@ def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | 
 
     `facts` of the run describe the numbers of a drawn loop.
     """
-    own = {field.name for field in kind_named(kind).fields}
+    field_names = {field.name for field in kind_named(kind).fields}
     along = columns.get("along", ())
-    axes = [name for name in columns if name not in own]
-    found = fields(kind, axes, str(along[0]) if len(along) else "K_VE", columns, facts)
+    axes = [name for name in columns if name not in field_names]
+    table_fields = fields(kind, axes, str(along[0]) if len(along) else "K_VE", columns, facts)
     # A whole number that only some specs of a comparison have is missing in the others.
     rough = {name for name in axes if getattr(columns[name], "dtype", np.dtype(object)) == np.float64}
-    return tuple(replace(each, kind="number") if each.name in rough and each.kind == "integer" else each for each in found)
+    inexact = {column.name for column in table_fields if column.name in rough and column.kind == "integer"}
+    return tuple(replace(column, kind="number") if column.name in inexact else column for column in table_fields)
 
 
 def in_order(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
     """Give the columns of a table in the order of the program, without those that it does not have."""
-    known = kind_named(kind) if kind in HOMES else None
-    if known is None or not known.fields:
+    table_kind = kind_named(kind) if kind in HOMES else None
+    if table_kind is None or not table_kind.fields:
         return dict(columns)
     specs = [spec for spec in (facts.get("spec"), *facts.get("specs", {}).values()) if isinstance(spec, Mapping)]
-    own = [field.name for field in known.fields]
-    axes = [name for spec in specs for name in spec.get(known.study, {}) if name not in own]
-    names = dict.fromkeys([*axes, *own, *signals_of(facts)])
-    return dict(known.ordered({name: columns[name] for name in names if name in columns}))
+    field_names = [field.name for field in table_kind.fields]
+    axes = [name for spec in specs for name in spec.get(table_kind.study, {}) if name not in field_names]
+    names = dict.fromkeys([*axes, *field_names, *signals_of(facts)])
+    return dict(table_kind.ordered({name: columns[name] for name in names if name in columns}))
 
 
 def felt_unit(facts: Mapping[str, Any] | None) -> str:
@@ -82,55 +83,55 @@ def at_port(unit: str, facts: Mapping[str, Any] | None) -> str:
 
 def swept_range(facts: Mapping[str, Any] | None, along: str) -> tuple[float, float]:
     """Give both ends of the range in which stable intervals were wanted; infinite if they are not known."""
-    own = K_VE_SPAN if along == "K_VE" else (-np.inf, np.inf)
-    axis = (facts or {}).get("spec", {}).get("sweep", {}).get(along, dict(zip(("start", "stop"), own, strict=True)))
+    default = K_VE_SPAN if along == "K_VE" else (-np.inf, np.inf)
+    axis = (facts or {}).get("spec", {}).get("sweep", {}).get(along, dict(zip(("start", "stop"), default, strict=True)))
     ends = (axis["start"], axis["stop"]) if isinstance(axis, Mapping) else (np.min(axis), np.max(axis))
     return float(ends[0]), float(ends[1])
 
 
 def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the numbers of a run's drawn loops, in [numbers] and in blocks, by their names as axes."""
-    found: dict[str, Field] = {}
+    numbers: dict[str, Field] = {}
     specs = [(facts or {}).get("spec", {}), *(facts or {}).get("specs", {}).values()]
     for name, block in ((name, block) for spec in specs for name, block in spec.get("block", {}).items()):
         for key in keys_of_block(block["type"]).values():
             axis = f"block.{name}.{key.path}"
             if key.type in ("number", "integer"):
                 kind: FieldKind = "integer" if key.type == "integer" else "number"
-                found.setdefault(axis, Field(axis, kind, key.unit, f"{key.description}, of {name}"))
+                numbers.setdefault(axis, Field(axis, kind, key.unit, f"{key.description}, of {name}"))
     for name, number in ((name, number) for spec in specs for name, number in spec.get("numbers", {}).items()):
         kind = "integer" if isinstance(number["value"], int) else "number"
         for axis in (name, f"numbers.{name}"):
-            found.setdefault(axis, Field(axis, kind, number["unit"], number["description"]))
+            numbers.setdefault(axis, Field(axis, kind, number["unit"], number["description"]))
     rate = Field("rates.tick_hz", "number", "Hz", "common tick of the blocks")
-    found |= {name: replace(found[name], unit="") for name in unlike_units(facts) if name in found}
-    return found | {rate.name: rate} if found else found
+    numbers |= {name: replace(numbers[name], unit="") for name in unlike_units(facts) if name in numbers}
+    return numbers | {rate.name: rate} if numbers else numbers
 
 
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows."""
     spec = (facts or {}).get("spec", {})
     named = {
-        each: Field(each, "number", "", f"{name}: {text}")
+        label: Field(label, "number", "", f"{name}: {text}")
         for name, text in spec.get("signals", {}).items()
-        for each in (name, f"signals.{name}")
+        for label in (name, f"signals.{name}")
     }
     inputs, outputs = (
         {
-            name: Field(name, "number", port["unit"], f"{what}: {port['signal']}")
+            name: Field(name, "number", port["unit"], f"{meaning}: {port['signal']}")
             for name, port in spec.get("ports", {}).get(side, {}).items()
         }
-        for side, what in (("inputs", "input, held over the tick"), ("outputs", "output"))
+        for side, meaning in (("inputs", "input, held over the tick"), ("outputs", "output"))
     )
     if (port := spec.get("ports", {}).get("environment")) is not None:
         text = f"{{}} at the environment's port: {port['force']}, {port['displacement']}"
         inputs["environment.force"] = Field("environment.force", "number", "N", text.format("force, held over the tick,"))
         outputs["environment.displacement"] = Field("environment.displacement", "number", "m", text.format("position"))
     hand = spec.get("ports", {}).get("hand", {})
-    for part, unit, found in (("force", "N", inputs), ("displacement", "m", outputs)):
-        for number, signal in enumerate(hand[part] if isinstance(hand.get(part), list) else (), 1):
-            name = f"hand.{part}.{number}"
-            found[name] = Field(name, "number", unit, f"{part} of the hand, axis {number}: {signal}")
+    for quantity, unit, signals in (("force", "N", inputs), ("displacement", "m", outputs)):
+        for number, signal in enumerate(hand[quantity] if isinstance(hand.get(quantity), list) else (), 1):
+            name = f"hand.{quantity}.{number}"
+            signals[name] = Field(name, "number", unit, f"{quantity} of the hand, axis {number}: {signal}")
     return inputs | {name: field for name, field in named.items() if name not in inputs} | outputs
 
 
@@ -163,15 +164,15 @@ def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
     facts: of the run. Without the capability that made the table, the kind is that name. Raises WavesweepError for columns of
     no known table.
     """
-    names, known = list(names), kinds()
-    fitting = [name for name, kind in known.items() if kind.fields and set(kind.names) <= set(names)]
-    if stem in fitting or (not fitting and (stem in (*OTHERS, *known) or missing_command(stem, facts))):
+    names, known_kinds = list(names), kinds()
+    fitting = [name for name, kind in known_kinds.items() if kind.fields and set(kind.names) <= set(names)]
+    if stem in fitting or (not fitting and (stem in (*OTHERS, *known_kinds) or missing_command(stem, facts))):
         return stem
     if not fitting:
         raise WavesweepError(
-            f"expected the columns of a table with a figure ({', '.join((*known, *OTHERS))}), found {', '.join(names)}"
+            f"expected the columns of a table with a figure ({', '.join((*known_kinds, *OTHERS))}), found {', '.join(names)}"
         )
-    return max(fitting, key=lambda name: len(known[name].names))
+    return max(fitting, key=lambda name: len(known_kinds[name].names))
 
 
 def kinds_by_name() -> dict[str, FieldKind]:
@@ -205,8 +206,8 @@ def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: in
         raise WavesweepError(f"the table's columns differ in length: {lengths}")
     for name, array in arrays.items():
         for row in np.flatnonzero(np.isinf(array))[:1].tolist() if array.dtype == np.float64 else ():
-            found = f"column {name}, row {first_row + row + 1}: found {array[row]}"
-            raise WavesweepError(f"{found}, expected a finite number or a missing value; nothing was written")
+            fault = f"column {name}, row {first_row + row + 1}: found {array[row]}"
+            raise WavesweepError(f"{fault}, expected a finite number or a missing value; nothing was written")
     return arrays
 
 

@@ -59,9 +59,9 @@ def columns_beside(
     with Path(module).with_name("columns.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             name, group = row["name"], row.pop("group")
-            own: dict[str, Any] = {**row, "derived": derived.get(name), "values": values.get(name, {})}
-            own |= {"description": row["description"].format(**words), "optional": bool(row["optional"])}
-            groups[group] = (*groups.get(group, ()), Field(**own))
+            arguments: dict[str, Any] = {**row, "derived": derived.get(name), "values": values.get(name, {})}
+            arguments |= {"description": row["description"].format(**words), "optional": bool(row["optional"])}
+            groups[group] = (*groups.get(group, ()), Field(**arguments))
     return groups
 
 
@@ -70,7 +70,7 @@ ABOUT_ENDS, FOR_ALL, LEFT_OPEN = (_GROUPS[name] for name in ("about-ends", "for-
 _ALONG, _FOUND, _FELT, _LINES, _BODE = (_GROUPS[name] for name in ("along", "found", "felt", "lines", "bode"))
 _INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_GROUPS["open"], *_GROUPS["set-by"])
 _FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES)
-_FOR_HANDS = (*_FOR_HANDS, *(each for each in (*FOR_ALL, *LEFT_OPEN) if each.name not in ("guarantee", "settled")))
+_FOR_HANDS = (*_FOR_HANDS, *(field for field in (*FOR_ALL, *LEFT_OPEN) if field.name not in ("guarantee", "settled")))
 _FOR_HANDS = (*_FOR_HANDS, *_GROUPS["open"])
 COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
@@ -86,12 +86,12 @@ COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
 
 def columns_of(kind: str) -> tuple[Field, ...]:
     """The columns of a kind of table behind those of its axes; those of a capability stand in its `columns.py`."""
-    home = next((each for each in CAPABILITIES if kind in each.kinds), None)
+    home = next((capability for capability in CAPABILITIES if kind in capability.kinds), None)
     return (home.module("columns").COLUMNS if home else COLUMNS).get(kind, ())
 
 
 def all_columns() -> dict[str, tuple[Field, ...]]:
     """The columns of all kinds of tables, and those that a design study can have."""
-    homes = (each.module("columns") for each in CAPABILITIES if each.kinds)
+    homes = (capability.module("columns") for capability in CAPABILITIES if capability.kinds)
     of_capabilities = [getattr(home, "EXPLAINED", home.COLUMNS) for home in homes]
-    return {kind: fields for known in (COLUMNS, *of_capabilities) for kind, fields in known.items()}
+    return {kind: fields for by_kind in (COLUMNS, *of_capabilities) for kind, fields in by_kind.items()}

@@ -33,11 +33,11 @@ def frame(columns: Columns, units: Mapping[str, str], members: str = "") -> Data
     """
     import pandas
 
-    found = pandas.DataFrame(dict(columns))
-    found.attrs["units"] = Shared(units)
+    data = pandas.DataFrame(dict(columns))
+    data.attrs["units"] = Shared(units)
     if members and "guarantee" not in columns:
-        found.attrs["guarantee"] = f"the spec's own numbers alone, and not all of {members}"
-    return found
+        data.attrs["guarantee"] = f"the spec's own numbers alone, and not all of {members}"
+    return data
 
 
 def framed(table: Table) -> DataFrame:
@@ -50,6 +50,6 @@ def framed(table: Table) -> DataFrame:
     fields = table.fields or fields_of(table.kind, columns, table.facts)
     specs = (table.facts.get("specs") or {"": table.facts.get("spec") or {}}).values()
     members = "" if table.kind == "design" else next(filter(None, map(members_of, specs)), "")
-    found = frame(columns, {field.name: field.unit for field in fields}, members)
-    found.attrs |= {"facts": Shared(table.facts), "summary": Shared(tally.numbers(table.facts))}
-    return found
+    data = frame(columns, {field.name: field.unit for field in fields}, members)
+    data.attrs |= {"facts": Shared(table.facts), "summary": Shared(tally.numbers(table.facts))}
+    return data

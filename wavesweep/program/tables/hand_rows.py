@@ -26,11 +26,11 @@ class Hands:
     @property
     def replaced(self) -> list[str]:
         """The guarantees for which other hands are in the place of the spec's operator."""
-        return [each.kind for each in self.guarantees if each.replaces]
+        return [guarantee.kind for guarantee in self.guarantees if guarantee.replaces]
 
     def facts(self) -> dict[str, list[str]]:
         """The guarantees as a fact of a run: words, which `hands_of` reads."""
-        return {"for_hands": [each.word for each in self.guarantees]}
+        return {"for_hands": [guarantee.word for guarantee in self.guarantees]}
 
     def refuse(self, job: Job) -> None:
         """Raise UsageError if the spec's own job leaves no answer for these hands."""
@@ -56,10 +56,10 @@ def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:
 
     Errors: UsageError for one that cannot be had.
     """
-    found: Iterable[Guarantee] = hands.guarantees if hands else ()
-    for each in modules("guarantee"):
-        found = each.of_run(own, found)
-    return found
+    guarantees: Iterable[Guarantee] = hands.guarantees if hands else ()
+    for module in modules("guarantee"):
+        guarantees = module.of_run(own, guarantees)
+    return guarantees
 
 
 def hands_of(words: str | Iterable[str]) -> Hands | None:
@@ -68,11 +68,11 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
     words: those of `hands_offered`, some with more behind a colon, such as "box:mass=0.1..0.4,damping=2..5". Raises UsageError
     for another word, one that is there twice, or a range that is empty.
     """
-    words, found = (words,) if isinstance(words, str) else words, {}
+    words, guarantees = (words,) if isinstance(words, str) else words, {}
     for word in words if isinstance(words, Iterable) else (words,):
-        kind, colon, more = word.partition(":") if isinstance(word, str) else ("", "", "")
+        kind, colon, options = word.partition(":") if isinstance(word, str) else ("", "", "")
         try:
-            offered = (each.of_word(kind, more if colon else None) for each in modules("guarantee"))
+            offered = (module.of_word(kind, options if colon else None) for module in modules("guarantee"))
             guarantee = next(filter(None, offered), None)
         except ValueError as error:
             raise UsageError(str(error)) from error
@@ -80,10 +80,10 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
             raise UsageError(f"hands: expected the capability {HANDS[kind]} for {kind}, found that it is not there")
         if guarantee is None:
             raise UsageError(f"hands: expected one of {', '.join(hands_offered())}, found {word!r:.60}")
-        if kind in found:
+        if kind in guarantees:
             raise UsageError(f"hands: expected {kind} once, found it twice")
-        found[kind] = guarantee
-    return Hands(tuple(sorted(found.values(), key=lambda each: each.order))) if found else None
+        guarantees[kind] = guarantee
+    return Hands(tuple(sorted(guarantees.values(), key=lambda guarantee: guarantee.order))) if guarantees else None
 
 
 def device_held(kind: str, own: Job) -> "HeldLoop":

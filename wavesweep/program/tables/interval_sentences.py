@@ -40,8 +40,8 @@ class Sentences:
     def counts(self, slices: Mapping[str, int]) -> str:
         """The numbers of slices and of intervals."""
         numbers, required = self._numbers, self._numbers["required"]
-        parts = [("slices_with_a_hole", "a hole"), ("slices_with_open_places", "open places")]
-        holes = [f", {count(numbers[name], 'slice')} with {what}" for name, what in parts if numbers[name]]
+        gaps = [("slices_with_a_hole", "a hole"), ("slices_with_open_places", "open places")]
+        holes = [f", {count(numbers[name], 'slice')} with {name_of_gap}" for name, name_of_gap in gaps if numbers[name]]
         skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
         intervals = count(numbers["stable_intervals"], "interval" if required else "stable interval")
         such = f" with {required}" if required else ""
@@ -161,9 +161,9 @@ class Sentences:
             return ""
         edges = dict.fromkeys(extreme["at_the_edge_of"], " (the edge of that axis)")
         at = [f"{name} = {value:g}{self._unit_of(name)}{edges.get(name, '')}" for name, value in extreme["at"].items()]
-        others = extreme["equal_rows"] - 1
-        more = f", and in {count(others, 'other row')}" if others else ""
-        return f" at {', '.join(at)}{more}"
+        equal = extreme["equal_rows"] - 1
+        equals = f", and in {count(equal, 'other row')}" if equal else ""
+        return f" at {', '.join(at)}{equals}"
 
 
 def interval_lines(numbers: Numbers) -> Iterator[Line]:

@@ -187,8 +187,8 @@ class LoopSummary:
         felt = self._felt
         if not felt.row:
             return None
-        more = {"unit": felt_unit(self._facts), "with": felt.row["value"], "from": felt.row["low"], "falls": self._falls}
-        return self._extreme(felt, **more)
+        facts = {"unit": felt_unit(self._facts), "with": felt.row["value"], "from": felt.row["low"], "falls": self._falls}
+        return self._extreme(felt, **facts)
 
     def _unit(self, name: str) -> str:
         """The unit of an axis; empty if it has none."""

@@ -35,16 +35,16 @@ def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, 
     from wavesweep.program.sweep.running import Work, run
 
     stages = stages_of(spec, along, hands)
-    found = run({stage.hand: stage.job for stage in stages}, Work.of(work))
-    timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
-    facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
+    result = run({stage.hand: stage.job for stage in stages}, Work.of(work))
+    timings = {name: number for name, number in result.timings.items() if hands is None or name != "workers"}
+    facts = _facts(spec, hands, stages, result.certified, timings) | {"warnings": result.warnings}
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
 
     def blocks() -> Iterator[Columns]:
         for stage in stages:
-            yield from (_completed(block, stage, stages, hands) for block in found.blocks(stage.hand))
+            yield from (_completed(block, stage, stages, hands) for block in result.blocks(stage.hand))
 
-    return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=found.forget, rows=found.rows)
+    return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=result.forget, rows=result.rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,16 +63,16 @@ def stages_of(spec: Spec, along: str | None, hands: Hands | None) -> list[Stage]
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
     from wavesweep.program.analyses.interval_jobs import job_of, method
 
-    own = job_of(spec, along)
-    how = method(own.asked)
+    job = job_of(spec, along)
+    how = method(job.asked)
     if hands is None:
-        return [Stage("", own, how), *_guaranteed(own, None)]
-    hands.refuse(own)
+        return [Stage("", job, how), *_guaranteed(job, None)]
+    hands.refuse(job)
     free = hands.without_operator(spec)
-    stages = [Stage("free" if free is None else "operator", own, how)]
+    stages = [Stage("free" if free is None else "operator", job, how)]
     if free is not None and hands.replaced:
         stages.insert(0, Stage("free", job_of(free, along), how))
-    return [*stages, *_guaranteed(own, hands)]
+    return [*stages, *_guaranteed(job, hands)]
 
 
 def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
@@ -81,8 +81,8 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
     from wavesweep.program.sweep.job import cut_otherwise
     from wavesweep.program.tables.hand_rows import guarantees_of
 
-    for each in guarantees_of(own, hands):
-        yield Stage(each.kind, guaranteed(cut_otherwise(own, deep=1), each), each.method)
+    for guarantee in guarantees_of(own, hands):
+        yield Stage(guarantee.kind, guaranteed(cut_otherwise(own, deep=1), guarantee), guarantee.method)
 
 
 def of_calls(own: Job) -> Columns:
@@ -96,7 +96,7 @@ def of_calls(own: Job) -> Columns:
     stages = [Stage("", own, ""), *_guaranteed(own, None)]
     if len(stages) > 1:
         import scipy.linalg  # noqa: F401 - whose threads are limited only if it is loaded
-    return joined(_finished(in_memory(each.job), each, stages, None) for each in stages)
+    return joined(_finished(in_memory(stage.job), stage, stages, None) for stage in stages)
 
 
 def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Iterable[int]) -> Iterator[Columns]:
@@ -139,49 +139,48 @@ def _finished(block, stage, stages, hands) -> Columns:
 
     if len(stages) == 1:
         return block
-    own = {
-        name: each.job.dtype[name].kind for each in stages for name in each.job.dtype.names if name not in (RECORD.names or ())
-    }
+    types = {name: stage.job.dtype[name].kind for stage in stages for name in stage.job.dtype.names}
+    dtypes = {name: kind for name, kind in types.items() if name not in (RECORD.names or ())}
     rows = len(block["along"])
-    missing = {name: np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan) for name, kind in own.items()}
-    missing |= {"settled": block["certified"]} if "settled" in own else {}
-    found = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
+    missing = {name: np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan) for name, kind in dtypes.items()}
+    missing |= {"settled": block["certified"]} if "settled" in dtypes else {}
+    columns = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
     whose = np.full(rows, stage.hand or "spec", dtype=object)
-    return missing | found | {"hand" if hands else "guarantee": whose}
+    return missing | columns | {"hand" if hands else "guarantee": whose}
 
 
 def _notices(spec, stages) -> Iterator[str]:
     """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
-    own = stages[0].job
-    axis, required = own.asked.axis, own.asked.require
+    job = stages[0].job
+    axis, required = job.asked.axis, job.asked.require
     if required:
         yield f"[sweep] require: the intervals, here and in the figure, are those with {required_in_words(required.written())}"
     if axis.scale == "log" and not axis.values:
         yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
     if axis.values:
         yield f"{axis.name} has values in [sweep]: searched between their ends, from {axis.start:g} to {axis.stop:g}"
-    yield from notices_of(own.grid)
+    yield from notices_of(job.grid)
     yield from spans_held(spec, axis.path)
     for stage in stages:
-        yield from stage.job.asked.guarantee.notices(own) if stage.job.asked.guarantee else ()
+        yield from stage.job.asked.guarantee.notices(job) if stage.job.asked.guarantee else ()
 
 
 def _facts(spec, hands, stages, certified, timings) -> dict:
     computed = sum(stage.job.slices for stage in stages)
     counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
     methods = {stage.hand or "intervals": stage.method for stage in stages}
-    own = stages[0].job
-    swept = [own.asked.axis.path, *(axis.path for axis in own.grid.axes)]
+    job = stages[0].job
+    swept = [job.asked.axis.path, *(axis.path for axis in job.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, list(_notices(spec, stages)), swept)
-    facts |= {"require": own.asked.require.written()} if own.asked.require else {}
-    facts |= _limits_of_walls(spec, own.asked.axis.path, swept)
+    facts |= {"require": job.asked.require.written()} if job.asked.require else {}
+    facts |= _limits_of_walls(spec, job.asked.axis.path, swept)
     return facts | (hands.facts() if hands else {})
 
 
 def _limits_of_walls(spec, along, swept) -> dict:
     """A fact of walls that friction and encoder, or sampling, may make buzz, if no axis changes these limits."""
-    given = spec.hardware["resolution"] or spec.hardware["friction"]
-    if spec.drawing or not given or along != spec.wall[0]:
+    hardware = spec.hardware["resolution"] or spec.hardware["friction"]
+    if spec.drawing or not hardware or along != spec.wall[0]:
         return {}
     from wavesweep.program.analyses.hardware_limits import deciding, limits_of_walls
 
@@ -199,8 +198,8 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     spec, along = load(facts["spec"]), along or facts.get("along")
     run = spec, along, hands_of(facts.get("for_hands", ()))
     sizes = [stage.job.grid.size for stage in stages_of(*run)]
-    some, prove = partial(rows_again, *run), partial(proved_again, spec, along)
-    return Recompute(spec.sha256, combinations=sum(sizes), some=some, provable=0 if run[2] else sizes[0], prove=prove)
+    rows, prove = partial(rows_again, *run), partial(proved_again, spec, along)
+    return Recompute(spec.sha256, combinations=sum(sizes), some=rows, provable=0 if run[2] else sizes[0], prove=prove)
 
 
 def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:

@@ -87,16 +87,17 @@ class Kind:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the columns that every table of the kind has."""
-        return tuple(each.name for each in self.fields if not each.optional)
+        return tuple(field.name for field in self.fields if not field.optional)
 
     def completed(self, columns: Columns) -> Columns:
         """The columns and those that are derived from them, in the order of the table.
 
         Errors: UsageError if an axis has the name of a derived column.
         """
-        if taken := [each.name for each in self.fields if each.derived and each.name in columns]:
-            raise UsageError(f"{taken[0]}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}")
-        return self.ordered({**columns, **{each.name: each.derived(columns) for each in self.fields if each.derived}})
+        if clashing := [field.name for field in self.fields if field.derived and field.name in columns]:
+            name = clashing[0]
+            raise UsageError(f"{name}: the table has a column of this name; name the axis by its path, numbers.{name}")
+        return self.ordered({**columns, **{field.name: field.derived(columns) for field in self.fields if field.derived}})
 
     def lawful(self, columns: Columns) -> Columns:
         """The columns; a row that is certified without one of its values is in doubt."""
@@ -114,9 +115,9 @@ class Kind:
 
     def ordered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """The columns in the order of the table; any column that its kind does not have is an axis."""
-        own = [each.name for each in self.fields if each.name in columns]
-        axes = [name for name in columns if name not in own]
-        return {name: columns[name] for name in (*own[: self.before], *axes, *own[self.before :])}
+        names = [field.name for field in self.fields if field.name in columns]
+        axes = [name for name in columns if name not in names]
+        return {name: columns[name] for name in (*names[: self.before], *axes, *names[self.before :])}
 
 
 class SingleBlockSummary:

@@ -50,28 +50,28 @@ def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     if len({route is None for _, route in routes}) > 1:
         raise UsageError("bode: expected responses at the hand of all specs, or between inputs and outputs of all, found both")
     several = [response_job(spec, spec.bode, spec.frequency_hz, names, route=route) for spec, route in routes]
-    asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
-    found = run(asked, Work.of(work))
-    grids = [job.grid for job in asked.values()]
+    jobs = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
+    result = run(jobs, Work.of(work))
+    grids = [job.grid for job in jobs.values()]
     computed = sum(grid.loops for grid in grids)
     counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
     notices = [notice for grid in grids for notice in notices_of(grid)]
     swept = [axis.path for spec in specs for axis in spec.bode]
     methods, kind = (METHODS, "bode") if routes[0][1] is None else (METHODS_PORTS, "bode-ports")
-    facts = facts_of(list(specs), methods, counts, found.timings, notices, swept, nominal=True) | {"warnings": found.warnings}
+    facts = facts_of(list(specs), methods, counts, result.timings, notices, swept, nominal=True) | {"warnings": result.warnings}
     units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
     if kind == "bode":
         units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
     facts = with_unlike_units(facts, units)
-    return Table(kind, partial(_blocks, kind, asked, found), facts, forget=found.forget, rows=found.rows)
+    return Table(kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows)
 
 
 def routes_of(spec: Spec) -> tuple:
     """The routes of a spec, or None for the hand. Errors: SpecError for a drawn loop without either."""
     if spec.drawing and not spec.drawing.hand and not spec.routes:
-        found = "no input" if not spec.drawing.inputs else "no output"
+        lacking = "no input" if not spec.drawing.inputs else "no output"
         expected = "inputs and outputs, or hand = { force = ..., displacement = ... }, whose response is wanted"
-        raise SpecError([spec.mistake("ports", expected, found)])
+        raise SpecError([spec.mistake("ports", expected, lacking)])
     return spec.routes or (None,)
 
 
@@ -80,10 +80,10 @@ def _blocks(kind: str, asked: Mapping[str, Job], found: Run) -> Iterator[Columns
     from wavesweep.program.analyses.response_jobs import has_values
 
     several = [(job.grid.spec, job.grid.axes, name, job.asked.read) for job in asked.values() for name in job.asked.names]
-    rough = {each[2] for each in several if not has_values(*each)}
+    rough = {column[2] for column in several if not has_values(*column)}
     for name in asked:
         for columns in found.blocks(name):
-            yield kind_named(kind).completed({**columns, **{each: columns[each].astype(float) for each in rough}})
+            yield kind_named(kind).completed({**columns, **{column: columns[column].astype(float) for column in rough}})
 
 
 METHODS = {
@@ -154,8 +154,8 @@ def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 def bode_lines(found: Numbers) -> Iterator[Line]:
     """Yield what is said of curves, of loops without a steady response, and of rows in doubt."""
-    each = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
-    frequencies = f"{each}frequencies" if found["frequencies"] != 1 else f"{each}frequency"
+    different = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
+    frequencies = f"{different}frequencies" if found["frequencies"] != 1 else f"{different}frequency"
     yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
     if found["unstable_specs"]:
         share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
@@ -177,9 +177,10 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
 def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute:
     from wavesweep.program.spec import load
 
-    specs = [replace(load(tables), name=each) for each, tables in (facts.get("specs") or {name(): facts["spec"]}).items()]
+    written = facts.get("specs") or {name(): facts["spec"]}
+    specs = [replace(load(tables), name=spec_name) for spec_name, tables in written.items()]
     combinations = (prod(len(axis.values) for axis in spec.bode) * len(routes_of(spec)) for spec in specs)
-    rows = sum(each * len(spec.frequency_hz) for each, spec in zip(combinations, specs, strict=True))
+    rows = sum(curves * len(spec.frequency_hz) for curves, spec in zip(combinations, specs, strict=True))
     return Recompute(digest_of(specs), lambda: responses(specs, jobs=1).blocks(), rows)
 
 

@@ -26,18 +26,18 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
         sweep_axes(spec, "K_VE")
         spec.refuse_require("zwidth of several specs")
     # One after the other: each uses all workers.
-    found = [intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"})) for spec in specs]
+    tables = [intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"})) for spec in specs]
     axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
     names = list(dict.fromkeys(axis.name for axis in axes))
-    columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
+    columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, tables, strict=True)])
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
     walls = [(spec.name, spec.names.keys[sweep_axes(spec, "K_VE")[0].path].unit) for spec in specs]
     felt = [(spec.name, spec.units_felt[0]) for spec in specs]
     units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt, "open_low": walls, "open_high": walls}
-    facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units)
+    facts = with_unlike_units(_facts(specs, tables, [axis.path for axis in axes]), units)
 
     def forget():
-        for table in found:
+        for table in tables:
             table.forget()
 
     return replace(Table.of("zwidth-specs", columns, facts), forget=forget)
@@ -52,9 +52,9 @@ def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
 
 def _facts(specs, tables, swept):
     facts = [table.facts for table in tables]
-    counts = {name: sum(each["slices"][name] for each in facts) for name in ("computed", "skipped", "certified")}
-    timings = {"compute_s": sum(each["timings"]["compute_s"] for each in facts)}
-    notices = [f"{spec.name}: {said}" for spec, each in zip(specs, facts, strict=True) for said in each["notices"]]
+    counts = {name: sum(of_spec["slices"][name] for of_spec in facts) for name in ("computed", "skipped", "certified")}
+    timings = {"compute_s": sum(of_spec["timings"]["compute_s"] for of_spec in facts)}
+    notices = [f"{spec.name}: {said}" for spec, of_spec in zip(specs, facts, strict=True) for said in of_spec["notices"]]
     return facts_of(list(specs), facts[0]["methods"], counts, timings, notices, swept)
 
 

@@ -96,12 +96,12 @@ def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]
     unlike: dict[str, dict[str, list[str]]] = {}
     columns: dict[str, list[str]] = {}
     for name, pairs in units.items():
-        found: dict[str, list[str]] = {}
+        by_unit: dict[str, list[str]] = {}
         for spec, unit in pairs:
-            found.setdefault(unit, []).append(spec)
-        if len(found) > 1:
-            unlike[name] = found
-            said = ", ".join(f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in found.items())
+            by_unit.setdefault(unit, []).append(spec)
+        if len(by_unit) > 1:
+            unlike[name] = by_unit
+            said = ", ".join(f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in by_unit.items())
             columns.setdefault(said, []).append(name)
     notices = [f"{', '.join(names)}: {said}; each row has the unit of its spec" for said, names in columns.items()]
     return facts | ({"notices": facts["notices"] + notices, "unlike_units": unlike} if unlike else {})
@@ -116,8 +116,8 @@ def spans_held(spec, along: str = "") -> Iterator[str]:
 
 def held(spec, path: str) -> str:
     """Words for an axis that is not swept."""
-    own = spec.own(path)
-    return "held as the spec has it" if own is None else f"held at the spec's {own:g}"
+    value = spec.own(path)
+    return "held as the spec has it" if value is None else f"held at the spec's {value:g}"
 
 
 def digest_of(specs) -> str:
