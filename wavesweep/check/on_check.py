@@ -55,28 +55,29 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     """The range of each number in which the design stays as it is: that of the sweep is always shown, then the nearest end."""
     swept = spec.along and spec.names.find(spec.along).path
     swept_limits = [limit for limit in found["limits"] if spec.names.find(limit["name"]).path == swept]
-    bounded = [limit for limit in found["limits"] if limit in swept_limits or _bounded(limit)]
+    # Where stability changes in the range searched, or is not known there.
+    bounded = [
+        limit
+        for limit in found["limits"]
+        if limit in swept_limits
+        or limit["stopped"]
+        or limit["stable"] is None
+        or not limit["certified"]
+        or limit["intervals"] not in ([], [[limit["from"], limit["to"]]])
+    ]
     for limit in bounded:
         yield 0 if limit in swept_limits else 2 + distance(limit), _limit(spec, limit)
         if going_on := _going_on(spec, limit):
             yield DETAIL, f"  {going_on}"
     for state in ("stable", "unstable"):
         # By its intervals: at an end of one, as Kp = 0 is of a loop that drifts there, a value counts as not inside.
-        other_limits = [
-            limit for limit in found["limits"] if limit not in bounded and bool(limit["intervals"]) == (state == "stable")
-        ]
-        if not other_limits:
-            continue
         spans = ", ".join(
-            f"{limit['name']} {limit['from']:g} to {limit['to']:g}{_unit(spec, limit['name'])}" for limit in other_limits
+            f"{limit['name']} {limit['from']:g} to {limit['to']:g}{_unit(spec, limit['name'])}"
+            for limit in found["limits"]
+            if limit not in bounded and bool(limit["intervals"]) == (state == "stable")
         )
-        yield 5, f"{state} at every value searched: {spans}"
-
-
-def _bounded(limit: Facts) -> bool:
-    """Whether stability changes in the range searched, or is not known there."""
-    whole_range = [[limit["from"], limit["to"]]]
-    return limit["stopped"] or limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole_range)
+        if spans:
+            yield 5, f"{state} at every value searched: {spans}"
 
 
 def _limit(spec: Spec, limit: Facts) -> str:
@@ -101,7 +102,6 @@ def _going_on(spec: Spec, limit: Facts) -> str:
 
 
 def _stable_where(limit: Facts, unit: str) -> str:
-    value = limit["value"]
     if limit["stable"] is None:
         return f"not known ({limit['doubt']})"
     proved = "" if limit["certified"] else f", not certified ({limit['doubt']})"
@@ -111,16 +111,22 @@ def _stable_where(limit: Facts, unit: str) -> str:
         if not (spans or limit["certified"]):
             return f"no stable value known in {searched} ({limit['doubt']})"
         return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
-    low, high, open_ = limit["low"], limit["high"], limit["open"]
+    start, end = _ends(limit, unit)
+    if limit["open"]:
+        return f"known to be stable {_known_where(limit, limit['open'], start, end, unit)} ({limit['doubt']})"
+    if limit["stopped"] and limit["certified"] and limit["low"] is None and limit["high"] is None:
+        return f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g}{unit}, searched no further"
+    factors = _factors(limit) if limit["value"] else ""
+    return f"stable {start} {end}{factors}{proved}"
+
+
+def _ends(limit: Facts, unit: str) -> tuple[str, str]:
+    """The ends of the stable interval in words, or those of the search where it goes on beyond."""
+    low, high = limit["low"], limit["high"]
     begins, ends = (OF_KEY if of_key else word for of_key, word in zip(limit["of_key"], (SEARCHED, ""), strict=True))
     start = f"from {low:.6g}" if low is not None else f"from {limit['from']:.6g}{begins if limit['from'] else ''}"
     end = f"to {high:.6g}{unit}" if high is not None else f"to {'' if ends else 'at least '}{limit['to']:.6g}{unit}{ends}"
-    if open_:
-        return f"known to be stable {_known_where(limit, open_, start, end, unit)} ({limit['doubt']})"
-    if limit["stopped"] and limit["certified"] and low is None and high is None:
-        return f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g}{unit}, searched no further"
-    factors = _factors(limit) if value else ""
-    return f"stable {start} {end}{factors}{proved}"
+    return start, end
 
 
 def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) -> str:

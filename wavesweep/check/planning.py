@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from functools import cache, partial
+from itertools import chain, compress
+from operator import attrgetter
 
 import numpy as np
 
@@ -138,25 +140,28 @@ def _drawn_lines(spec):
     period, labels = 1e3 * float(drawn.period), drawn.labels()
     yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"
     yield f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms"
-    inside = {block.name: plant.name for plant in drawing.plants for block in plant.members}
-    placed, when = {placed_block.block.name: placed_block for placed_block in drawn.placed}, {}
-    for block in drawing.blocks:
-        block_placed = placed[inside.get(block.name, block.name)]
-        when.setdefault((block_placed.every, block_placed.phase), []).append(f"{block.name} ({block.type})")
-    for (every, phase), blocks in sorted(when.items()):
-        ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
-        yield f"  runs {ticks}: {', '.join(blocks)}"
+    yield from _rhythm_lines(drawing, drawn)
     yield from _plant_lines(drawing)
     yield from _dead_time_lines(drawing, spec.values)
-    terms = [terms_of for _, terms_of in (*drawing.wires, *drawing.couplings)] + [
-        hand_terms for hand_terms in (drawing.hand or ())[1:] if hand_terms
-    ]
-    terms += [terms_of for _, terms_of, _ in drawing.outputs]
-    read = {signal.rpartition(".")[0] for terms_of in terms for signal, _ in terms_of}
+    sums = [terms for _, terms, *_ in (*drawing.wires, *drawing.couplings, *drawing.outputs)]
+    sums += filter(None, (drawing.hand or ())[1:])
+    read = {signal.rpartition(".")[0] for terms in sums for signal, _ in terms}
     if unread := [block.name for block in drawing.blocks if block.name not in read]:  # which may be a slip
         yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
     yield from _state_lines(drift, [labels[state] for state in drift.states])
     yield from _number_lines(spec)
+
+
+def _rhythm_lines(drawing, drawn):
+    """In which ticks of the frame blocks run."""
+    plant_of = {block.name: plant.name for plant in drawing.plants for block in plant.members}
+    placed, when = {placed_block.block.name: placed_block for placed_block in drawn.placed}, {}
+    for block in drawing.blocks:
+        block_placed = placed[plant_of.get(block.name, block.name)]
+        when.setdefault((block_placed.every, block_placed.phase), []).append(f"{block.name} ({block.type})")
+    for (every, phase), blocks in sorted(when.items()):
+        ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
+        yield f"  runs {ticks}: {', '.join(blocks)}"
 
 
 def _plant_lines(drawing):
@@ -181,11 +186,14 @@ def _dead_time_lines(drawing, values):
         held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
         readers = [port for port, terms in wires.items() if any(signal == f"{name}.y" for signal, _ in terms)]
         readers = [port for port in readers if sensed or port not in arriving]
-        phrases = [f"reads {_listed(sensed)} between two ticks"] if sensed else []
-        phrases += [f"brings what is held to {_listed(arriving)} between two ticks"] if held and arriving else []
-        phrases += [f"is read in ticks by {_listed(readers)}"] if readers else []
+        phrases = {
+            "reads {} between two ticks": sensed,
+            "brings what is held to {} between two ticks": arriving * held,
+            "is read in ticks by {}": readers,
+        }
+        does = ", ".join(phrase.format(_listed(names)) for phrase, names in phrases.items() if names)
         ticks = _count(f"{seconds * drawing.rate(values):.6g}", "tick")
-        yield f"  {name}: {1e3 * seconds:.6g} ms, {ticks}; {', '.join(phrases)}"
+        yield f"  {name}: {1e3 * seconds:.6g} ms, {ticks}; {does}"
 
 
 def within_ticks(spec: Spec) -> Iterator[str]:
@@ -194,25 +202,32 @@ def within_ticks(spec: Spec) -> Iterator[str]:
     1 - L is the determinant of the return difference, by which Mason's rule divides each gain whose way meets all of the loop.
     """
     drawing, drawn = spec.drawing, Loops(spec.drawing, spec.values).drawn()
-    inside, ahead = drawing.inside, {f"{block.name}.y" for block in drawing.blocks if block.type == "integrator"}
-    wires = {inside.get(port, port): terms for port, terms in drawing.wires}
+    inside, wires = drawing.inside, {drawing.inside.get(port, port): terms for port, terms in drawing.wires}
     for ring in drawn.rings():
         from scipy.linalg import block_diag  # is slow to import, and most loops have no ring
 
         blocks = [placed_block.block for placed_block in drawn.placed if placed_block.block.name in ring]
         ports, outputs = ([f"{b.name}.{port}" for b in blocks for port in getattr(b, side)] for side in ("inputs", "outputs"))
-        through = block_diag(*(block.D for block in blocks))
+        through = block_diag(*map(attrgetter("D"), blocks))
         back = np.array([[float(drawn.sums.get(port, {}).get(name, 0.0)) for name in outputs] for port in ports])
         rest = float(np.linalg.det(np.eye(len(ports)) - back @ through))
-        acting = {name for name, row in zip(outputs, through, strict=True) if row.any()}
+        acting = set(compress(outputs, through.any(axis=1)))
         read = {port: [term for term in wires.get(port, ()) if inside.get(term[0], term[0]) in acting] for port in ports}
         reads = ", ".join(f"{port} reads {sum_of(terms)}" for port, terms in read.items() if terms)
         gain = f"a gain on this way acts {1 / rest:.4g} times, 1/(1 - L) with L = {1 - rest:.4g} round the loop"
         yield f"solved within a tick: {_listed(ring)}: {reads} of the same tick; {gain}"
-        terms = [term for terms_of in read.values() for term in terms_of]
-        implicit = [term for term in terms if term[0] in ahead]
-        name, so = (implicit or terms)[0][0], f"so these act implicitly: {', '.join(sum_of([term]) for term in implicit)}; "
-        yield f"  {so if implicit else ''}prev({name}) in a wire reads {name} as it was before the tick"
+        yield _implicit_line(drawing, [*chain.from_iterable(read.values())])
+
+
+def _implicit_line(drawing, terms):
+    """Which integrators among terms of the same tick act implicitly, and how a wire reads a signal as it was before."""
+    ahead = {f"{block.name}.y" for block in drawing.blocks if block.type == "integrator"}
+    implicit = [term for term in terms if term[0] in ahead]
+    name = (implicit or terms)[0][0]
+    before = f"prev({name}) in a wire reads {name} as it was before the tick"
+    if not implicit:
+        return f"  {before}"
+    return f"  so these act implicitly: {', '.join(sum_of([term]) for term in implicit)}; {before}"
 
 
 def _state_lines(drift, names):

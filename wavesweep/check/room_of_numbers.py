@@ -41,15 +41,15 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
     limits_found = []
     for done, (name, path) in enumerate(names.items(), start=1):
-        limits_found.append(_limit(spec, name, path))
+        limits_found.append(_limit(spec, name, path, searched(spec, name, path)))
         if report:
             report(done, len(names))
     return limits_found
 
 
-def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
-    """span: to search, by default `searched`; again: whether it leaves out what is next to the range of the key."""
-    value, span = spec.values[path], span or searched(spec, name, path)
+def _limit(spec, name, path, span, of_key=(False, False), again=False):
+    """span: to search; again: whether it leaves out what is next to the range of the key."""
+    value = spec.values[path]
     limit = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     limit |= {"stopped": False, "open": None, "of_key": list(of_key)}
     try:
@@ -58,14 +58,8 @@ def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
     except WavesweepError as error:
         if value == 0 and span[0] < 0 and not _poses(spec, path):  # a number that may not be negative
             return _limit(spec, name, path, (0.0, span[1]), (True, of_key[1]))
-
-        def makes_loops(end: float) -> object:
-            return _job(spec, name, path, tuple(sorted((float(value), end))))
-
-        for attempt, times in ((lambda end: spec.with_values({path: end}), HALVINGS), (makes_loops, FEW)):
-            less = tuple(_reached(attempt, value, end, times) for end in span)
-            if less != span and less[0] < less[1]:
-                return _limit(spec, name, path, less, tuple(map(or_, of_key, map(ne, less, span))))
+        if narrower := _narrower(spec, name, path, value, span):
+            return _limit(spec, name, path, narrower, tuple(map(or_, of_key, map(ne, narrower, span))))
         return limit | {"stable": None, "doubt": str(error), "certified": False}
     of_key = tuple(key and end == reached for key, end, reached in zip(of_key, span, (start, stop), strict=True))
     limit |= {"from": start, "to": stop, "stopped": (start, stop) != span, "of_key": list(of_key)}
@@ -75,11 +69,30 @@ def _limit(spec, name, path, span=None, of_key=(False, False), again=False):
     if not again and any(moved := list(map(and_, of_key, at_range_end))):
         inner = (end + NEXT * (value - end) * moves for end, moves in zip((start, stop), moved, strict=True))
         return _limit(spec, name, path, tuple(inner), of_key, again=True)
+    return limit | _around(rows, value, start, stop)
+
+
+def _narrower(spec, name, path, value, span):
+    """The range of a number in which the spec makes loops, if that is less than the range to search; otherwise None."""
+
+    def makes_loops(end: float) -> object:
+        return _job(spec, name, path, tuple(sorted((float(value), end))))
+
+    for attempt, times in ((lambda end: spec.with_values({path: end}), HALVINGS), (makes_loops, FEW)):
+        less = tuple(_reached(attempt, value, end, times) for end in span)
+        if less != span and less[0] < less[1]:
+            return less
+    return None
+
+
+def _around(rows, value, start, stop):
+    """The stable intervals from start to stop, and the ends of the one around the value, with what is open in it."""
     at_ends = [(rows[end] == value) & ~np.isnan(rows[f"{end}_omega"]) for end in ("low", "high")]
     inside = (rows["low"] <= value) & (value <= rows["high"]) & ~np.logical_or(*at_ends)
     pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
-    limit["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
-    limit |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
+    stable = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
+    limit = {"intervals": stable, "stable": bool(inside.any())}
+    limit |= {"doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
     if not inside.any():
         unknown = ((rows["open_low"] <= value) & (value <= rows["open_high"])).any()
         return limit | ({"stable": None} if unknown else {})
