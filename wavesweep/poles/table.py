@@ -45,9 +45,7 @@ def over(spec: Spec, axis: Axis | None = None) -> Table:
     started, columns, own_loops = time.perf_counter(), poles_of(spec, axis), own_loop(spec)
     drawn, drift = own_loops.drawn(), drift_of(own_loops)
     labels = drawn.labels()
-    gone = [
-        labels[drift.states[at]] for at in sorted({*(lead for lead, _ in drift.constant), *drift.varying, *drift.unobserved})
-    ]
+    gone = [labels[drift.states[at]] for at in sorted({*drift.leads, *drift.varying, *drift.unobserved})]
     notices = [f"left out, since nothing in the loop holds or reads it: {', '.join(gone)}"] if gone else []
     timings = {"compute_s": time.perf_counter() - started}
     loops, doubted = len(axis.values) if axis else 1, columns["doubt"] != ""

@@ -36,9 +36,14 @@ class MarginalModes:
     unobserved: tuple[int, ...]
 
     @property
+    def leads(self) -> list[int]:
+        """Indices of the leads of the constant modes."""
+        return [lead for lead, _ in self.constant]
+
+    @property
     def remaining(self) -> list[int]:
         """Indices of the states that remain."""
-        gone = {lead for lead, _ in self.constant} | set(self.varying) | set(self.unobserved)
+        gone = {*self.leads, *self.varying, *self.unobserved}
         return [index for index in range(len(self.states)) if index not in gone]
 
 
@@ -51,7 +56,8 @@ def drift_of_drawn(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> Mar
     are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
     """
     held, alive, names, idle = drawn.held(watched), _alive(drawn, watched), [], []
-    for block in (scheduled.block for scheduled in drawn.placed):
+    for scheduled in drawn.placed:
+        block = scheduled.block
         names += [f"{block.name}.{name}" for name in (*block.states, *(f"{port} held" for port in held[block.name]))]
         if block.name not in alive:
             idle += [f"{block.name}.{state}" for state in _idle(block)]
@@ -62,7 +68,7 @@ def drift_of_drawn(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> Mar
             constant.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
         else:
             varying.append(at[lead])
-    return MarginalModes(tuple(names), tuple(constant), tuple(varying), tuple(at[name] for name in idle))
+    return MarginalModes(tuple(names), tuple(constant), tuple(varying), tuple(map(at.get, idle)))
 
 
 def _shifts_of_both(drawn, twin, alive):
@@ -119,8 +125,7 @@ def relative_ticks(ticks: Ticks, drift: MarginalModes) -> tuple[Ticks, tuple]:
     groups = (*drift.constant, *copies)
     if not groups:
         return ticks, groups
-    leads = [lead for lead, _ in drift.constant]
-    return replace(ticks, maps=tuple(_relative_block(block, groups, leads, dict(copies)) for block in ticks.maps)), groups
+    return replace(ticks, maps=tuple(_relative_block(block, groups, drift.leads, dict(copies)) for block in ticks.maps)), groups
 
 
 def relative_row(row, groups):

@@ -48,6 +48,11 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     return Block(name, tuple(inputs), tuple(outputs), states, *(m.astype(kind, copy=False) for m in matrices[:4]), **facts)
 
 
+def all_sums(blocks, sums) -> dict:
+    """Return the sums with those of all ports of the blocks, empty for a port that nothing reaches."""
+    return {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(sums)
+
+
 def _sizes_of(blocks):
     """Return the sizes of the terms of the blocks side by side."""
     sizes = [block.terms or [np.abs(getattr(block, matrix)) for matrix in "EBCD"] for block in blocks]

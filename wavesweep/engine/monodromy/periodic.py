@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.batches import in_parts, product
-from wavesweep.engine.monodromy.interconnect import connect
+from wavesweep.engine.monodromy.interconnect import all_sums, connect
 from wavesweep.engine.state_space import StateSpace
 
 
@@ -39,9 +39,9 @@ def ticks_of(
 ) -> Ticks:
     """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
 
-    outputs: signals that every tick gives. alone: without the inputs. through: an input that remains, in the ticks that it
-    reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are read in the
-    drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
+    outputs: signals that every tick gives. alone: without the inputs. through: the only input that remains, in the ticks that
+    it reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are read in
+    the drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
     Errors: IllPosedLoopError for an algebraic loop without a solution.
     """
     sets, kind = drawn.schedule()
@@ -50,23 +50,21 @@ def ticks_of(
         sets = [sets[index] for index in used]
     held = drawn.held(outputs) if held is None else held
     blocks = [scheduled.block for scheduled in drawn.placed]
-    sums = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(drawn.sums)
+    sums = all_sums(blocks, drawn.sums)
     silent = sums | {name: {} for name in drawn.inputs}
-    maps = []
-    for running in sets:
+    open_, maps = {name: sources for name, sources in silent.items() if name != through}, []
+    for runs in map(set, sets):
         inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
-        if through and _reaches(drawn, [blocks[index] for index in running], through):
-            inputs, wires = (through,), {name: terms for name, terms in silent.items() if name != through}
-        elif through:
-            shown = ()
-        runs = set(running)
+        if through:
+            inputs, shown, wires = ((through,), outputs, open_) if _reaches(drawn, runs, through) else ((), (), silent)
         in_tick = [_in_tick(block, index in runs, held[block.name]) for index, block in enumerate(blocks)]
         maps.append(connect("tick", in_tick, wires, inputs, tuple(shown), terms))
     return Ticks(tuple(maps), kind)
 
 
-def _reaches(drawn, blocks, signal):
-    """Return whether one of the blocks reads the signal."""
+def _reaches(drawn, runs, signal):
+    """Return whether one of the blocks that run reads the signal."""
+    blocks = (drawn.placed[index].block for index in runs)
     return any(signal in drawn.sources(f"{block.name}.{port}") for block in blocks for port in block.inputs)
 
 

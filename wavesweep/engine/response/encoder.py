@@ -18,7 +18,7 @@ def with_displacements(drawn: MultirateLoop, drift: MarginalModes) -> tuple[Mult
     `c (x[k] - x[k-1])`, which no drift moves. All runs in every tick. The states keep their names.
     """
     placed, sums = {scheduled.block.name: scheduled for scheduled in drawn.placed}, dict(drawn.sums)
-    leads, gone = {drift.states[lead] for lead, _ in drift.constant}, set()
+    leads, gone = {drift.states[lead] for lead in drift.leads}, set()
     for name, scheduled in list(placed.items()):
         source = sums.get(f"{name}.u", {})
         mass, _, port = next(iter(source), "").rpartition(".")

@@ -13,7 +13,7 @@ import numpy as np
 
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.interconnect import connect
+from wavesweep.engine.monodromy.interconnect import all_sums, connect
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.engine.response.bounded_sums import ordered_products
 from wavesweep.engine.response.linear_systems import solved
@@ -85,8 +85,7 @@ def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: s
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()), *((factor,) if factor else ()))
     drawn = drawn.living(signals)
     blocks = [placed.block for placed in drawn.placed]
-    sums = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(drawn.sums)
-    block = connect("rest", blocks, sums, drawn.inputs, signals, terms=True)
+    block = connect("rest", blocks, all_sums(blocks, drawn.sums), drawn.inputs, signals, terms=True)
     hand, free = drawn.inputs.index(ports.force), drawn.inputs.index(product) if factor else None
     structure = block.batch, hand, bool(ports.reaction), free
     at_rest = _at_rest(block.E, block.B, block.C, block.D, *structure)

@@ -81,7 +81,7 @@ class _Equations:
 
     @classmethod
     def of(cls, frame, drift, position):
-        n, leads = len(frame.ticks.states), [lead for lead, _ in drift.constant]
+        n, leads = len(frame.ticks.states), drift.leads
         order = [state for state in range(n) if state not in leads] + leads
         sizes = frame.dE + ROUNDING * np.abs(frame.E), frame.dB + ROUNDING * np.abs(frame.B), frame.dC, frame.dD
         batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (frame.E, frame.B, frame.C, frame.D, position)))

@@ -40,7 +40,7 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
         return lines_of(np.ones((size, 1, 1)), s[:, 0], period)
     with named_loops(drawn), np.errstate(all="ignore"):
         ticks, _ = relative_ticks(ticks_of(drawn, alone=True, terms=True), drift)
-        n, leads = len(ticks.states), [lead for lead, _ in drift.constant]
+        n, leads = len(ticks.states), drift.leads
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
         balanced, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
@@ -157,7 +157,7 @@ class ModesOfCut:
         pole, mode = polynomials(cut.remembered("form", lambda: self._form(index)) if single else self._form(index), w)
         state = np.zeros((index.size, n, w.shape[-1]), complex)
         state[:, self.inner] = mode / pole[:, None]
-        for lead, _ in self.loops.drift.constant:
+        for lead in self.loops.drift.leads:
             moved = (_of_loops(frame.E, index)[..., lead, :, None] * state).sum(-2) + _of_loops(frame.B, index)[..., lead, :1]
             state[:, lead] = np.where(w == 0, 0.0, moved / w)
         if single:
