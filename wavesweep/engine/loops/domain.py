@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.engine.drawing.block_types import TYPES
-from wavesweep.engine.drawing.conditions import conditions, faults
 from wavesweep.engine.drawing.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.engine.drawing.expressions import SharedParts, Tree, degree, names_in, singular
 from wavesweep.engine.errors import UsageError
@@ -197,6 +196,8 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
     """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
     wrong = unsuitable(drawing, values)
     if wrong.any():
+        from wavesweep.engine.drawing.conditions import faults
+
         arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}
         at = int(np.flatnonzero(wrong)[0])
         loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
@@ -207,6 +208,8 @@ def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
 
 def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     """Return which loops of a batch have a number that a key does not accept, `(loops,)`. values: as for `assembled`."""
+    from wavesweep.engine.drawing.conditions import conditions
+
     arrays = {path for path, value in values.items() if np.ndim(value)}
     varied, single = frozenset(map(name_of, arrays)), tuple(item for item in values.items() if item[0] not in arrays)
     wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
@@ -222,6 +225,8 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
 @lru_cache(maxsize=64)
 def _unsuitable_alone(drawing, items, others):
     """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
+    from wavesweep.engine.drawing.conditions import conditions
+
     numbers, shared = numbers_of(dict(items)), SharedParts()
     with np.errstate(all="ignore"):
         alone = (condition for condition in conditions(drawing) if condition.names and not condition.names & others)

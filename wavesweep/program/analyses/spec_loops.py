@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.engine.drawing.conditions import OF_PLANT
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import show
@@ -57,6 +56,8 @@ def port_at_hand(spec) -> Port:
         refuse_unsuitable(*loop)
         return port_of_loops(loop.one(0))
     except NoPositionError:
+        from wavesweep.engine.drawing.conditions import OF_PLANT
+
         displacement = spec.tables()["ports"]["hand"]["displacement"]
         raise SpecError([spec.mistake(POSITION, OF_PLANT, show(displacement))]) from None
 

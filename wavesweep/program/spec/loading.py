@@ -6,7 +6,6 @@ from dataclasses import fields, replace
 from functools import lru_cache
 from itertools import islice
 
-from wavesweep.engine.drawing.block_classes import expanded, numbers_of_blocks
 from wavesweep.engine.drawing.drawing import MARKS, RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.keys.checking import Mistakes
@@ -16,7 +15,6 @@ from wavesweep.program.reading.reading import file_stem, read_file, read_overrid
 from wavesweep.program.reading.sorting import normal_path, sort_leaves
 from wavesweep.program.reading.tables import missing
 from wavesweep.program.spec.resolving import TWINS, Given, resolve
-from wavesweep.program.spec.shipped_classes import with_classes
 from wavesweep.program.spec.spec import Spec
 from wavesweep.program.spec.studies import Request, Studies, build_studies
 
@@ -100,9 +98,13 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.refuse(leaf, ".".join(path), "each key once", "the same key again")
         leaves[path] = leaf
-    leaves = with_classes(leaves)
     symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
-    symbols |= numbers_of_blocks(leaves)
+    if any(path[0] == "block" for path in leaves):
+        from wavesweep.engine.drawing.block_classes import numbers_of_blocks
+        from wavesweep.program.spec.shipped_classes import with_classes
+
+        leaves = with_classes(leaves)
+        symbols |= numbers_of_blocks(leaves)
     source = dict(leaves)
     for typed in overrides:
         try:
@@ -144,8 +146,16 @@ def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Pl
 def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
     tables = {table_field[0] for table_field in leaves}
     drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
-    leaves, names, drawing, wrong = _installed(leaves, mistakes), BUILT_IN, None, True
+    names, drawing, wrong = BUILT_IN, None, True
+    for table, capability in missing().items():
+        path_of_table = tuple(table.split("."))
+        if inside := [path_below for path_below in leaves if path_below[: len(path_of_table)] == path_of_table]:
+            reason = f"a table of the capability {capability}, which is not installed"
+            place_of_table = leaves[inside[0]].place.under(path_of_table)
+            mistakes.refuse(place_of_table, f"[{table}]", "only tables of what is installed", reason)
+            leaves = {path_below: leaf for path_below, leaf in leaves.items() if path_below not in inside}
     if drawn:
+        from wavesweep.engine.drawing.block_classes import expanded
         from wavesweep.engine.drawing.drawing_tables import read_drawing
         from wavesweep.program.spec.drawn_spec import beside_drawing, with_corrected_names
 
@@ -165,14 +175,3 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
         raise SpecError(mistakes.in_order())
     request_values = {table_field.name: getattr(studies, table_field.name) for table_field in fields(Studies)}
     return Spec(name=name, source=path, _values=values, _given=given, drawing=drawing, **request_values)
-
-
-def _installed(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
-    """Return the leaves without tables of capabilities that are not installed, and add a mistake for each of these."""
-    for table, capability in missing().items():
-        path = tuple(table.split("."))
-        if inside := [path_below for path_below in leaves if path_below[: len(path)] == path]:
-            reason = f"a table of the capability {capability}, which is not installed"
-            mistakes.refuse(leaves[inside[0]].place.under(path), f"[{table}]", "only tables of what is installed", reason)
-            leaves = {path_below: leaf for path_below, leaf in leaves.items() if path_below not in inside}
-    return leaves

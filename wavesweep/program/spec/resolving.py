@@ -7,7 +7,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from wavesweep.engine.drawing.block_types import LONGEST_DELAY
-from wavesweep.engine.drawing.conditions import faults
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.keys.checking import Mistakes, expectation, show
 from wavesweep.engine.keys.key import BAND_EDGES, HIGHEST_ORDER, HIGHEST_RATIO, LONGEST_FRAME, MOST_SLOW_STEPS
@@ -85,6 +84,8 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
 
 def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given: Given) -> tuple[dict[str, float], Mistakes]:
     """Return the values of a drawing's numbers as they are given now, and all mistakes."""
+    from wavesweep.engine.drawing.conditions import faults
+
     values, mistakes = dict(before), Mistakes()
     for path, key in drawing.names.keys.items():
         if leaf := given.leaves.get(path):
