@@ -23,7 +23,8 @@ from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port
 from wavesweep.engine.response.steady import transfer
-from wavesweep.engine.search.interval_search import Prover, Search, Searches
+from wavesweep.engine.search.interval_search import Search, Searches
+from wavesweep.engine.search.question import Prover
 from wavesweep.engine.stability.certificate import words
 from wavesweep.engine.stability.modes import certain_modes, named_modes
 from wavesweep.engine.stability.radii import drift_of, frames_with_reliability, named_loops, radii_of

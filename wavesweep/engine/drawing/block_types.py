@@ -34,7 +34,7 @@ class BlockType:
     """
 
     keys: Mapping[str, Key]
-    ports: object
+    ports: Any
     description: str
     by: str = ""
     plant: bool | str = False
@@ -48,10 +48,11 @@ class BlockType:
     formula: tuple[tuple[str, ...], ...] = ()
     stepwise: tuple[str, ...] = ()
 
-    def ports_of(self, keys: Mapping[str, object]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    def ports_of(self, keys: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return input and output ports of a block with these keys."""
         if self.by:
-            return self.ports[keys[self.by]]
+            by_value: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = self.ports
+            return by_value[keys[self.by]]
         if "axes" in self.keys:
             names = keys["axes"]
             return tuple(f"f{name}" for name in names), (*names, *(f"v{name}" for name in names))
@@ -66,7 +67,7 @@ def _number(name: str, unit: str, description: str, default: float | None = None
     return number(name, default, unit, description, required=default is None, **ends)
 
 
-def _other(name: str, kind: str, description: str, default: object = None) -> Key:
+def _other(name: str, kind: str, description: str, default: Any = None) -> Key:
     return Key(name, kind, default, "", description, required=default is None)
 
 

@@ -20,7 +20,11 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
     controller computes from samples, `-kp*motor.x`. Signals of other blocks and the hand's force are held.
     Errors: Fault as for `linear`, and if terms in both positions, or both velocities, are left that form no spring or damper.
     """
-    wire, held, continuous, halves, alone = linear(tree, signals), [], [], [], []
+    wire = linear(tree, signals)
+    held: list[tuple[str, Tree]] = []
+    continuous: list[tuple[str, Tree]] = []
+    halves: list[tuple[str, Tree]] = []
+    alone: list[tuple[str, Tree]] = []
     for summand in _summands(tree):
         blocks = {name.rpartition(".")[0] for name, _ in names_in(summand) if name in signals}
         far_plants, terms = plants.keys() & blocks - {own}, linear(summand, signals)
@@ -119,7 +123,7 @@ def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
     if any(True for gain in gains for _ in names_in(gain)):
         return False
     values = [evaluate(gain, {}) for gain in gains]
-    return abs(sum(values)) <= SAME * sum(map(abs, values))
+    return bool(abs(sum(values)) <= SAME * sum(map(abs, values)))
 
 
 def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any
 
-Tree = tuple
+Tree = tuple[Any, ...]
 Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
 MOST_PARTS, MOST_DEEP = 2000, 200  # of a tree, whose names may stand for other trees: parts, and parts within each other
@@ -42,7 +42,7 @@ def text_of(tree: Tree, least: int = 0) -> str:
     """Return a text whose tree has the same value. least: rank of operations from which no parentheses are needed."""
     operation, operands = tree[0], tree[1:-1]
     if operation == "name":
-        return operands[0]
+        return str(operands[0])
     if operation == "number":
         return _text_of_number(operands[0])
     if operation in FUNCTIONS:
@@ -70,12 +70,14 @@ def sum_of(terms: Terms) -> str:
 
 def _unsigned(tree: Tree) -> Tree | None:
     """Return a product or quotient without the sign of its first factor, which is left out if it is -1; None without one."""
-    operation, first = tree[0], tree[1]
+    operation: str = tree[0]
+    first: Tree = tree[1]
     if operation == "negative":
         return first
     if operation not in ("*", "/") or (inner := _unsigned(first)) is None:
         return None
-    return tree[2] if operation == "*" and inner[:2] == ("number", 1.0) else (operation, inner, *tree[2:])
+    second: Tree = tree[2]
+    return second if operation == "*" and inner[:2] == ("number", 1.0) else (operation, inner, *tree[2:])
 
 
 def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
@@ -149,8 +151,9 @@ def _product(tree: Tree, sums: list[dict[str, Tree]]) -> dict[str, Tree]:
 
 def _without_ones(tree: Tree) -> Tree:
     """A product without factors of 1, or a quotient as it stands."""
-    operation, gain, factor, _ = tree
-    if operation == "*" and ONE in (gain, factor):
+    gain: Tree = tree[1]
+    factor: Tree = tree[2]
+    if tree[0] == "*" and ONE in (gain, factor):
         return factor if gain == ONE else gain
     return tree
 
@@ -197,7 +200,13 @@ def evaluate(
     return _evaluate(tree, numbers, library, watch, {} if shared is None else shared.values)
 
 
-def _evaluate(tree, numbers, library, watch, known_values):
+def _evaluate(
+    tree: Tree,
+    numbers: Mapping[str, Any],
+    library: Any,
+    watch: Callable[[Tree, Any, Any, Any], None] | None,
+    known_values: dict[int, Any],
+) -> Any:
     """The value; known_values: those of parts by `id`, since what a name stands for is one part wherever it is read."""
     operation = tree[0]
     if operation == "number":
@@ -252,7 +261,7 @@ def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
     return (abs(found) < SUBNORMAL) & (abs(first) >= SUBNORMAL) & (abs(second) >= SUBNORMAL)
 
 
-def value_of(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None) -> float:
+def value_of(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | None = None) -> Any:
     """Return the value of a tree without signals, correct to a few roundings of itself, for numbers that are exact.
 
     Where digits are lost, as in sums that cancel, the value is computed again in ball arithmetic. shared: of trees at the same
@@ -260,7 +269,7 @@ def value_of(tree: Tree, numbers: Mapping[str, float], shared: SharedParts | Non
     """
     shared = SharedParts() if shared is None else shared
 
-    def watch(node, *values):
+    def watch(node: Tree, *values: Any) -> None:
         if lost_digits(node, *values):
             shared.lost[id(node)] = True
 
@@ -277,7 +286,7 @@ def is_given(tree: Tree) -> bool:
 
 def is_constant(tree: Tree) -> bool:
     """Whether a tree is a number as it is written, or the negative of one."""
-    return tree[0] == "number" or (tree[0] == "negative" and tree[1][0] == "number")
+    return bool(tree[0] == "number" or (tree[0] == "negative" and tree[1][0] == "number"))
 
 
 def with_number(tree: Tree, name: str, number: float) -> Tree:
@@ -395,7 +404,7 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     """
     from flint import acb, ctx
 
-    balls = {
+    balls: dict[Any, Any] = {
         name: acb(number) for name, number in ({constant: constant for constant in constants_of(tree)} | dict(numbers)).items()
     }
     before, tree = ctx.prec, named(tree)
@@ -413,7 +422,7 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     return complex(real, imag) if imag else real
 
 
-def _rounded(ball):
+def _rounded(ball: Any) -> float:
     if ball.rel_accuracy_bits() > ENOUGH:
         return float(ball.mid())
     return 0.0 if ball.abs_upper() < LEAST else math.nan

@@ -47,7 +47,7 @@ def adjugate(rows: Rows, sign: int = -1) -> Rows:
     return [[sign ** (p + q) * determinant(_without(rows, q, p), sign) for q in n] for p in n]
 
 
-def _without(rows, i, j):
+def _without(rows: Rows, i: int, j: int) -> Rows:
     return [[entry for q, entry in enumerate(row) if q != j] for p, row in enumerate(rows) if p != i]
 
 

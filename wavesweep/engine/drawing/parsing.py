@@ -89,6 +89,7 @@ def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
             at += len(text[at:]) - len(text[at:].lstrip())
             hint = MEANT.get(text[at], "")
             raise Fault(at, "a number, a name, or one of + - * / ** ( )", show(text[at]), hint)
-        yield match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)
+        kind = match.lastgroup or ""
+        yield kind, match[kind], match.start(kind)
         at = match.end()
     yield "end", "", len(text)

@@ -1,5 +1,7 @@
 """The solution of a loop of direct terms."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
@@ -7,7 +9,9 @@ from wavesweep.engine.errors import IllPosedLoopError
 WORST_CONDITION = 1e12  # a closed loop beyond it keeps fewer than 4 digits
 
 
-def loop_inverse(loop, sizes, reached, name, ports):
+def loop_inverse(
+    loop: np.ndarray, sizes: np.ndarray, reached: np.ndarray, name: str, ports: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the inverse of the return difference of torn ports, its condition number and its determinant.
 
     sizes: of the terms that the loop's entries are sums of. reached: entries of the inverse that are not zero by structure.

@@ -1,6 +1,6 @@
 """Loops of one structure with their numbers put in, one loop or a batch, and which of them are alike."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -35,7 +35,7 @@ class Loops(NamedTuple):
         """The loops with other numbers."""
         return Loops(self.drawing, {**self.values, **changes})
 
-    def some(self, part) -> "Loops":
+    def some(self, part: Any) -> "Loops":
         """Some of the loops; part: an index, a slice or an array of indices."""
         return Loops(self.drawing, selected(self.values, part))
 
@@ -45,12 +45,12 @@ class Loops(NamedTuple):
         return Loops(self.drawing, {p: value.item() if isinstance(value, np.generic) else value for p, value in values.items()})
 
     @property
-    def items(self) -> tuple:
+    def items(self) -> tuple[tuple[str, Any], ...]:
         """The pairs of the numbers, by which a loop is remembered; arrays of one as tuples."""
         return items_of(self.values)
 
 
-def distinct(columns, size) -> list[np.ndarray]:
+def distinct(columns: Sequence[np.ndarray], size: int) -> list[np.ndarray]:
     """Indices of the rows that agree in all columns, in order of first appearance."""
     if not size:
         return []
@@ -72,7 +72,7 @@ def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndar
     return _labels(list(columns.values()), size)
 
 
-def _labels(columns, size):
+def _labels(columns: Sequence[np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
     """`distinct_rows`, from the first row of every run of equal ones: many neighbours of a sweep have the same loop."""
     begins = np.append(True, np.zeros(size - 1, bool))
     for column in columns:
@@ -86,12 +86,12 @@ def _labels(columns, size):
     return starts[first], np.repeat(label, np.diff(starts, append=size))
 
 
-def items_of(values: Mapping[str, object]) -> tuple:
+def items_of(values: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
     """The pairs of flat values, by which a loop is remembered; arrays of one as tuples."""
     return tuple((path, tuple(value.tolist()) if isinstance(value, np.ndarray) else value) for path, value in values.items())
 
 
-def selected(values: Mapping[str, object], part) -> dict:
+def selected(values: Mapping[str, Any], part: Any) -> dict[str, Any]:
     """The flat values of some of the loops; part: an index, a slice or an array of indices."""
     return {path: v[part] if np.ndim(v) else v for path, v in values.items()}
 

@@ -12,7 +12,7 @@ from typing import Any
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.drawing.drawn_block import DrawnBlock
-from wavesweep.engine.drawing.expressions import linear
+from wavesweep.engine.drawing.expressions import Tree, linear
 from wavesweep.engine.drawing.parsing import parse
 from wavesweep.engine.keys.key import MOST_SLOW_STEPS
 from wavesweep.engine.loops.controllers import WALL
@@ -83,20 +83,20 @@ class Slow:
         late = any(wait >= end for wait, end in zip(waits, ends, strict=True))
         stored = [min(wait, end - 1) % q for wait, end in zip(waits, ends, strict=True)] if late else []
         shown = [wait % q for wait in waits] if late or waits != reads else []
-        return Slow(RATIO if p == 1 else q, *(tuple(sorted(ticks)) for ticks in (reads, stored, shown)))
+        return Slow(RATIO if p == 1 else q, tuple(sorted(reads)), tuple(sorted(stored)), tuple(sorted(shown)))
 
     def block(self, **keys: object) -> dict[str, object]:
         """Return a block that runs with the slow environment."""
         return {"every": self.every, "phases": self.reads, **keys}
 
-    def in_place(self, name: str, signal: str) -> tuple[dict[str, dict], dict[str, str], str]:
+    def in_place(self, name: str, signal: str) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
         """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
         if self.next_tick:
             return {f"{name}_late": {"type": "delay"}}, {f"{name}_late.u": signal}, f"{name}_late.y"
         blocks, wires = {}, {}
-        stages = (("kept", "hold", self.stored), ("shown", "hold", self.shown))
+        stages = [("kept", "hold", self.stored), ("shown", "hold", self.shown)]
         if self.stored and self.stored == self.shown:  # one tick late in each tick: it is shown as the next one is computed
-            stages = (("shown", "delay", self.shown),)
+            stages = [("shown", "delay", self.shown)]
         for stage, kind, phases in stages:
             if phases:
                 blocks[f"{name}_{stage}"] = {"type": kind, "every": self.every, "phases": phases}
@@ -105,10 +105,10 @@ class Slow:
         return blocks, wires, signal
 
 
-def device(values: Mapping[str, Any]) -> tuple[dict[str, dict], dict[str, str], str]:
+def device(values: Mapping[str, Any]) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
     """Return the device with the operator's hand on it, and the signal of its measured velocity."""
     with_hand = {key: f"device.{key} + operator.{key}" for key in ("mass", "damping")}
-    blocks = {"device": {"type": "mass", **with_hand, "stiffness": "operator.stiffness"}}
+    blocks: dict[str, dict[str, object]] = {"device": {"type": "mass", **with_hand, "stiffness": "operator.stiffness"}}
     if values["device.velocity"] == "exact":
         return blocks, {}, "device.v"
     return blocks | {"velocity": {"type": "difference"}}, {"velocity.u": "device.x"}, "velocity.y"
@@ -124,7 +124,7 @@ def drawing_of_page(page: BlockDiagram) -> Drawing:
     return Drawing(_tree("rates.fast_hz"), (), frozenset(), blocks, wires, hand, WALL)
 
 
-def _block(name, keys):
+def _block(name: str, keys: dict[str, Any]) -> DrawnBlock:
     kind, every, phases = keys.pop("type"), keys.pop("every", 1), keys.pop("phases", (0,))
     entries = []
     for path, key in TYPES[kind].keys.items():
@@ -136,5 +136,5 @@ def _block(name, keys):
 
 
 @lru_cache(maxsize=256)
-def _tree(value):
+def _tree(value: Any) -> Tree:
     return parse(value) if isinstance(value, str) else ("number", float(value), 0)

@@ -1,13 +1,13 @@
 """A mass with a damper and a spring under a force that is held over a tick."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavesweep.engine.loops.block import matrix, numbers
 
 
-def motion(s, g, damping, stiffness, mass):
+def motion(s: Any, g: Any, damping: Any, stiffness: Any, mass: Any) -> tuple[np.ndarray, np.ndarray]:
     """E and B of the states (v, x) under a force; the signs of damping and stiffness are those of their own forces."""
     return matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]]), matrix([[s / mass], [g / mass]])
 
@@ -21,7 +21,7 @@ class ImpulseAndStep(NamedTuple):
     of_g: np.ndarray | None = None
 
 
-def impulse_and_step(damping, stiffness, period):
+def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndStep:
     """Position at `period` of `x'' + damping x' + stiffness x = u` after a unit impulse and under a unit step, with sizes.
 
     damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2, and their changes by a
@@ -65,7 +65,7 @@ LOST = 1e-6  # relative: beyond, errors to first order say nothing, since what h
 TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
 
 
-def _taylor(damping, stiffness):
+def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same for a unit period."""
     slope, curve = np.ones_like(damping), -damping
     s, g = slope + curve / 2, slope / 2 + curve / 6

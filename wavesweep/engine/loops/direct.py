@@ -36,13 +36,13 @@ def dc_lm(values: Mapping[str, Any]) -> BlockDiagram:
 class SlowWall(NamedTuple):
     """The device, and the slow wall: blocks, wires, the measured velocity and the wall's force as it is held."""
 
-    blocks: dict[str, dict]
+    blocks: dict[str, dict[str, object]]
     wires: dict[str, str]
     velocity: str
     force: str
 
 
-def _slow_wall(values) -> SlowWall:
+def _slow_wall(values: Mapping[str, Any]) -> SlowWall:
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     held, through, force = slow.in_place("wall", "wall.y")
     blocks = blocks | {"wall": slow.block(type="hold")} | held

@@ -39,7 +39,13 @@ def pmw_lm(values: Mapping[str, Any]) -> BlockDiagram:
     return _waves(values, _filter("lp1"), blocks, wires, v_2)
 
 
-def _waves(values, lp1, branch=MappingProxyType({}), of_branch=MappingProxyType({}), v_2=""):
+def _waves(
+    values: Mapping[str, Any],
+    lp1: dict[str, object],
+    branch: Mapping[str, Mapping[str, object]] = MappingProxyType({}),
+    of_branch: Mapping[str, str] = MappingProxyType({}),
+    v_2: str = "",
+) -> BlockDiagram:
     """The loop of Figure 1 with the block `lp1` before the sampler, and a further branch, whose wave is `v_2`."""
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     blocks["encoder"] = {"type": "wave", "b": "controller.b"}
@@ -62,5 +68,5 @@ def _waves(values, lp1, branch=MappingProxyType({}), of_branch=MappingProxyType(
     return BlockDiagram({**blocks, **branch, **held}, {**wires, **of_branch, **through}, "encoder.force", assumes)
 
 
-def _filter(name, passes="low"):
+def _filter(name: str, passes: str = "low") -> dict[str, object]:
     return {"type": "butterworth", "order": f"filters.{name}.order", "cutoff_hz": f"filters.{name}.cutoff_hz", "pass": passes}

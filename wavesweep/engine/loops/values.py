@@ -25,7 +25,7 @@ def values_of(tree: Tree, numbers: Mapping[str, Any], shared: SharedParts | None
         return evaluate(tree, numbers)
     shared = SharedParts() if shared is None else shared
 
-    def watch(node, *values):
+    def watch(node: Tree, *values: Any) -> None:
         lost = np.asarray(lost_digits(node, *values))
         if lost.any():
             shared.lost[id(node)] = lost
@@ -46,7 +46,7 @@ def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
     return values_of(("-", tree, ("name", ROUNDED, 0), 0), {**numbers, ROUNDED: value})
 
 
-def _again(tree, numbers, values, lost):
+def _again(tree: Tree, numbers: Mapping[str, Any], values: np.ndarray, lost: np.ndarray) -> Any:
     """Return the values, those that have lost digits from ball arithmetic."""
     from wavesweep.engine.drawing.expressions import exactly
 
@@ -64,7 +64,7 @@ def keys_with(block: DrawnBlock, value: Callable[[Tree], Any]) -> dict[str, Any]
     """Return the keys of a block with the values of their numbers; value: of a tree."""
     types = TYPES[block.type].keys
 
-    def of(kind, entry):
+    def of(kind: str, entry: Any) -> Any:
         if kind in ("number", "integer"):
             return value(entry) if kind == "number" else int(value(entry))
         if kind == "list":

@@ -30,20 +30,20 @@ def dc_vc_lm(values: Mapping[str, Any]) -> BlockDiagram:
     return BlockDiagram(blocks, wires, "model.y", _assumes(values))
 
 
-def _assumes(values):
+def _assumes(values: Mapping[str, Any]) -> str:
     return f"{values['environment.integration']} integration of the wall"
 
 
 class SlowAvatar(NamedTuple):
     """The device, and the slow avatar at the wall: blocks, wires, the measured velocity, and what shows each signal."""
 
-    blocks: dict[str, dict]
+    blocks: dict[str, dict[str, object]]
     wires: dict[str, str]
     velocity: str
     shown: dict[str, str]
 
 
-def _slow_avatar(values, *signals) -> SlowAvatar:
+def _slow_avatar(values: Mapping[str, Any], *signals: str) -> SlowAvatar:
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
     massless, of_own, x = _massless("avatar", values["environment.integration"], velocity, "wall.y", slow.block())
     blocks |= {**massless, "wall": slow.block(type="hold")}
@@ -55,7 +55,9 @@ def _slow_avatar(values, *signals) -> SlowAvatar:
     return SlowAvatar(blocks, wires, velocity, shown)
 
 
-def _massless(name, integration, velocity, force, runs):
+def _massless(
+    name: str, integration: str, velocity: str, force: str, runs: Mapping[str, object]
+) -> tuple[dict[str, dict[str, object]], dict[str, str], str]:
     """An avatar without mass, whose damper takes what its spring and a force leave: `B_VC v = K_VC (x - x~) + B_VC v^ - F`.
 
     Gives blocks, wires, and the position x~ that springs read: that before the step if the integration is explicit.

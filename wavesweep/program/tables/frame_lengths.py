@@ -38,7 +38,8 @@ class DecidingLengths:
     """
 
     def __init__(self, lengths: tuple[int, ...]) -> None:
-        self._lengths, self._decide, self._widest, self._open = lengths, set(), 0.0, not lengths
+        self._lengths, self._widest, self._open = lengths, 0.0, not lengths
+        self._decide: set[int] = set()
 
     def add(self, columns: Columns, span: tuple[float, float]) -> None:
         """Count the rows of a table of intervals; span: the swept range."""
