@@ -12,10 +12,10 @@ from matplotlib.colors import same_color, to_rgb
 
 import wavesweep
 from wavesweep.program import plots
+from wavesweep.program.analyses import plane_columns
 from wavesweep.program.analyses.plane_columns import Interval
 from wavesweep.program.plots.region_figures import FELT, LADDER
 from wavesweep.program.plots.style import DOUBTFUL
-from wavesweep.program.tables import planes
 
 pytestmark = [pytest.mark.whole, pytest.mark.slow]
 
@@ -137,7 +137,7 @@ def drawn(seed, monkeypatch):
             return None
         return Between([(rows["b"][0], rows["K_LM"][0], word) for rows in members], truths)
 
-    monkeypatch.setattr(planes, "_source", source)
+    monkeypatch.setattr(plane_columns, "_source", source)
     monkeypatch.setattr("wavesweep.program.plots.style._settle", lambda _: None)
     facts = {"spec": wavesweep.load(TABLES).tables(), "spec_name": "hard"} if whose != "spec" else {}
     draw = plots.zwidth_specs if whose == "spec" else plots.zwidth

@@ -44,13 +44,13 @@ def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], ab
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
     with scratch(directory) as folder:
-        for each in written:
+        for path in written:
             try:
-                save(canvas, folder / each.name, about)
+                save(canvas, folder / path.name, about)
             except OSError as error:
-                raise OSError(error.errno, error.strerror or str(error), str(each)) from error
-        for each in written:
-            (folder / each.name).replace(each)
+                raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+        for path in written:
+            (folder / path.name).replace(path)
     return written
 
 

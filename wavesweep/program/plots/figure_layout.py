@@ -111,10 +111,10 @@ def lay_out(
 
 def what_is_shown(axes: Iterable[tuple[str, Sequence[float], Sized]]) -> str:
     """A sentence on axes some values of which are not shown, empty without any; axes: name, values that are shown, and all."""
-    cut = [(name, some, len(every)) for name, some, every in axes if len(some) < len(every)]
-    one, several = "{0} at {1[0]:g} alone, of {2} values", "{3} of {2} values of {0}"
-    parts = [(one if len(some) == 1 else several).format(name, some, n, len(some)) for name, some, n in cut]
-    return f"Shown: {'; '.join(dict.fromkeys(parts))}." if parts else ""
+    cut = [(name, shown, len(every)) for name, shown, every in axes if len(shown) < len(every)]
+    single, several = "{0} at {1[0]:g} alone, of {2} values", "{3} of {2} values of {0}"
+    sentences = [(single if len(shown) == 1 else several).format(name, shown, n, len(shown)) for name, shown, n in cut]
+    return f"Shown: {'; '.join(dict.fromkeys(sentences))}." if sentences else ""
 
 
 def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[str] = ()) -> str | None:
@@ -155,28 +155,28 @@ def best_row(columns: Columns) -> dict[str, Any]:
     rows = columns["intervals"] > 0
     if not rows.any():
         return {}
-    merit, value, known = columns["high"], columns["high"], np.ones(rows.size, bool)
+    merit, value, is_known = columns["high"], columns["high"], np.ones(rows.size, bool)
     if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
         low, high = columns["felt_low"], columns["felt_high"]
-        known = ~np.isnan(high)
+        is_known = ~np.isnan(high)
         falls = low > high + FELT_ALIKE * np.abs(high)
-        merit = np.where(known, np.where(falls, low, high), merit)
-        value = np.where(known & falls, columns["low"], value)
+        merit = np.where(is_known, np.where(falls, low, high), merit)
+        value = np.where(is_known & falls, columns["low"], value)
     whose, kinds = whose_column(columns), list(row_kinds())
     promise = np.zeros(rows.size, int)
     if whose in ("guarantee", "hand"):
         ranks_of_words = {word: len(kinds) - kinds.index(word) for word in kinds if word not in COMPUTED}
         promise = np.array([ranks_of_words.get(word, 0) for word in columns[whose].tolist()])
-    ranks, largest = (promise, columns["certified"], known), 0.0
+    ranks, largest = (promise, columns["certified"], is_known), 0.0
     for rank in ranks:
-        largest = columns["high"][rows].max() if rank is known else largest
+        largest = columns["high"][rows].max() if rank is is_known else largest
         rows = rows & (rank == rank[rows].max())
     merit = np.where(rows, merit, -np.inf)
     most = merit.max()
     row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
     best = {name: column[row] for name, column in columns.items()}
-    more = {"value": value[row], "merit": merit[row], "largest": largest}
-    return best | more | {"rank": tuple(int(rank[row]) for rank in ranks)}
+    merits = {"value": value[row], "merit": merit[row], "largest": largest}
+    return best | merits | {"rank": tuple(int(rank[row]) for rank in ranks)}
 
 
 def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:

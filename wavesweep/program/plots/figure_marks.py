@@ -12,4 +12,4 @@ def facts_of_marks(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
 
     They are stored with the table, so that `plot` draws the points of the run.
     """
-    return {name: fact for each in modules("marks") for name, fact in each.facts_of(specs, kind).items()}
+    return {name: fact for module in modules("marks") for name, fact in module.facts_of(specs, kind).items()}

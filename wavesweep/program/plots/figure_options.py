@@ -15,8 +15,8 @@ _OWN = ("backend", "figure.figsize", "figure.dpi", "savefig.bbox", "savefig.dpi"
 
 def width_of(text: str) -> float:
     """Return a width such as 3.5, 3.5in, 89mm or 8.9cm in inches. Errors: UsageError."""
-    found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(in|mm|cm|)\s*", text)
-    width = float(found[1]) * _INCHES[found[2]] if found else 0.0
+    match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(in|mm|cm|)\s*", text)
+    width = float(match[1]) * _INCHES[match[2]] if match else 0.0
     if not LEAST <= width <= MOST:
         expected = f"a width from {LEAST:g} to {MOST:g} inches, such as 3.5in, 89mm or 8.9cm"
         raise UsageError(f"--width: expected {expected}, found {text}")

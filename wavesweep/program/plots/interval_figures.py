@@ -111,12 +111,12 @@ def _draw(shown: Shown) -> Any:
                 walls.draw(axes)
         members, marks = entries_of(shown, panels, grid.flat[: len(panels)])
         # Beside the panels, if it is more than a row.
-        beside = across > 1 and down > 1 and not is_narrow() and rows_of(members + marks, wide(usual)) > 1
-        legends = [] if beside else [members, marks] if across == 1 else [members + marks]
-        more = 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
-        canvas.set_figheight(canvas.get_figheight() + more)
+        legends_beside = across > 1 and down > 1 and not is_narrow() and rows_of(members + marks, wide(usual)) > 1
+        legends = [] if legends_beside else [members, marks] if across == 1 else [members + marks]
+        legend_height = 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
+        canvas.set_figheight(canvas.get_figheight() + legend_height)
         _name_axes(shown, canvas, how)
-        draw_legends(canvas, grid, members, marks, beside)
+        draw_legends(canvas, grid, members, marks, legends_beside)
     return canvas
 
 
@@ -127,15 +127,15 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
     """
     layout, reached = shown.layout, []
     columns = rows_with(shown.columns, {layout.panels: panel} if layout.panels else {})
-    members, beside = shown.members(columns), {}
+    members, bars_of = shown.members(columns), {}
     if layout.x is None:
         draw_bars(axes, members)
     else:
-        reached, beside = _draw_plane(shown, axes, columns, members, inches, how)
+        reached, bars_of = _draw_plane(shown, axes, columns, members, inches, how)
     if layout.panels is not None:
         axes.set_title(valued(layout.panels, panel, shown.facts))
     if shown.best and (layout.panels is None or shown.best[layout.panels] == panel):
-        at = beside.get(shown.best.get(shown.whose, ""))
+        at = bars_of.get(shown.best.get(shown.whose, ""))
         axes.plot(*shown.place(shown.best, members), **BEST, **({"transform": at.place(axes)} if at else {}))
     for place in shown.own_design([panel])[0]:
         axes.plot(*place, **OWN)
@@ -152,7 +152,7 @@ def _draw_plane(
 ) -> tuple[list[float], dict[str, Bars]]:
     """Draw a panel over x; gives how far boundaries go, and where the bars of the guarantees stand."""
     reached: list[float] = []
-    beside: dict[str, Bars] = {}
+    bars_of: dict[str, Bars] = {}
     x, (low, high) = shown.layout.x, (shown.layout.points[0], shown.layout.points[-1])
     if not (columns["intervals"] > 0).any():
         nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
@@ -170,7 +170,7 @@ def _draw_plane(
         at = Bars((width + _APART) * (sum(single[:number]) - (sum(single) - 1) / 2) * single[number], width)
         filled = len(members) == 1 and shown.whose != "spec"
         if member.at_values:
-            beside[member.guarantee] = at
+            bars_of[member.guarantee] = at
         else:
             draw_region(axes, region, member.look, filled, len(members))
         draw_at_values(axes, region.bars, member.look, at, shown.span if member.at_values else None)
@@ -187,10 +187,10 @@ def _draw_plane(
             draw_unknown_at_values(axes, [(place, *np.clip(span, *shown.view)) for place, *span in spans], shown.span, at)
     if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
         edge = max(_EDGE, (width + _APART) * sum(single) / 2 / points)
-        more, factor = edge * (high - low), (high / low) ** edge if logarithmic else 1.0
-        low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)
+        room, factor = edge * (high - low), (high / low) ** edge if logarithmic else 1.0
+        low, high = (low / factor, high * factor) if logarithmic else (low - room, high + room)
     axes.set_xlim(low, high)
-    return [y for y in reached if y > shown.view[1]], beside
+    return [y for y in reached if y > shown.view[1]], bars_of
 
 
 def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
@@ -202,15 +202,15 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
     if units := unlike_units(facts).get("high"):
         along = with_unit(symbol(shown.along) if len(names) == 1 else along, printed(units))
     required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
-    unmarked = [each.undrawn(facts, layout.x, shown.along) for each in modules("marks")]
+    unmarked = [module.undrawn(facts, layout.x, shown.along) for module in modules("marks")]
     said, _, _ = assumed(facts).partition(":")  # usual engines follow
     kind = facts.get("spec", {}).get("controller", {}).get("kind")
-    one = f"{kind}, {said}" if kind else said.capitalize()  # controller, wall, delay and velocity
-    one = assumption(facts) if shown.whose == "spec" else one if said else ""
+    note = f"{kind}, {said}" if kind else said.capitalize()  # controller, wall, delay and velocity
+    note = assumption(facts) if shown.whose == "spec" else note if said else ""
     missing = shown.own_design(layout.panel_values or (np.nan,))[1]
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
     along_x = along if bars else label(layout.x, facts)
-    note_below(canvas, required, layout.left_out, drawn, missing, *unmarked, one, axis=along_x)
+    note_below(canvas, required, layout.left_out, drawn, missing, *unmarked, note, axis=along_x)
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)

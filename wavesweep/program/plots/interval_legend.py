@@ -55,13 +55,13 @@ def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> t
             names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
         names = [name + _extent(shown, member) for name, member in zip(names, members, strict=True)]
         entries = handles_of(names, [member.look for member in members], [member.at_values for member in members])
-    artists = [each for axes in drawn for each in (*axes.lines, *axes.patches, *axes.collections)]
-    ladders = [each for each in artists if each.get_label() == LADDER]
-    if ladders or any(each.get_hatch() == UNKNOWN["hatch"] for each in artists if hasattr(each, "get_hatch")):
+    artists = [artist for axes in drawn for artist in (*axes.lines, *axes.patches, *axes.collections)]
+    ladders = [artist for artist in artists if artist.get_label() == LADDER]
+    if ladders or any(artist.get_hatch() == UNKNOWN["hatch"] for artist in artists if hasattr(artist, "get_hatch")):
         entries.append(Line2D([], [], **BAR, color=UNKNOWN["edgecolor"]) if ladders else Patch(**UNKNOWN))
         entries[-1].set_label(NOT_KNOWN)
-    markers = [each.get_marker() for each in artists if isinstance(each, Line2D)]
-    carets = [each for each in markers if each in (RIGHT, UP, LEFT, DOWN)]
+    markers = [artist.get_marker() for artist in artists if isinstance(artist, Line2D)]
+    carets = [marker for marker in markers if marker in (RIGHT, UP, LEFT, DOWN)]
     if carets:
         entries.append(Line2D([], [], marker=carets[-1], **CARET, label=REFUTED))
     return entries, _marks(shown, members, panels, artists)
@@ -72,8 +72,8 @@ def _extent(shown: Shown, member: Member) -> str:
     rows, bottom = member.rows, np.nanmin(shown.columns["low"], initial=np.inf)
     if not rows["intervals"].any():
         return ": none"
-    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
-    return ": whole range" if whole.all() else ""
+    from_bottom = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
+    return ": whole range" if from_bottom.all() else ""
 
 
 def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]) -> list[Any]:
@@ -82,9 +82,9 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], art
     from matplotlib.patches import Patch
 
     certain = all(member.rows["certified"].all() for member in members)
-    hatches = {each.get_hatch() for each in artists if hasattr(each, "get_hatch")}
+    hatches = {artist.get_hatch() for artist in artists if hasattr(artist, "get_hatch")}
     handles = []
-    if any(each.get_label() == FELT for each in artists):
+    if any(artist.get_label() == FELT for artist in artists):
         alone = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if shown.best:
@@ -94,14 +94,14 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], art
     dashed = {"linestyle": "--", "label": "not certified"}
     if UNPROVED["hatch"] in hatches:
         handles.append(Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed))
-    elif any(_is_red(each) for each in artists):
+    elif any(_is_red(artist) for artist in artists):
         handles.append(Line2D([], [], color=DOUBTFUL, **dashed))
     if BEYOND["hatch"] in hatches:
         handles.append(Patch(**BEYOND, label="beyond the swept range"))
     limits = [LIMITS[name] for name in shown.limits_of_walls()]
     handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
-    for each in shown.walls:
-        handles += each.handles(shown.layout.points, shown.view)
+    for walls in shown.walls:
+        handles += walls.handles(shown.layout.points, shown.view)
     return handles
 
 
@@ -112,7 +112,7 @@ def _is_red(artist: Any) -> bool:
     if not hasattr(artist, "get_segments"):
         return False
     colours = artist.get_colors() if len(artist.get_segments()) else ()
-    return any(same_color(to_rgba(each), DOUBTFUL) for each in colours)
+    return any(same_color(to_rgba(colour), DOUBTFUL) for colour in colours)
 
 
 def _best_in_words(shown: Shown, sure: str) -> str:
@@ -132,9 +132,9 @@ def _best_in_words(shown: Shown, sure: str) -> str:
     return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {value} N/m"
 
 
-def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], beside: bool) -> None:
+def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], at_side: bool) -> None:
     """The members above the only panel, and the marks above these; or all beside several panels, or above them."""
-    if beside and members + marks:
+    if at_side and members + marks:
         canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return
     width = canvas.get_figwidth()

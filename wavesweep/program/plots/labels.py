@@ -29,9 +29,9 @@ _SYMBOLS = {
     "device.dead_time": "dead time of the amplifier",
     "local_model.delay": "delay of the local model",
     **{
-        f"filters.{name}.{part}_hz": f"{name.upper()} {part}"
+        f"filters.{name}.{edge}_hz": f"{name.upper()} {edge}"
         for name in _FILTERS
-        for part in ("cutoff", "passband", "stopband")
+        for edge in ("cutoff", "passband", "stopband")
     },
     **{f"filters.{name}.order": f"{name.upper()} order" for name in _FILTERS},
 }
@@ -58,10 +58,10 @@ def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
 
 def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:
     """The name of an axis with a value and its unit; facts: see `label`."""
-    each = unit(name, facts)
+    printed_unit = unit(name, facts)
     digits, _, power = f"{value:.6g}".partition("e")
     said = f"{digits}·10$^{{{int(power)}}}$" if power else digits
-    return f"{symbol(name)} = {said} {'ticks' if each == 'tick' and value != 1 else each}".rstrip()
+    return f"{symbol(name)} = {said} {'ticks' if printed_unit == 'tick' and value != 1 else printed_unit}".rstrip()
 
 
 def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) -> str:
@@ -69,7 +69,7 @@ def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) 
     thousandth = "m" * (unit in ("mm", "mm/N"))
     units = unlike_units(facts).get(column) or [at_port(unit.removeprefix(thousandth), facts)]
     across = "\n" if len(units) > 1 else " "
-    return f"{text}{across}({printed(thousandth + each for each in units)})"
+    return f"{text}{across}({printed(thousandth + name_of_unit for name_of_unit in units)})"
 
 
 def with_unit(text: str, printed_unit: str) -> str:
@@ -80,12 +80,12 @@ def with_unit(text: str, printed_unit: str) -> str:
 def printed(units: Iterable[str]) -> str:
     """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
     texts = [
-        re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(readable(each)).replace("*", "·"))
-        if each not in ("1", RATIO)
+        re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(readable(name_of_unit)).replace("*", "·"))
+        if name_of_unit not in ("1", RATIO)
         else ""
-        for each in units
+        for name_of_unit in units
     ]
-    return texts[0] if len(texts) == 1 else " or ".join(each or "no unit" for each in texts)
+    return texts[0] if len(texts) == 1 else " or ".join(name_of_unit or "no unit" for name_of_unit in texts)
 
 
 def as_it_stands(text: str) -> str:

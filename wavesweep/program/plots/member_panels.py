@@ -94,8 +94,8 @@ def over_one_damping(columns: Columns, facts: Mapping[str, Any]) -> Columns:
     for spec, name in names.items():
         rows = (columns["spec"] == spec) & np.isnan(merged)
         merged[rows] = columns[name][rows] if name in columns else values[spec]
-    others = {name: column for name, column in columns.items() if name == x or name not in names.values()}
-    return others | {x: merged}
+    unchanged = {name: column for name, column in columns.items() if name == x or name not in names.values()}
+    return unchanged | {x: merged}
 
 
 def damping_of(tables: Mapping[str, Any]) -> str | None:
@@ -121,9 +121,9 @@ def member_curves(members: Sequence[Member], view: View, span: tuple[float, floa
             (column,) = columns_of(rows, np.zeros(len(x))).values()
             curves.append(PlaneCurve(dict.fromkeys(span, column), {span: KNOWN}))
         else:
-            own = (damping_of(member.facts.get("spec", {})) or "B_VE") if view.x in dampings else view.x
-            renamed = {own if name == view.x else name: column for name, column in rows.items()}
-            curves += curves_of([renamed], replace(view, x=own), member.facts)
+            x_of_spec = (damping_of(member.facts.get("spec", {})) or "B_VE") if view.x in dampings else view.x
+            renamed = {x_of_spec if name == view.x else name: column for name, column in rows.items()}
+            curves += curves_of([renamed], replace(view, x=x_of_spec), member.facts)
     return curves
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,50 +35,69 @@ class Region:
     unknown: list[tuple[float, float, float, float]]
 
 
+class _Followed(NamedTuple):
+    """The intervals of a curve followed over x, the lines across x where they jump, and those that nothing joins."""
+
+    chains: list[Chain]
+    across: list[tuple[Line, bool]]
+    bars: Chain
+
+
 def region_of(curve: PlaneCurve, view: View) -> Region:
     """The areas, lines and bars of a curve.
 
     Across a narrow gap the intervals of both sides go on to its middle. What only one side has there ends in a line across x,
     unless other intervals may be missing: an interval that is not known has not ended.
     """
-    places = sorted(curve.columns)
-    chains: list[Chain] = [[(places[0], each)] for each in curve.columns[places[0]][0]]
-    across: list[tuple[Line, bool]] = []
-    growing, bars, alone = chains[:], [], True
-    for gap in pairwise(places):
-        (left, right), state = gap, curve.gaps.get(gap, UNDECIDED)
-        (before, *less), (after, *more) = curve.columns[left], curve.columns[right]
-        if state == KNOWN:
-            for chain, interval in zip(growing, after, strict=True):
-                chain.append((right, interval))
-        else:
-            (middle,) = view.between(left, right, 2) if state == NARROW else (right,)
-            if state == NARROW:
-                for chain, interval in zip(growing, before, strict=True):
-                    chain.append((middle, interval))
-                across += [] if any(less + more) else _jumps(middle, before, after)
-            else:
-                bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
-            growing = [[(middle, each), *([(right, each)] if state == NARROW else [])] for each in after]
-            chains += growing
-        alone = state != UNDECIDED
-    if len(places) == 1:
-        bars = [(places[0], each) for each in curve.columns[places[0]][0]]
+    chains, across, bars = _followed(curve, view)
     edges = [*across, *(edge for chain in chains for edge in _edges(chain))]
-    gaps = [(*gap, -np.inf, np.inf) for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
-    # Columns that are known in part, half way to their neighbours.
-    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
-    cells = zip(places, [places[0], *middles], [*middles, places[-1]], strict=True)
-    half_known = [(left, right, *span) for x, left, right in cells for span in curve.columns[x][1]]
     return Region(
         areas=[_outline(chain) for chain in chains if len(chain) > 1],
-        unproved=[_outline(part) for chain in chains for part in _unproved(chain)],
+        unproved=[_outline(piece) for chain in chains for piece in _unproved(chain)],
         certain=_joined([line for line, certified in edges if certified]),
         doubtful=_joined([line for line, certified in edges if not certified]),
         felt=_joined([line for chain in chains for line in _felt(chain)]),
         bars=bars,
-        unknown=[*half_known, *gaps],
+        unknown=_unknown(curve, view),
     )
+
+
+def _followed(curve: PlaneCurve, view: View) -> _Followed:
+    places = sorted(curve.columns)
+    first = [(places[0], interval) for interval in curve.columns[places[0]][0]]
+    if len(places) == 1:
+        return _Followed([[place] for place in first], [], first)
+    chains: list[Chain] = [[place] for place in first]
+    growing, across, bars, alone = chains[:], [], [], True
+    for left, right in pairwise(places):
+        state = curve.gaps.get((left, right), UNDECIDED)
+        (before, open_before), (after, open_after) = curve.columns[left], curve.columns[right]
+        if state == KNOWN:
+            for chain, interval in zip(growing, after, strict=True):
+                chain.append((right, interval))
+        elif state == NARROW:
+            (middle,) = view.between(left, right, 2)
+            for chain, interval in zip(growing, before, strict=True):
+                chain.append((middle, interval))
+            across += [] if open_before or open_after else _jumps(middle, before, after)
+            growing = [[(middle, interval), (right, interval)] for interval in after]
+            chains += growing
+        else:
+            bars += [(left, interval) for interval in before] * alone + [(right, interval) for interval in after]
+            growing = [[(right, interval)] for interval in after]
+            chains += growing
+        alone = state != UNDECIDED
+    return _Followed(chains, across, bars)
+
+
+def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, float]]:
+    """What is not known: columns that are known in part, half way to their neighbours, and gaps where others are known."""
+    places = sorted(curve.columns)
+    middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
+    cells = zip(places, [places[0], *middles], [*middles, places[-1]], strict=True)
+    half_known = [(left, right, *span) for x, left, right in cells for span in curve.columns[x][1]]
+    gaps = [(*gap, -np.inf, np.inf) for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
+    return [*half_known, *gaps]
 
 
 def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
@@ -99,9 +119,11 @@ def _felt(chain: Chain) -> Iterator[Line]:
 
 def _jumps(x: float, before: Sequence[Interval], after: Sequence[Interval]) -> Iterator[tuple[Line, bool]]:
     """Lines across x: down where the left side is stable alone, up where the right side is."""
-    values = sorted({end for each in (*before, *after) for end in (each.low, each.high)})
+    values = sorted({end for interval in (*before, *after) for end in (interval.low, interval.high)})
     for low, high in pairwise(values):
-        left, right = ([each for each in side if each.low <= low and each.high >= high] for side in (before, after))
+        left, right = (
+            [interval for interval in side if interval.low <= low and interval.high >= high] for side in (before, after)
+        )
         if bool(left) != bool(right):
             yield [(x, high), (x, low)] if left else [(x, low), (x, high)], (left or right)[0].certified
 
@@ -122,18 +144,18 @@ def _joined(lines: Sequence[Line]) -> list[Line]:
 
 
 def _outline(chain: Chain) -> Line:
-    return [(x, each.high) for x, each in chain] + [(x, each.low) for x, each in reversed(chain)]
+    return [(x, interval.high) for x, interval in chain] + [(x, interval.low) for x, interval in reversed(chain)]
 
 
 def _unproved(chain: Chain) -> Iterator[Chain]:
     """The parts of a chain between columns of which one at least is not certified there."""
-    part: Chain = []
-    for one, other in pairwise(chain):
-        if one[1].certified and other[1].certified:
-            if part:
-                yield part
-            part = []
+    piece: Chain = []
+    for before, after in pairwise(chain):
+        if before[1].certified and after[1].certified:
+            if piece:
+                yield piece
+            piece = []
         else:
-            part = [*(part or [one]), other]
-    if part:
-        yield part
+            piece = [*(piece or [before]), after]
+    if piece:
+        yield piece

@@ -50,10 +50,10 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
 
-    whole = [(left, right) for left, right, low, _ in region.unknown if np.isinf(low)]
-    for cell in whole:
+    unknown = [(left, right) for left, right, low, _ in region.unknown if np.isinf(low)]
+    for cell in unknown:
         axes.axvspan(*cell, **UNKNOWN)
-    if whole:  # no hatching under what is known
+    if unknown:  # no hatching under what is known
         axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
     places = [[(a, low), (b, low), (b, high), (a, high)] for a, b, low, high in region.unknown if not np.isinf(low)]
     if places:
@@ -97,15 +97,15 @@ def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | No
     An end of the swept range has none. span: that range, of intervals whose ends do not say whether the range has set them.
     """
     place = {"transform": at.place(axes)}
-    seen = _SEEN * (span[1] - span[0]) if span else 0.0
+    least = _SEEN * (span[1] - span[0]) if span else 0.0
     for certified, colour in ((True, look.colour), (False, DOUBTFUL)):
-        chosen = [(x, each) for x, each in bars if each.certified == certified]
+        chosen = [(x, interval) for x, interval in bars if interval.certified == certified]
         if chosen:
-            spans = np.array([(x, each.low, each.high) for x, each in chosen]).T
+            spans = np.array([(x, interval.low, interval.high) for x, interval in chosen]).T
             body = at.body(colour) if certified else {"colors": [colour], "linewidths": 0.8, "linestyles": "--"}
             axes.vlines(*spans, **body, **place)
-        ends = [(x, e.low) for x, e in chosen if e.low_real and not (span and e.low - span[0] <= seen)]
-        ends += [(x, e.high) for x, e in chosen if e.high_real and not (span and span[1] - e.high <= seen)]
+        ends = [(x, e.low) for x, e in chosen if e.low_real and not (span and e.low - span[0] <= least)]
+        ends += [(x, e.high) for x, e in chosen if e.high_real and not (span and span[1] - e.high <= least)]
         if ends:
             size = max(4.0, at.width + 2)
             axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=size, clip_on=False, **place)
@@ -113,7 +113,7 @@ def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | No
 
 def draw_unknown_at_values(axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, at: Bars) -> None:
     """Draw what is not known at values of x alone, (x, from, to), as ladders there, if it can be seen in the span."""
-    open_parts = [each for each in open_parts if each[2] - each[1] > _SEEN * (span[1] - span[0])]
+    open_parts = [open_part for open_part in open_parts if open_part[2] - open_part[1] > _SEEN * (span[1] - span[0])]
     if open_parts:
         rung = 1 / max(at.width, 1.0)  # a dash is measured in widths
         ladder = {"colors": UNKNOWN["edgecolor"], "linewidths": max(at.width, 2.0), "linestyles": [(0, (rung, 2 * rung))]}
@@ -124,7 +124,7 @@ def draw_felt(axes: Any, region: Region, look: Look) -> None:
     """Draw the stiffness that the hand feels at the upper ends, if these are limits and not ends of the range."""
     for line in region.felt:
         axes.plot(*zip(*line, strict=True), color=look.colour, linewidth=0.8, linestyle=FELT_LINE, label=FELT)
-    single = [(x, each.felt_high) for x, each in region.bars if each.high_real]
+    single = [(x, interval.felt_high) for x, interval in region.bars if interval.high_real]
     if single:
         axes.plot(*zip(*single, strict=True), "v", color=look.colour, markersize=2.5, label=FELT)
 
@@ -158,10 +158,10 @@ def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, spa
             if high - low > _SEEN * (span[1] - span[0]):
                 axes.barh(place, high - low, left=low, height=2 * half, **UNKNOWN)
     for name, caret in (("fails_below", LEFT), ("fails_from", RIGHT)):
-        known = columns[name][np.isfinite(columns[name])]
-        if known.size:  # an empty line that is not clipped takes room below the panel
+        ends = columns[name][np.isfinite(columns[name])]
+        if ends.size:  # an empty line that is not clipped takes room below the panel
             axes.plot(
-                known, np.full(known.size, place - 0.6 * half), marker=caret, clip_on=False, **CARET
+                ends, np.full(ends.size, place - 0.6 * half), marker=caret, clip_on=False, **CARET
             )  # the star has the middle
 
 
@@ -198,5 +198,5 @@ def range_end(columns: Columns, end: str) -> float | None:
         return None
     extreme = columns[end][cut].min() if end == "low" else columns[end][cut].max()
     key = find_key(str(columns["along"][0]))
-    own = None if key is None else key.low if end == "low" else key.high  # a number of a drawn loop has no end
-    return None if own is not None and float(extreme) == own else float(extreme)
+    limit = None if key is None else key.low if end == "low" else key.high  # a number of a drawn loop has no end
+    return None if limit is not None and float(extreme) == limit else float(extreme)

@@ -102,8 +102,8 @@ def _shown(table, facts, say) -> tuple[Columns, str]:
 
 def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, facts: Mapping[str, Any]) -> Any:
     """The figure of the curves of a table."""
-    one = len(np.unique(columns["frequency_hz"])) == 1
-    x = next(iter(_swept(columns)), "frequency_hz") if one else "frequency_hz"  # or the longest axis
+    single = len(np.unique(columns["frequency_hz"])) == 1
+    x = next(iter(_swept(columns)), "frequency_hz") if single else "frequency_hz"  # or the longest axis
     curves, scale = _curves(columns, x, facts)
     place = "" if x == "frequency_hz" else f"At {columns['frequency_hz'][0]:g} Hz."
     return draw_curves(curves, quantities, x, facts, scale, (place, left_out, assumption(facts)))
@@ -121,10 +121,10 @@ def draw_curves(
 
     scale: of the colours of many curves, and the axis that it is for.
     """
-    specs = dict.fromkeys(each for curve in curves for each in curve.rows["spec"].tolist())
-    marks = [each.responses(facts, specs if x == "frequency_hz" else ()) for each in modules("marks")]
+    specs = dict.fromkeys(name for curve in curves for name in curve.rows["spec"].tolist())
+    marks = [module.responses(facts, specs if x == "frequency_hz" else ()) for module in modules("marks")]
     named = [curve.label for curve in curves if curve.label]
-    words = [*named, *(spec for each in marks for spec in each.colours), NYQUIST.format(1e3) if x == "frequency_hz" else ""]
+    words = [*named, *(spec for mark in marks for spec in mark.colours), NYQUIST.format(1e3) if x == "frequency_hz" else ""]
     in_a_row = fitting(words, wide(TWO_COLUMNS))
     across = 1 if is_narrow() else min(2, len(quantities))
     shape = 2 * -(-len(quantities) // across), across
@@ -135,10 +135,10 @@ def draw_curves(
         for axes in pairs[len(quantities) :].ravel():
             axes.set_visible(False)
         for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=False)):
-            own = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
-            for axes, part, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
-                name = f"{quantity.stem}_{part}"
-                too_fast |= _draw_panel(axes, own, name, x, [each.draw(axes, name) for each in marks])
+            of_quantity = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
+            for axes, suffix, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
+                name = f"{quantity.stem}_{suffix}"
+                too_fast |= _draw_panel(axes, of_quantity, name, x, [mark.draw(axes, name) for mark in marks])
                 axes.set_ylabel(title)
                 if x == "frequency_hz":
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
@@ -172,12 +172,12 @@ def _jumps(degrees: np.ndarray) -> np.ndarray:
 def continued(degrees: np.ndarray) -> np.ndarray:
     """A phase that goes on at 180 degrees; NaN from where its samples do not tell any more how often it turns."""
     degrees = degrees.astype(float)
-    known = np.flatnonzero(~np.isnan(degrees))
-    steps = (np.diff(degrees[known]) + 180) % 360 - 180
+    places = np.flatnonzero(~np.isnan(degrees))
+    steps = (np.diff(degrees[places]) + 180) % 360 - 180
     sizes = np.pad(np.abs(steps), 1)
     fast = np.flatnonzero((sizes[1:-1] > _TURN) & (np.maximum(sizes[:-2], sizes[2:]) > _BESIDE))
-    degrees[known[1:]] = degrees[known[:1]] + np.cumsum(steps)
-    degrees[known[fast[0] + 1] if fast.size else degrees.size :] = np.nan
+    degrees[places[1:]] = degrees[places[:1]] + np.cumsum(steps)
+    degrees[places[fast[0] + 1] if fast.size else degrees.size :] = np.nan
     return degrees
 
 
@@ -192,7 +192,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     ordered = [where(curve.rows, np.argsort(curve.rows[x], kind="stable")) for curve in curves]
     phase, too_fast = name.endswith("_deg"), False
-    goes_on = phase and x == "frequency_hz" and not any(each.size for each in marked)
+    goes_on = phase and x == "frequency_hz" and not any(mark.size for mark in marked)
     goes_on = goes_on and any(_jumps(rows[name]).size > _WRAPS for rows in ordered)
     for curve, rows in zip(curves, ordered, strict=True):
         quantity = name.partition("_")[0]
@@ -204,8 +204,8 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
         if phase and not goes_on:  # no line is drawn across the panel where a phase wraps
             jumps = _jumps(line[1]) + 1
             line = np.insert(line[0].astype(float), jumps, np.nan), np.insert(line[1], jumps, np.nan)
-        known = np.pad(~np.isnan(line[1]), 1)
-        alone = np.flatnonzero(known[1:-1] & ~known[:-2] & ~known[2:]).tolist()  # no line joins these with others
+        is_known = np.pad(~np.isnan(line[1]), 1)
+        alone = np.flatnonzero(is_known[1:-1] & ~is_known[:-2] & ~is_known[2:]).tolist()  # no line joins these with others
         edge = {"color": curve.style["color"]}
         marked = "marker" in curve.style
         style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
@@ -243,11 +243,11 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
     """The curves and, if they are many, the axis that the scale of colours is for, and the scale."""
     axes = [name for name in _swept(columns) if name != x]
     specs = list(dict.fromkeys(columns["spec"].tolist()))
-    found = [_responses(where(columns, columns["spec"] == spec), axes, facts) for spec in specs]
-    several = len(axes) > 0 and sum(map(len, found)) > _MOST_CURVES
+    by_spec = [_responses(where(columns, columns["spec"] == spec), axes, facts) for spec in specs]
+    several = len(axes) > 0 and sum(map(len, by_spec)) > _MOST_CURVES
     scale = _scale(columns[axes[0]]) if several else None
     curves = []
-    for index, (spec, responses) in enumerate(zip(specs, found, strict=True)):
+    for index, (spec, responses) in enumerate(zip(specs, by_spec, strict=True)):
         looks = family_looks(len(responses)) if len(responses) > 1 else [distinct_look(index)]
         named: set[str] = set()
         for (place, rows), look in zip(responses, looks, strict=True):
@@ -257,8 +257,8 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
                 style |= {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5}
             style |= {"linewidth": 0.8} if scale is not None else {}
             shown = place if len(responses) > 1 and scale is None else ""
-            for part in _by_stability(rows) if x != "frequency_hz" else [rows]:
-                curve = _curve(part, spec, shown, style)
+            for piece in _by_stability(rows) if x != "frequency_hz" else [rows]:
+                curve = _curve(piece, spec, shown, style)
                 curves.append(replace(curve, label="") if curve.label in named else curve)
                 named.add(curve.label)
     return curves, None if scale is None else (axes[0], scale)
@@ -268,23 +268,23 @@ def _scale(values: np.ndarray) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm, Normalize
 
-    known = values[~np.isnan(values)]
-    norm = LogNorm if goes_by_factors(known[known > 0]) and known.min() > 0 else Normalize
-    return ScalarMappable(norm(float(known.min()), float(known.max())), family_map())
+    finite = values[~np.isnan(values)]
+    norm = LogNorm if goes_by_factors(finite[finite > 0]) and finite.min() > 0 else Normalize
+    return ScalarMappable(norm(float(finite.min()), float(finite.max())), family_map())
 
 
 def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Return the rows of each combination of the axes, with its name; rows that an ignored axis repeats count once."""
     values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
     values = np.where(np.isnan(values), np.inf, values)  # an axis of other specs; NaN would not be equal to itself
-    different, which = np.unique(values, axis=0, return_inverse=True)
-    found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
+    different, number_of = np.unique(values, axis=0, return_inverse=True)
+    responses: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
     for number, combination in enumerate(different):
-        rows = where(columns, which.reshape(-1) == number)
-        known = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
-        place = ", ".join(valued(name, value, facts) for name, value in known)
-        found.setdefault(b"".join(rows[name].tobytes() for name in rows if name.endswith("_re")), (place, rows))
-    return list(found.values())
+        rows = where(columns, number_of.reshape(-1) == number)
+        places = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
+        place = ", ".join(valued(name, value, facts) for name, value in places)
+        responses.setdefault(b"".join(rows[name].tobytes() for name in rows if name.endswith("_re")), (place, rows))
+    return list(responses.values())
 
 
 def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:

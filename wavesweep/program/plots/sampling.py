@@ -66,9 +66,9 @@ def shown_curves(table: Columns | Blocks) -> tuple[Columns, str]:
 def _few(values: Values, along: str, most: int) -> dict[str, tuple[float, ...]]:
     """The values that are shown of each axis with too many: `most` combinations, in equal shares of the axes."""
     few, left = {}, most
-    others = sorted((name for name in values if name != along), key=lambda name: len(values[name]))
-    for number, name in enumerate(others):
-        share = max(1, int(left ** (1 / (len(others) - number)) + 1e-9))
+    other_axes = sorted((name for name in values if name != along), key=lambda name: len(values[name]))
+    for number, name in enumerate(other_axes):
+        share = max(1, int(left ** (1 / (len(other_axes) - number)) + 1e-9))
         if len(values[name]) > share:
             few[name] = evenly(values, name, share)
         left = max(1, left // min(len(values[name]), share))
@@ -86,7 +86,7 @@ def shown_loops(table: Columns | Blocks) -> tuple[Columns, Mapping[str, tuple[fl
     for block in blocks():
         note_values(values, block, "channel_norm")
         sizes.append(len(block["channel_norm"]))
-    several = {name: tuple(each.tolist()) for name, each in values.items() if len(each) > 1}
+    several = {name: tuple(array.tolist()) for name, array in values.items() if len(array) > 1}
     x = along_the_figure(several)
     if x is None:  # axes that have one value, or that are not read, repeat nothing here: a row is a dot
         rows, before = sum(sizes), accumulate(sizes, initial=0)
@@ -109,9 +109,9 @@ def extremes(times: np.ndarray, values: np.ndarray, most: int = POINTS_OF_A_LINE
     size = -(-len(values) // (most // 2))
     if size <= 2:
         return times, values
-    whole = len(values) // size * size
-    blocks = values[:whole].reshape(-1, size)
+    complete = len(values) // size * size
+    blocks = values[:complete].reshape(-1, size)
     ends = np.sort(np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)], axis=1), axis=1)
-    kept = (ends + size * np.arange(len(blocks))[:, None]).ravel()
-    kept = np.append(kept, np.arange(whole, len(values)))
-    return times[kept], values[kept]
+    places = (ends + size * np.arange(len(blocks))[:, None]).ravel()
+    places = np.append(places, np.arange(complete, len(values)))
+    return times[places], values[places]

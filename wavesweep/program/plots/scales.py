@@ -70,7 +70,7 @@ def add_decibels(axes: Any) -> None:
     step = next((step for step in (1, 2, 5, 10, 20, 40) if high - low <= 6 * step), 100)
     decibels = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
     right = axes.secondary_yaxis("right")
-    right.set_yticks(10 ** (decibels / 20), [f"{each:g} dB".replace("-", "\N{MINUS SIGN}") for each in decibels])
+    right.set_yticks(10 ** (decibels / 20), [f"{level:g} dB".replace("-", "\N{MINUS SIGN}") for level in decibels])
     right.set_yticks([], minor=True)
 
 

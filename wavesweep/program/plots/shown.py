@@ -34,8 +34,8 @@ class Shown:
         swept = np.array([swept_range({"spec": tables}, self.along) for tables in specs_of(facts).values()])
         self.swept = float(swept[:, 0].min()), float(swept[:, 1].max())
         self.by_factors, self.view = self._limits()
-        self.walls = [each.walls(facts, layout.x, self.along, self.whose == "spec") for each in modules("marks")]
-        self.view = self.view[0], max([self.view[1], *(_ROOM * each.highest(self.swept[1]) for each in self.walls)])
+        self.walls = [marks.walls(facts, layout.x, self.along, self.whose == "spec") for marks in modules("marks")]
+        self.view = self.view[0], max([self.view[1], *(_ROOM * marks.highest(self.swept[1]) for marks in self.walls)])
         self.span = max(self.view[0], self.swept[0]), min(self.view[1], self.swept[1])
         of_walls = layout.x == "B_VE" and self.along == "K_VE" and self.whose in ("", "spec")
         self.felt = False
@@ -65,20 +65,20 @@ class Shown:
             return [], ""
         bars = layout.bars[0] if layout.x is None else ()
         names = (self.along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)
-        own = {name: spec.own(spec.names.find(name).path) for name in names if name}
-        if None in own.values():  # an edge of a filter's band, from which its order and cutoff follow
+        design = {name: spec.own(spec.names.find(name).path) for name in names if name}
+        if None in design.values():  # an edge of a filter's band, from which its order and cutoff follow
             return [], ""
         shown = {name: (value,) for name, value in layout.fixed.items()}
         shown |= {layout.panels: panels, layout.family: layout.members} | (layout.beside if layout.x is None else {})
-        away = [name for name, values in shown.items() if name and own[name] not in values]
+        away = [name for name, values in shown.items() if name and design[name] not in values]
         spans = {self.along: (max(self.swept[0], self.view[0]), min(self.swept[1], self.view[1]))}
         spans |= {layout.x: (layout.points[0], layout.points[-1])} if layout.x else {}
-        away += [name for name, (low, high) in spans.items() if not low <= own[name] <= high]
+        away += [name for name, (low, high) in spans.items() if not low <= design[name] <= high]
         if away:
-            return [], f"Not shown: the nominal design, with {valued(away[0], own[away[0]], self.facts)}."
+            return [], f"Not shown: the nominal design, with {valued(away[0], design[away[0]], self.facts)}."
         if layout.x is None:
-            return [(own[self.along], layout.bars.index({name: own[name] for name in bars}))], ""
-        return [(own[layout.x], own[self.along])], ""
+            return [(design[self.along], layout.bars.index({name: design[name] for name in bars}))], ""
+        return [(design[layout.x], design[self.along])], ""
 
     def _limits(self) -> tuple[bool, tuple[float, float]]:
         """Whether a scale of factors shows the limits, most of which an even one would squeeze into its lowest part, and the

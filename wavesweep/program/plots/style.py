@@ -83,8 +83,8 @@ def drawn_into(ax: Any, draw: Callable[[], Any]) -> Any:
     """
     if ax is None:
         return draw()
-    part = hasattr(ax, "add_subfigure")
-    if not part and (not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None):
+    is_figure = hasattr(ax, "add_subfigure")
+    if not is_figure and (not hasattr(ax, "get_subplotspec") or ax.get_subplotspec() is None):
         raise UsageError(f"ax: expected axes of a grid, as matplotlib.pyplot.subplots gives them, found {ax!r:.60}")
     before = _INTO.set(ax)
     try:
@@ -105,14 +105,17 @@ def figure(width: float, height: float) -> Iterator[Any]:
     from matplotlib.figure import Figure
 
     with style():
-        if (part := _INTO.get()) is not None:
-            if not hasattr(part, "add_subfigure"):
-                part.set_axis_off()
-                part = part.figure.add_subfigure(part.get_subplotspec())
+        if (place := _INTO.get()) is not None:
+            if not hasattr(place, "add_subfigure"):
+                place.set_axis_off()
+                place = place.figure.add_subfigure(place.get_subplotspec())
             # A part lacks some methods of a figure: its size and layout are those of the whole.
-            part.get_figwidth, part.get_figheight = (lambda: part.bbox.width / part.dpi), (lambda: part.bbox.height / part.dpi)
-            part.set_figheight = part.set_layout_engine = lambda *_: None
-            yield part
+            place.get_figwidth, place.get_figheight = (
+                (lambda: place.bbox.width / place.dpi),
+                (lambda: place.bbox.height / place.dpi),
+            )
+            place.set_figheight = place.set_layout_engine = lambda *_: None
+            yield place
             return
         height *= max(1.0, wide(width) / width) ** 0.5
         canvas = Figure(figsize=(wide(width), height), dpi=DOTS_PER_INCH, layout="constrained")
@@ -188,7 +191,7 @@ def _closest(panels: Sequence[Any]) -> float:
     """The least distance (pixels) between the numbers below a panel and those below the next one beside it; else infinite."""
     spans = []
     for axes in panels:
-        boxes = [each.get_window_extent() for each in axes.get_xticklabels() if each.get_visible() and each.get_text()]
+        boxes = [text.get_window_extent() for text in axes.get_xticklabels() if text.get_visible() and text.get_text()]
         boxes = [box for box in boxes if axes.bbox.x0 - 1 <= (box.x0 + box.x1) / 2 <= axes.bbox.x1 + 1]
         spans += [(axes.bbox.y0, axes.bbox.x0, min(box.x0 for box in boxes), max(box.x1 for box in boxes))] if boxes else []
     pairs = product(spans, repeat=2)
@@ -199,8 +202,8 @@ def _cut_off(axes: Any) -> bool:
     """Whether the name of a panel's axis sticks out, as the panel's new size has given it wider numbers; these stay then."""
     out = bool(axes.get_ylabel()) and bool(axes.yaxis.label.get_window_extent().x0 < 0)
     if out:
-        for each in axes.figure.axes:
-            each.set_yticks([tick for tick in each.get_yticks() if min(each.get_ylim()) <= tick <= max(each.get_ylim())])
+        for panel in axes.figure.axes:
+            panel.set_yticks([tick for tick in panel.get_yticks() if min(panel.get_ylim()) <= tick <= max(panel.get_ylim())])
     return out
 
 
@@ -227,7 +230,7 @@ def paler(colour: Any, share: float) -> tuple[float, ...]:
     """The colour that shows if this share of it covers white. No part of a figure is transparent, as EPS has none."""
     from matplotlib.colors import to_rgb
 
-    return tuple(1 - share * (1 - part) for part in to_rgb(colour))
+    return tuple(1 - share * (1 - channel) for channel in to_rgb(colour))
 
 
 def family_looks(number: int) -> list[Look]:
@@ -265,7 +268,7 @@ def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
     from textwrap import wrap
 
     width = int(NOTE * canvas.get_figwidth())
-    lines = [line for text in sentences for part in text.splitlines() for line in wrap(part, width)]
+    lines = [line for text in sentences for paragraph in text.splitlines() for line in wrap(paragraph, width)]
     if axis or lines:
         lines = [axis, *([""] if lines else []), *lines] if axis else lines
         canvas.set_figheight(canvas.get_figheight() + 0.12 * (len(lines) - bool(axis)))
