@@ -23,7 +23,8 @@ def with_displacements(drawn: MultirateLoop, drift: MarginalModes) -> tuple[Mult
         source = sums.get(f"{name}.u", {})
         mass, _, port = next(iter(source), "").rpartition(".")
         state = f"{name}.u1"
-        if not _is_difference(scheduled) or len(source) != 1 or state in leads or not _is_mass(placed.get(mass), port):
+        of_mass = mass in placed and placed[mass].every == 1 and placed[mass].block.states == ("v", "x") and port == "x"
+        if not (of_mass and _is_difference(scheduled) and len(source) == 1 and state not in leads):
             continue
         placed[mass] = replace(placed[mass], block=_with_displacement(placed[mass].block))
         block = scheduled.block
@@ -40,10 +41,6 @@ def _is_difference(scheduled):
     if block.states != ("u1",) or scheduled.every != 1 or not block.E.shape[-2:] == block.B.shape[-2:] == (1, 1):
         return False
     return bool(np.all(block.E == -1) and np.all(block.B == 1) and np.all(block.C == -block.D))
-
-
-def _is_mass(scheduled, port):
-    return scheduled is not None and scheduled.every == 1 and scheduled.block.states == ("v", "x") and port == "x"
 
 
 def _with_displacement(block):

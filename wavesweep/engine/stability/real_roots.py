@@ -75,7 +75,11 @@ def by_discs(coefficients, noise) -> Roots:
         (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise)
         for side, end in zip((1, -1), at_ends(coefficients), strict=True)
     ]
-    slope_sign = _slope_sign(coefficients, roots)
+    # The sign of the derivative at simple real roots, also if other roots are not proved: that of `lead prod (x_i - x_j)`.
+    apart, index = roots[:, :, None] - roots[:, None, :], np.arange(roots.shape[1])
+    apart[:, index, index] = 1.0
+    size = np.abs(apart)
+    slope_sign = np.sign(coefficients[:, -1:] * (apart / np.where(size > 0, size, 1)).prod(-1).real)
     return Roots(roots.real, radius, inside, slope_sign, none.at_one, none.at_minus_one, proved, *open_)
 
 
@@ -177,15 +181,3 @@ def _discs(coefficients, roots, bound):
         radius = share / (0.5 / (n - 1) + 0.5 * share / share.sum(-1, keepdims=True))
     apart[:, index, index] = np.inf
     return radius, apart
-
-
-def _slope_sign(coefficients, roots):
-    """Return the sign of the derivative at simple real roots, even if other roots are unproved.
-
-    It is that of `lead prod (x_i - x_j)`.
-    """
-    apart = roots[:, :, None] - roots[:, None, :]
-    index = np.arange(roots.shape[1])
-    apart[:, index, index] = 1.0
-    size = np.abs(apart)
-    return np.sign(coefficients[:, -1:] * (apart / np.where(size > 0, size, 1)).prod(-1).real)
