@@ -13,7 +13,7 @@ from scipy.signal import cont2discrete
 from support.drawn import ARM
 
 from wavesweep import UsageError, load
-from wavesweep.engine.stability.certificate import words
+from wavesweep.engine.doubts import words
 from wavesweep.margins.broken_loops import broken_at, cuts_of
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.program.api import compile as compiled

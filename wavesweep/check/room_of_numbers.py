@@ -5,10 +5,10 @@ from operator import and_, ne, or_
 
 import numpy as np
 
+from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.search.interval_records import open_places
-from wavesweep.engine.stability.certificate import words
 from wavesweep.engine.stability.radii import radii_of
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over, searches_of
 from wavesweep.program.analyses.own_design import searched

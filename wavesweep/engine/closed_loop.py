@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.energy.lifted_map import TickMaps, damping_peak, squared_norm
 from wavesweep.engine.errors import UsageError
@@ -25,7 +26,6 @@ from wavesweep.engine.response.port import Port
 from wavesweep.engine.response.steady import transfer
 from wavesweep.engine.search.interval_search import Search, Searches
 from wavesweep.engine.search.question import Prover
-from wavesweep.engine.stability.certificate import words
 from wavesweep.engine.stability.modes import certain_modes, named_modes
 from wavesweep.engine.stability.radii import drift_of, frames_with_reliability, named_loops, radii_of
 from wavesweep.engine.stability.spectrum import count_outside, damping_ratio, is_stable

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Doubt(NamedTuple):
@@ -70,3 +70,10 @@ DOUBTS_OF: Mapping[str, tuple[str, ...]] = MappingProxyType(
 """The words that columns can have, by the name that a columns.csv has for them."""
 INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
 """If a row has one of these, part of its range may be neither known to be stable nor known to be unstable."""
+
+
+def words(codes: Any) -> Any:
+    """Return the words of numeric `codes` as an array of objects."""
+    import numpy as np
+
+    return np.array(list(DOUBTS), dtype=object)[np.asarray(codes, int)]

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.key import RATIO
-from wavesweep.engine.stability.certificate import words
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, from_spec, plain

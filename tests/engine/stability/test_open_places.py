@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.search.intervals_of_slices import common
 from wavesweep.engine.stability import along_any
 from wavesweep.engine.stability.certificate import COUNTS, CROWDED
-from wavesweep.engine.stability.intervals import in_rows, intervals_of, joined, without_seams
+from wavesweep.engine.stability.intervals import common, in_rows, intervals_of, joined, without_seams
 from wavesweep.engine.stability.regions import Regions
 from wavesweep.program import plots, results
 from wavesweep.program.cli.entry import main

@@ -5,9 +5,8 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.search.intervals_of_slices import common
 from wavesweep.engine.search.subloops import subloops
-from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.intervals import Intervals, common
 from wavesweep.program.spec import load
 
 

@@ -13,9 +13,8 @@ from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.loops.batch import Loops, distinct_rows
 from wavesweep.engine.loops.dead_time import breaks, structure, timing
 from wavesweep.engine.search.interval_records import records_of
-from wavesweep.engine.search.intervals_of_slices import by_slice
 from wavesweep.engine.search.question import Question, Rest, Slices
-from wavesweep.engine.stability.intervals import Intervals, joined, without_seams
+from wavesweep.engine.stability.intervals import Intervals, by_slice, joined, without_seams
 from wavesweep.engine.stability.radii import drift_of
 
 LEAST_WORK = 1000  # of a piece of a range, in squares of states: some 60 ms

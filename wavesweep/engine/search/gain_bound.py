@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.search.intervals_of_slices import common
 from wavesweep.engine.search.question import Question, Rest, Slices
-from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.intervals import Intervals, common
 
 
 def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001

@@ -26,10 +26,9 @@ from wavesweep.engine.search import (
 )
 from wavesweep.engine.search.at_ends import felt_along, felt_at_ends, lines_at_ends, stiffness_at_ends
 from wavesweep.engine.search.interval_records import FAILURES, FELT, LINES, RECORD, records_of, unanswered
-from wavesweep.engine.search.intervals_of_slices import by_slice
 from wavesweep.engine.search.open_loops import Opened, varied_beside
 from wavesweep.engine.search.question import Prover, Question, RequiredRegion, Slices
-from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.intervals import Intervals, by_slice
 
 # Each has `applies(question, slices)` and `find(question, slices, rest)`; what it proves stands at its head.
 METHODS = (dead_time_pieces, gain_bound, subloops, required_region, one_gain, long_dead_times, dominance)

@@ -6,10 +6,9 @@ anywhere in the piece, so that all of it is stable, or none; columns in which th
 
 import numpy as np
 
-from wavesweep.engine.search.intervals_of_slices import in_place
 from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.certificate import NONE
-from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.intervals import Intervals, in_place
 
 
 def applies(question: Question, slices: Slices) -> bool:

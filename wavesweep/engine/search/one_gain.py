@@ -10,11 +10,10 @@ import numpy as np
 
 from wavesweep.engine.monodromy.cut import FIRST, SECOND
 from wavesweep.engine.rows import different
-from wavesweep.engine.search.intervals_of_slices import by_slice, in_place
 from wavesweep.engine.search.open_loops import Opened, by_zeros
 from wavesweep.engine.search.question import Question, RequiredRegion, Rest, Slices
 from wavesweep.engine.stability.certificate import NONE
-from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.intervals import Intervals, by_slice, in_place
 from wavesweep.engine.stability.stable import stable_intervals
 
 

@@ -6,9 +6,8 @@ the other methods, and both hold where the intervals have values in common.
 
 from dataclasses import replace
 
-from wavesweep.engine.search.intervals_of_slices import common
 from wavesweep.engine.search.question import Question, Rest, Slices
-from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.intervals import Intervals, common
 
 
 def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001

@@ -18,10 +18,9 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.domain import domains
 from wavesweep.engine.loops.values import numbers_of, values_of
-from wavesweep.engine.search.intervals_of_slices import common
 from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.search.question import Question, Rest, Slices
-from wavesweep.engine.stability.intervals import Intervals
+from wavesweep.engine.stability.intervals import Intervals, common
 from wavesweep.engine.stability.radii import drift_of
 
 

@@ -9,6 +9,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from wavesweep.capabilities import modules
+from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loops.batch import Loops, items_of
@@ -17,7 +18,6 @@ from wavesweep.engine.loops.domain import domain, unsuitable
 from wavesweep.engine.search.interval_records import FAILURES, RECORD, ends_of
 from wavesweep.engine.search.interval_search import Search, Searches, loop_by_loop
 from wavesweep.engine.search.open_loops import FEW, exact_cut
-from wavesweep.engine.stability.certificate import words
 from wavesweep.engine.stability.radii import drift_of, frames, frames_of
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns
