@@ -11,6 +11,7 @@ wanted is singular. Otherwise it is divided about them, the finer the nearer.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -91,11 +92,10 @@ def over_band(
         certified[at] = sampled.sure & settled & clear
         return [(at[[row]], row, functions) for row in np.flatnonzero(~(settled & clear) & np.isfinite(value[at]))]
 
-    open_ = [(some[[row]], row, ()) for row in range(some.size)]
     for count in PIECES:
-        edges, some = np.linspace(*ends, count + 1), [at for at, *_ in open_]
-        batches = np.array_split(np.concatenate(some), len(some) * count // 4096 + 1) if some else ()
-        open_ = [band for batch in batches for band in look(edges, batch)]
+        edges, batches = np.linspace(*ends, count + 1), np.array_split(some, len(some) * count // 4096 + 1)
+        open_ = [*chain.from_iterable(look(edges, batch) for batch in batches if batch.size)]
+        some = np.array([at[0] for at, *_ in open_], int)
     for _ in range(ROUNDS):
         before, open_ = open_, []
         for at, row, functions in before:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,16 +67,7 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
     design = spec.design
     _, violation = judged(design, records)
     at = int(np.argmin(violation))
-    misses = []
-    for wish in design.wishes:
-        value = records[wish.name][at]
-        said = "not known" if np.isnan(value) else f"{value:.6g} {units[wish.name]}".removesuffix(" 1").rstrip()
-        if wish.bound is not None:
-            said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
-        if not (np.isnan(value) or records[f"{wish.name}_certified"][at]):
-            said += ", not certified"
-        place = described(scenarios, int(records[f"{wish.name}_scenario"][at]))
-        misses.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
+    misses = [_nearest(wish, records[at], scenarios, units[wish.name]) for wish in design.wishes]
     against = _against(design, records)
     bounded = any(wish.bound is not None for wish in design.wishes)
     missing = any(bool(_missing(wish, records)[at]) for wish in design.wishes)
@@ -83,6 +75,17 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
     loop = "that is unstable or not proved for all of [for_all]" if spec.for_all else "that is unstable"
     why = f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so" if missing else ""
     return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(misses)}{against}{why}"
+
+
+def _nearest(wish, record, scenarios, unit):
+    """The value of a wish in the nearest design, with its bound and the scenario that sets it."""
+    value, bound, place = record[wish.name], "", ""
+    said = "not known" if np.isnan(value) else f"{value:.6g} {unit}".removesuffix(" 1").rstrip()
+    if wish.bound is not None:
+        bound = f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
+        place = described(scenarios, int(record[f"{wish.name}_scenario"]))
+    doubt = "" if np.isnan(value) or record[f"{wish.name}_certified"] else ", not certified"
+    return f"{wish.name} {said}{bound}{doubt}{f' with {place}' if place else ''}"
 
 
 def _against(design, records):
@@ -113,37 +116,49 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     but for ratios, which no [sweep] has, and for what [for_all] has, which it keeps. It sweeps no number that the search chose,
     but for the one that a drawn loop is looked along, and keeps the experiment of [simulate].
     """
-    design = spec.design
-    tables = spec.with_values({axis.name: row[axis.name] for axis in design.vary}).tables()
-    walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
-    varied = {axis.path for axis in design.vary} - {axis.path for axis in spec.sweep if axis.name == spec.along}
-    left_out = {axis.name for axis in spec.sweep if axis.path in varied}
-    sweep = {name: value for name, value in tables["sweep"].items() if name not in left_out}
-    if spec.wall:
-        names = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
-        damping = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
-        sweep = {"along": names[0], names[0]: {"start": 0.0, "stop": stop}, names[1]: list(damping)}
-    of_all = {axis.path for axis in spec.for_all.axes} if spec.for_all else set()
-    held = {name_of(axis.path): list(axis.values) for axis in design.for_all if axis.path not in of_all}
-    held |= {f"operator.{key}": list(values) for key, values in design.hand.items()}
-    # What sets the worst may lie between the values that the spec lists.
-    worst = dict(pair.split("=") for pair in str(row.get("z_width_scenario", "")).split(", ") if "=" in pair)
-    held |= {name: sorted({*held[name], type(held[name][0])(float(value))}) for name, value in worst.items() if name in held}
-    swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
-    sweep |= {name: values for name, values in held.items() if name not in swept}
+    tables = spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary}).tables()
+    sweep = _sweep(spec, tables["sweep"], row, stop)
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate", "measured")}
     if spec.simulate:
         tables["simulate"] = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
-    if spec.simulate and spec.simulate["input"] != "record":
-        tables["simulate"] |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
+        if spec.simulate["input"] != "record":
+            tables["simulate"] |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
     said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
     for path in spec.given:
         *_, name, last = path.split(".")
         if last in BAND_EDGES:  # the order and the cutoff follow from them
             tables["filters"][name] = {edge: value for edge, value in tables["filters"][name].items() if edge in BAND_EDGES}
-    ratios = ", ".join(f"{number}/{reference}" for number, reference, _ in design.ratios)
-    left = f"# No [sweep] has the ratios that it holds for: {ratios}.\n" if ratios else ""
+    ratios = ", ".join(f"{number}/{reference}" for number, reference, _ in spec.design.ratios)
+    left = f"# No [sweep] has the ratios that it holds for: {ratios}.\n" * bool(ratios)
     return f"{HEADER}{said}, at their worst.\n{left}{as_toml(tables | {'sweep': sweep})}"
+
+
+def _sweep(spec: Spec, searched: Mapping[str, Any], row: Mapping[str, object], stop: float) -> dict[str, Any]:
+    """The [sweep] of a design, over everything that it holds for; searched: that of the spec."""
+    design = spec.design
+    walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
+    varied = {axis.path for axis in design.vary} - {axis.path for axis in spec.sweep if axis.name == spec.along}
+    left_out = {axis.name for axis in spec.sweep if axis.path in varied}
+    sweep = {name: value for name, value in searched.items() if name not in left_out}
+    if spec.wall:
+        names = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
+        damping = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
+        sweep = {"along": names[0], names[0]: {"start": 0.0, "stop": stop}, names[1]: list(damping)}
+    swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
+    return sweep | {name: values for name, values in _scenario_axes(spec, row).items() if name not in swept}
+
+
+def _scenario_axes(spec: Spec, row: Mapping[str, object]) -> dict[str, list]:
+    """The numbers of [design.for_all] that [for_all] does not have, with their values."""
+    design = spec.design
+    of_all = {axis.path for axis in spec.for_all.axes} if spec.for_all else set()
+    held = {name_of(axis.path): list(axis.values) for axis in design.for_all if axis.path not in of_all}
+    held |= {f"operator.{key}": list(values) for key, values in design.hand.items()}
+    # What sets the worst may lie between the values that the spec lists.
+    worst = dict(pair.split("=") for pair in str(row.get("z_width_scenario", "")).split(", ") if "=" in pair)
+    return held | {
+        name: sorted({*held[name], type(held[name][0])(float(value))}) for name, value in worst.items() if name in held
+    }
 
 
 def with_best(table: Table, spec: Spec) -> Table:

@@ -140,8 +140,8 @@ def points_of(
     changes = {path: np.asarray(values)[design] for path, values in designs.items()}
     for path in scenarios[0].values:
         changes[path] = np.array([state.values[path] for state in scenarios])[scenario]
-    for place, path in enumerate(walls):
-        changes[path] = np.array([pair[place] for pair in combinations])[wall]
+    for path, values in zip(walls, zip(*combinations, strict=True), strict=True):
+        changes[path] = np.array(values)[wall]
     ties = []
     for path, reference, _ in in_order([(path, other, None) for path, (other, _) in scenarios[0].ratios.items()]):
         factor = np.array([scenario_ratio.ratios[path][1] for scenario_ratio in scenarios])[scenario]

@@ -1,6 +1,6 @@
 """The figure of a design study: the front of two wishes, or a few designs next to the nominal one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """
     wishes, varied = list(facts["spec"]["design"]["wish"]), list(facts["spec"]["design"]["vary"])
     free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
-    x, y = free if len(free) == 2 else [wishes[0], wishes[1] if len(wishes) > 1 else wishes[0]]
+    x, y = free if len(free) == 2 else (wishes * 2)[:2]
     if len(columns[x]) <= _FEW:
         return _draw_few(columns, facts, wishes, varied)
     across = 1 if is_narrow() else min(_ACROSS, len(varied))
@@ -51,7 +51,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Any:
                 panel.set_xlabel(_label(x, facts).rpartition(", ")[0], fontsize=7)
         unknown = [WISHES[name].title for name in (x, y) if nominal.get(name) is None]
         missing = f"The nominal design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable."
-        note_below(canvas, missing if nominal and unknown else "", *_studied(facts), assumption(facts))
+        note_below(canvas, missing * bool(nominal and unknown), *_studied(facts), assumption(facts))
     return canvas
 
 
@@ -105,11 +105,17 @@ def _draw_few(columns: Columns, facts: Mapping[str, Any], wishes: list[str], var
         for place, name in enumerate((*wishes, *varied)):
             axes = canvas.add_subplot(grid[place // across, place % across])
             _draw_values(axes, name, [numbers.get(name) for numbers in designs.values()], looks, facts)
-            axes.set_yticks(range(len(designs)), [*designs] if place % across == 0 else [])
+            axes.set_yticks(range(len(designs)), [*designs] * (place % across == 0))
         if hand:
             _draw_admittances(canvas.add_subplot(grid[-1, :]), spec, designs, varied, looks)
         note_below(canvas, *_studied(facts), assumption(facts))
     return canvas
+
+
+def _listed(name: str, values: Iterable[float], facts: Mapping[str, Any]) -> str:
+    """A number or a ratio of two with its values and unit."""
+    numbers = ", ".join(f"{value:g}" for value in values)
+    return f"{name} = {numbers}" if "/" in name else f"{symbol(name)} = {numbers} {unit(name, facts)}".rstrip()
 
 
 def _studied(facts: Mapping[str, Any]) -> list[str]:
@@ -117,10 +123,6 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
     tables, study = facts["spec"], facts["spec"]["design"]
     wall = tables.get("ports", {}).get("wall") or {"stiffness": "K_VE", "damping": "B_VE"}
     names, environment = {"walls": wall["stiffness"], "B_VE": wall["damping"]}, tables.get("environment", {})
-
-    def said(name: str, values: Any) -> str:
-        return f"{symbol(name)} = {', '.join(f'{each:g}' for each in values)} {unit(name, facts)}".rstrip()
-
     wishes = []
     for name, options_given in study["wish"].items():
         options = WISHES[name].options
@@ -129,18 +131,14 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
             for key, at in names.items()
             if key in options and (key in options_given or at in environment)
         }
-        words = [said(names[key], values) for key, values in walls.items()]
+        words = [_listed(names[key], values, facts) for key, values in walls.items()]
         words += (
             [f"{options_given['band_hz'][0]:g} to {options_given['band_hz'][1]:g} Hz"] if "band_hz" in options_given else []
         )
         wishes += [f"{WISHES[name].title} with {', '.join(words)}"] if words else []
-    axes_values = {name: values for name, values in study.get("for_all", {}).items() if name != "hand"}
-    scenarios = [
-        f"{name} = {', '.join(f'{each:g}' for each in values)}" if "/" in name else said(name, values)
-        for name, values in axes_values.items()
-    ]
-    hand = study.get("for_all", {}).get("hand", {})
-    scenarios += [said(f"operator.{key}", values) for key, values in hand.items()]
+    for_all = study.get("for_all", {})
+    scenarios = [_listed(name, values, facts) for name, values in for_all.items() if name != "hand"]
+    scenarios += [_listed(f"operator.{key}", values, facts) for key, values in for_all.get("hand", {}).items()]
     sentences = "; ".join(wishes), f"worst for {'; '.join(scenarios)}" if scenarios else ""
     return [f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences if sentence]
 

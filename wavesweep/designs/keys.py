@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
@@ -82,29 +83,10 @@ class Design(TableValue):
 
     def refuse_unsuited(self, drawing: Drawing, mistakes: Mistakes) -> None:
         """Add the mistakes of a design of this drawn loop."""
-        ports, wall = {"wall": drawing.wall, "hand": drawing.hand}, {path_of(name): name for name in drawing.wall or ()}
-        drawn_wishes = [name for name, kind in WISHES.items() if kind.ports is not None]
-        faults = []
-        for wish in self.wishes:
-            needed = {*(wish.kind.ports or ()), *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
-            lacking = sorted(f"a loop with a {name} in [ports]" for name in needed if ports[name] is None)
-            expected_words = (
-                [f"one of {', '.join(drawn_wishes)} for a drawn loop"] if wish.name not in drawn_wishes else lacking
-            )
-            faults += [
-                (f"wish.{wish.name}", expected, wish.name if wish.name not in drawn_wishes else "none")
-                for expected in expected_words
-            ]
-        for name in sorted(drawing.shaping & set(wall.values())):
-            faults.append(("wish", "a wall whose numbers do not decide how the loop is built", name))
-        for axis, table in [*((axis, "vary") for axis in self.vary), *((axis, "for_all") for axis in self.for_all)]:
-            expected = ""
-            if axis.path in wall:
-                expected = "a number that is not of the wall (walls belong to the wishes)"
-            elif table == "for_all" and axis.structural and not all(isinstance(value, int) for value in axis.values):
-                expected = "a whole number, or one that does not decide how the loop is built"
-            if expected:
-                mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
+        wall, faults = drawing.wall or (), [*self.unsuited_wishes(drawing)]
+        decides = "a wall whose numbers do not decide how the loop is built"
+        faults += [("wish", decides, name) for name in sorted(drawing.shaping & set(wall))]
+        self.refuse_unsuited_axes(set(map(path_of, wall)), mistakes)
         if self.hand:
             faults.append(("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand"))
         for swept, reference, _ in self.ratios:
@@ -113,6 +95,29 @@ class Design(TableValue):
         for path, expected, problem in faults:
             mistakes.refuse(self.place, f"design.{path}", expected, problem)
 
+    def unsuited_wishes(self, drawing: Drawing) -> Iterator[tuple[str, str, str]]:
+        """Yield key, what is expected and what is there instead for wishes whose ports this drawn loop does not have."""
+        ports = {"wall": drawing.wall, "hand": drawing.hand}
+        drawn_wishes = [name for name, kind in WISHES.items() if kind.ports is not None]
+        for wish in self.wishes:
+            if wish.name not in drawn_wishes:
+                yield f"wish.{wish.name}", f"one of {', '.join(drawn_wishes)} for a drawn loop", wish.name
+                continue
+            needed = {*wish.kind.ports, *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
+            for name in sorted(name for name in needed if ports[name] is None):
+                yield f"wish.{wish.name}", f"a loop with a {name} in [ports]", "none"
+
+    def refuse_unsuited_axes(self, wall: set[str], mistakes: Mistakes) -> None:
+        """Add the mistakes of axes along which a drawn loop cannot be designed; wall: the paths of its wall's numbers."""
+        for axis, table in [*((axis, "vary") for axis in self.vary), *((axis, "for_all") for axis in self.for_all)]:
+            expected = ""
+            if axis.path in wall:
+                expected = "a number that is not of the wall (walls belong to the wishes)"
+            elif table == "for_all" and axis.structural and not all(isinstance(value, int) for value in axis.values):
+                expected = "a whole number, or one that does not decide how the loop is built"
+            if expected:
+                mistakes.refuse(axis.place, f"design.{table}.{axis.name}", expected, axis.name)
+
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
         """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
         ranges = {path: (value, value) for path, value in values.items() if isinstance(value, (int, float))}
@@ -120,9 +125,9 @@ class Design(TableValue):
         ranges |= {f"operator.{key}": (min(values_of_key), max(values_of_key)) for key, values_of_key in self.hand.items()}
         dampings = [damping for wish in self.wishes for damping in wish.options.get("B_VE", ranges["environment.B_VE"])]
         stiffnesses = [wall for wish in self.wishes for wall in wish.options.get("walls", ranges["environment.K_VE"])]
-        searched = (0.0, stop) if any(wish.name in ("z_width", "felt") for wish in self.wishes) else ()
+        stiffnesses += [0.0, stop] if any(wish.name in ("z_width", "felt") for wish in self.wishes) else []
         ranges["environment.B_VE"] = min(dampings), max(dampings)
-        ranges["environment.K_VE"] = tuple(end((*stiffnesses, *searched)) for end in (min, max))
+        ranges["environment.K_VE"] = min(stiffnesses), max(stiffnesses)
         for swept, reference, factors in in_order(self.ratios):
             ranges[swept] = tuple(end(ranges[reference]) * end(factors) for end in (min, max))
             yield Axis(f"{swept}/{reference}", swept, (), *ranges[swept], False, None, self.place)
@@ -214,7 +219,8 @@ class _Reader:
         if len(free) > 2:
             self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
         self.refuse_numbers(for_all, ratios, hand)
-        several = [*(axis.values for axis in for_all), *hand.values(), *(factors for *_, factors in ratios.values())]
+        self.refuse_ratios(ratios)
+        several = [*(axis.values for axis in for_all), *hand.values(), *map(itemgetter(-1), ratios.values())]
         if (scenarios := math.prod(map(len, several))) > MOST_SCENARIOS:
             self.refuse("for_all", f"at most {MOST_SCENARIOS} combinations of values; list fewer", f"{scenarios}")
         names = {path.rpartition(".")[2]: value for path, value in settings.items()}
@@ -289,7 +295,7 @@ class _Reader:
         }
 
     def refuse_numbers(self, axes: Iterable[Axis], ratios: Mapping[str, tuple], hand: Mapping[str, tuple]) -> None:
-        """Refuse numbers of [design.for_all] that it cannot have: walls, those given twice, ratios that lead to no number."""
+        """Refuse numbers of [design.for_all] that it cannot have: walls and those given twice."""
         varied = {self.names.find(name).path for name in self.parts[VARIED]}
         said = dict.fromkeys(varied, "[design.vary]")
         numbers = [(axis.path, axis.name) for axis in axes] + [(f"operator.{key}", f"hand.{key}") for key in hand]
@@ -301,6 +307,9 @@ class _Reader:
                 expected = "a number that is not varied" if path in varied else "each number once"
                 self.refuse(f"for_all.{name}", expected, f"{path}, one of {said[path]}")
             said.setdefault(path, "[design.for_all] already")
+
+    def refuse_ratios(self, ratios: Mapping[str, tuple]) -> None:
+        """Refuse ratios of walls and of whole numbers, and those that lead to no number."""
         leading = in_order(list(ratios.values()))
         for name, ratio in ratios.items():
             if ratio[0] in WALL or self.names.keys[ratio[0]].structural:

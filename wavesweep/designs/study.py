@@ -215,12 +215,8 @@ METHODS = {
 }
 
 
-def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
-    """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
-    if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
-        raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
-    wanted = spec.asking("design").design
-    spec.refuse_require("[design]")
+def _refuse_for_all(spec, wanted, for_hands):
+    """Raise UsageError if designs cannot be found for all of [design.for_all] and of [for_all]."""
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in wanted.for_all):
             ratios = "in [for_all], with varying = true, it may change from frame to frame"
@@ -233,18 +229,32 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
         _proof_of(spec).refuse_unsuitable(
             spec, spec.wall[0] if {wish.name for wish in wanted.wishes} & {"z_width", "felt"} else ""
         )
-    grid, settings = make_grid(spec.asking("design"), ()), wanted.settings
+
+
+def _stiffest_searched(spec, wishes):
+    """The stiffest wall that is searched. Errors: SpecError if a wish asks for more, or if there is no range."""
     axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
     if axis and stop <= 0:
         expected = "a stop > 0, up to which walls are searched"
         raise SpecError([axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
-    unseen = next((wish for wish in wanted.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
+    unseen = next((wish for wish in wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
     if unseen:
         name, unit = spec.drawing.wall[0] if spec.drawing else "K_VE", wish_units(spec)["z_width"]
         searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
         mistake = unseen.places["at_least"].mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
+    return stop
+
+
+def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
+    """Return the job of a spec's [design]; for_hands: see `design`. Errors: UsageError if it cannot be done."""
+    if not (isinstance(for_hands, str) and for_hands in ("vertices", "box")):
+        raise UsageError(f"for_hands: expected one of vertices, box, found {for_hands!r:.60}")
+    wanted = spec.asking("design").design
+    spec.refuse_require("[design]")
+    _refuse_for_all(spec, wanted, for_hands)
+    grid, settings, stop = make_grid(spec.asking("design"), ()), wanted.settings, _stiffest_searched(spec, wanted.wishes)
     _refuse_unreachable(spec, wanted.wishes)
     for axis in wanted.for_all:
         for value in axis.values if axis.structural else ():
@@ -445,6 +455,18 @@ def _checked(job):
     return len(job.asked.finer) >= count_of(job.grid.spec, 1)
 
 
+def _proof_notices(spec):
+    """What of the wishes is proved for all of [for_all]."""
+    names = {wish.name: f"that the loops of {wish.name} are stable" for wish in spec.design.wishes}
+    names |= {"z_width": "z_width", "felt": "the wall of felt"}
+    said = [names[wish.name] for wish in spec.design.wishes if not wish.kind.reads]
+    yield f"proved for all of [for_all]: {', '.join(said) or 'nothing'}"
+    if _proof_of(spec).vary and spec.drawing and spec.drawing.channels:
+        yield "how good a design is at its wishes is with every message in time"
+    elif _proof_of(spec).vary:
+        yield "z_width is for all frames; the other wishes are of the spec's own constant rate alone"
+
+
 def _notices(job):
     ends = count_of(job.grid.spec)
     between = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
@@ -453,15 +475,7 @@ def _notices(job):
         several = f"{ends} combination{'s' * (ends != 1)} of {of}{between}"
         yield f"each design was tried with {several}, those of the front with {len(job.asked.finest)}"
     if job.grid.spec.for_all:
-        names = {wish.name: f"that the loops of {wish.name} are stable" for wish in job.grid.spec.design.wishes}
-        names |= {"z_width": "z_width", "felt": "the wall of felt"}
-        said = [names[wish.name] for wish in job.grid.spec.design.wishes if not wish.kind.reads]
-        yield f"proved for all of [for_all]: {', '.join(said) or 'nothing'}"
-        if _proof_of(job.grid.spec).vary:
-            if job.grid.spec.drawing and job.grid.spec.drawing.channels:
-                yield "how good a design is at its wishes is with every message in time"
-            else:
-                yield "z_width is for all frames; the other wishes are of the spec's own constant rate alone"
+        yield from _proof_notices(job.grid.spec)
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
     if all(wish.kind.reads for wish in job.grid.spec.design.wishes):

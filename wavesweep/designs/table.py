@@ -1,6 +1,6 @@
 """A design study: the table `design`, whose columns are those that its spec varies and wishes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -37,12 +37,7 @@ def wish_units(spec: Spec) -> dict[str, str]:
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The best of each wish, the spec's own design, and what was searched."""
     wishes, varied = facts["spec"]["design"]["wish"], facts["spec"]["design"]["vary"]
-    sizes = {
-        name: np.where(np.isnan(columns[name]), -np.inf, columns[name] * (1 if WISHES[name].more else -1)) for name in wishes
-    }
-    best = {name: int(np.argmax(size)) for name, size in sizes.items()}
-    values = {name: {wish: plain(columns[wish][row]) for wish in wishes} for name, row in best.items()}
-    varied_of = {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()}
+    values, varied_of = _best(columns, wishes, varied)
     bounded = [wish for name in wishes if (wish := wish_of(name, facts)).bound is not None]
     tally = {
         "designs": len(columns["certified"]),
@@ -73,6 +68,17 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         proved = int((finite & columns[SETTLED]).sum())
         tally["box"] = {"kept": int(finite.sum()), "settled": proved, "least": float(share.min())}
     return tally
+
+
+def _best(columns: Columns, wishes: Iterable[str], varied: Iterable[str]) -> tuple[dict[str, dict], dict[str, dict]]:
+    """For each wish the values of all wishes, and the varied numbers, of the design that is the best in it."""
+    values, numbers = {}, {}
+    for name in wishes:
+        size = columns[name] if WISHES[name].more else -columns[name]
+        row = int(np.argmax(np.where(np.isnan(size), -np.inf, size)))
+        values[name] = {wish: plain(columns[wish][row]) for wish in wishes}
+        numbers[name] = {axis: columns[axis][row].item() for axis in varied}
+    return values, numbers
 
 
 def _ends(numbers: Mapping[str, float], vary: Mapping[str, Any]) -> list[str]:
@@ -122,6 +128,11 @@ def _lines(found: Numbers) -> Iterator[Line]:
     if found["designs"] == 1 and not found["runners_up"]:
         yield "next best: none was found whose numbers differ by a tenth of their ranges", False
     yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
+    yield from _notes(found)
+
+
+def _notes(found: Numbers) -> Iterator[Line]:
+    """Yield where walls end with their range, the files, and what is proved, not certified or does not hold."""
     if found["at_end"]:
         names, wall = " and ".join(found["at_end"]), found["wall"]
         where = f"where the range of {wall} ends, at {found['walls_to']:g}"

@@ -71,15 +71,7 @@ def evaluate(
                 felt = any(wish.name == "felt" for wish in wishes)
                 points = points_of(spec.values, designs, scenarios, walls)
                 searched[key] = points, _stiffest(spec, points, (*designs,), stop, felt, proof)
-            points, stiffest = searched[key]
-            value, certified = stiffest.wall if wish.name == "z_width" else stiffest.felt, stiffest.certified
-            if "band_hz" in wish.options:
-                value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
-            worst, scenario = points.worst(value, more=True)
-            unlike_worst = value != np.repeat(worst, points.size // worst.size)
-            scenario = np.where(points.all_of(~stiffest.of_all | unlike_worst), scenario, OF_ALL)
-            at_end = ~points.all_of((stiffest.wall < stop) | unlike_worst)
-            measured[wish.name] = WorstMeasure(worst, scenario, points.all_of(certified), at_end)
+            measured[wish.name] = _worst_wall(spec, wish, *searched[key], stop)
             continue
         walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
         walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
@@ -92,6 +84,18 @@ def evaluate(
         worst = points.worst(value, wish.kind.more)
         measured[wish.name] = WorstMeasure(*worst, points.all_of(certified), np.zeros(len(worst[0]), bool))
     return measured
+
+
+def _worst_wall(spec, wish, points, stiffest, stop):
+    """The worst of `z_width` or `felt` over the scenarios of every design."""
+    value, certified = stiffest.wall if wish.name == "z_width" else stiffest.felt, stiffest.certified
+    if "band_hz" in wish.options:
+        value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
+    worst, scenario = points.worst(value, more=True)
+    unlike_worst = value != np.repeat(worst, points.size // worst.size)
+    scenario = np.where(points.all_of(~stiffest.of_all | unlike_worst), scenario, OF_ALL)
+    at_end = ~points.all_of((stiffest.wall < stop) | unlike_worst)
+    return WorstMeasure(worst, scenario, points.all_of(certified), at_end)
 
 
 def _unknown(*shape: int) -> tuple[np.ndarray, np.ndarray]:
