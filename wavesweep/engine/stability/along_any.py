@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.monodromy.rounding import uneven_units
+from wavesweep.engine.monodromy.shifts import DelayLines
 from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
+from wavesweep.engine.stability.delay_lines import tiles_by_lines
 from wavesweep.engine.stability.entries import DEGREES, EPS, panels_of
 from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of
 from wavesweep.engine.stability.regions import NEAR_ZERO, Regions
@@ -164,6 +166,8 @@ def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Reg
     sizes = np.abs(E).reshape(names.size, points.size, *E.shape[1:])
     calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)  # frames that grow are large in any units
     units = uneven_units(sizes[range(names.size), calmest])
+    for line in DelayLines.of(E).lines:  # which then take over values as they are
+        units[:, line] = units[:, line[:1]]
     if (units != 1).any():
         ratio, plain, rough = units[:, None, :] / units[:, :, None], of_frames, of_errors
 
@@ -181,7 +185,8 @@ def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Reg
     )
     for reduced, states in panels:
         off = lambda *at, states=states: (M[:, states[:, None], states] for M in of_errors(*at))  # noqa: E731
-        tiles_of_kinds.append(tiles_of(reduced, off, span, names.size, slack))
+        tiles = tiles_by_lines(reduced, off, points, span, slack)
+        tiles_of_kinds.append(tiles_of(reduced, off, span, names.size, slack) if tiles is None else tiles)
     tiles = Tiles.join(tiles_of_kinds)
     attached = slack(span[0]), slack(span[1])
     if balls is not None:
