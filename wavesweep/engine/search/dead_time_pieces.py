@@ -67,7 +67,7 @@ def about(question: Question, loop: Loops, value: float, work: float, rest: Rest
 def _in_piece(question, piece, loops, loop, size, rest):
     """The intervals in a piece of the range in which the loops are built as one of them is."""
     built = loops.changed(_built(question, piece, loop))
-    return rest(replace(question, span=piece, in_piece=True), Slices(built, size))
+    return rest(replace(question, span=piece), Slices(built, size))
 
 
 def _built(question, piece, loop):

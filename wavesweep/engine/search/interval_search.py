@@ -19,7 +19,6 @@ from wavesweep.engine.search import (
     dead_time_pieces,
     dominance,
     gain_bound,
-    long_dead_times,
     one_gain,
     required_region,
     subloops,
@@ -31,7 +30,7 @@ from wavesweep.engine.search.question import Prover, Question, RequiredRegion, S
 from wavesweep.engine.stability.intervals import Intervals, by_slice
 
 # Each has `applies(question, slices)` and `find(question, slices, rest)`; what it proves stands at its head.
-METHODS = (dead_time_pieces, gain_bound, subloops, required_region, one_gain, long_dead_times, dominance)
+METHODS = (dead_time_pieces, gain_bound, subloops, required_region, one_gain, dominance)
 
 ENDS, OMEGAS = ("low", "high"), ("low_omega", "high_omega")
 Groups = tuple[tuple[np.ndarray, Loops], ...]  # (members, loops) pairs, see `drawn_groups`

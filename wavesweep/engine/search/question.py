@@ -60,15 +60,13 @@ Prover = Callable[[Loops, str, np.ndarray], Callable | None]
 class Question:
     """Where along the number with the path `along`, within span = (low, high), loops are stable.
 
-    prover: is asked about columns in doubt. bound: on the eigenvalues of a frame, in place of the unit circle. in_piece:
-    whether the span is a piece of a longer one, cut where a dead time changes by a tick.
+    prover: is asked about columns in doubt. bound: on the eigenvalues of a frame, in place of the unit circle.
     """
 
     along: str
     span: tuple[float, float]
     prover: Prover | None = None
     bound: RequiredRegion | None = None
-    in_piece: bool = False
 
     @property
     def number(self) -> str:

@@ -18,7 +18,7 @@ from wavesweep.engine.monodromy.shifts import DelayLines
 from wavesweep.engine.monodromy.unit_circle import inverse, solve
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.certificate import NONE, ROUNDING
-from wavesweep.engine.stability.covering import OVERLAID, WINDOW, Tiles
+from wavesweep.engine.stability.covering import FIRM, OVERLAID, WINDOW, Tiles
 from wavesweep.engine.stability.entries import EPS, Panels
 from wavesweep.engine.stability.spectrum import count_outside
 
@@ -26,9 +26,9 @@ LONG = 24  # states of delay lines, from which on this costs less than eigenvalu
 TURN = 1.0  # rad by which the longest line turns over an arc at first
 SPLITS = 12  # times that a box is halved before Newton's method looks for a crossing in it
 NEXT, STEPS = 4, 8  # sizes of a box to the crossing next to it, at most; steps of Newton's method towards that
-CONVERGED = 1e-9  # the last step
+CONVERGED, BESIDE = 1e-9, 1e-7  # the last step; next to a crossing, in parts of a panel, where S is not singular
 MOST_TERMS = 1000  # of S
-MOST_SPLITS, MOST_BOXES = 120, 200_000  # of a box; of a column
+MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
 SHRINKS, SURELY = 0.93, 0.95  # of weights, what is wanted to be left of them, and what is left at most
 ROUNDED = 64 * EPS  # of the terms of a sum, and so much for each state of a line
 ENTRIES = 2**19  # of what delay lines show, at a time
@@ -58,14 +58,14 @@ class ReducedEquation:
 
     def __init__(self, panels: Panels, lines: DelayLines) -> None:
         solved, self.panels, self.n = lines.solved, panels, lines.solved.size
-        there = (np.abs(panels.coefficients).sum(1) + panels.error > 0).any(0)
+        nonzero = (np.abs(panels.coefficients).sum(1) + panels.error > 0).any(0)
         terms = [
             (row, column, entered, read, 1 + later - first)
             for line in lines.lines
             for first, entered in enumerate(line.tolist())
-            for column in np.flatnonzero(there[entered, solved]).tolist()
+            for column in np.flatnonzero(nonzero[entered, solved]).tolist()
             for later, read in list(enumerate(line.tolist()))[first:]
-            for row in np.flatnonzero(there[solved, read]).tolist()
+            for row in np.flatnonzero(nonzero[solved, read]).tolist()
         ]
         row, column, entered, read, self.lag = np.array(terms, int).reshape(-1, 5).T
         self.place = np.zeros((row.size, self.n**2))
@@ -108,29 +108,29 @@ class ReducedEquation:
         both = np.stack([np.cos(self.degrees * turned), rising], axis=1)
         for number in np.unique(panel).tolist():
             at = np.flatnonzero(panel == number)
-            found = both[at] @ self.c[number]
-            value[at[:, None], self.varies] += found[:, 0] - self.c[number, 0]
-            slope[at[:, None], self.varies] = found[:, 1]
+            sums = both[at] @ self.c[number]
+            value[at[:, None], self.varies] += sums[:, 0] - self.c[number, 0]
+            slope[at[:, None], self.varies] = sums[:, 1]
         return value, slope
 
     def bounds(self, panel, value, slope, wide):
         """Bounds on the second derivatives and on the rounding of S in parts of panels that are so wide."""
-        one, wide, bends = np.eye(self.n), wide[:, None], self.bends[panel]
+        unit, wide, bends = np.eye(self.n), wide[:, None], self.bends[panel]
         steep = np.abs(slope) + wide * bends
         (A, B, C), (_, B1, C1) = self.split(np.abs(value) + wide * steep), self.split(steep)
         (A2, B2, C2), (dA, dB, dC) = self.split(bends), self.split(self.error[panel])
-        rounding = dA + self.summed(dC * (B + dB) + C * dB) + ROUNDED * (2 * one + A + self.summed((1 + self.lag) * C * B))
-        by_angle, both = one + self.summed(self.lag**2 * C * B), self.summed(self.lag * (C1 * B + C * B1))
+        rounding = dA + self.summed(dC * (B + dB) + C * dB) + ROUNDED * (2 * unit + A + self.summed((1 + self.lag) * C * B))
+        by_angle, both = unit + self.summed(self.lag**2 * C * B), self.summed(self.lag * (C1 * B + C * B1))
         return by_angle, both, A2 + self.summed(C2 * B + 2 * C1 * B1 + C * B2), rounding
 
     def around(self, value, slope, theta, radius=1.0):
         """S at some points of a circle, and its derivatives by the angle and by x."""
         turned = np.exp(1j * theta)[:, None, None]
         w = (radius - 1) + radius * (2j * np.sin(theta / 2) * np.exp(0.5j * theta))[:, None, None]
-        one, (A, B, C), (A1, B1, C1) = np.eye(self.n), self.split(value), self.split(slope)
+        unit, (A, B, C), (A1, B1, C1) = np.eye(self.n), self.split(value), self.split(slope)
         late = radius**-self.lag * np.exp(-1j * self.lag * theta[:, None])
-        S = w * one - A - self.summed(C * B * late)
-        by_angle = 1j * (radius * turned * one + self.summed(self.lag * C * B * late))
+        S = w * unit - A - self.summed(C * B * late)
+        by_angle = 1j * (radius * turned * unit + self.summed(self.lag * C * B * late))
         return S, by_angle, -A1 - self.summed((C1 * B + C * B1) * late)
 
     def judged(self, boxes: _Boxes, radius=1.0):
@@ -150,25 +150,39 @@ class ReducedEquation:
             change = turned + moved + rest
             # w = (1 - change/s)^-1 1 is positive if the spectral radius is below s, and then change w = s (w - 1) < s w
             weight = solve(np.eye(self.n) - change / SHRINKS, np.ones((part.x.size, self.n, 1)))
-            there = slice(first, first + part.x.size)
-            good[there] = ((weight > 0) & (change @ weight <= SURELY * weight)).all((1, 2))
+            rows = slice(first, first + part.x.size)
+            good[rows] = ((weight > 0) & (change @ weight <= SURELY * weight)).all((1, 2))
             weight = np.abs(change) @ np.abs(weight)
-            by_x[there] = (moved @ weight / weight).max((1, 2)) > (turned @ weight / weight).max((1, 2))
+            by_x[rows] = (moved @ weight / weight).max((1, 2)) > (turned @ weight / weight).max((1, 2))
         return good, by_x
 
     def crossings(self, boxes: _Boxes):
-        """The places of crossings to which Newton's method leads from boxes next to them: panel, x and angle."""
+        """The places of crossings to which Newton's method leads from boxes next to them: panel, x and angle.
+
+        Followed by how far rounding may move each of them along x.
+        """
         step = self.newton_step(boxes.panel, boxes.x, boxes.theta)
         boxes = boxes.take((np.abs(step) <= NEXT * np.stack([boxes.arc, boxes.wide])).all(0))
         panel, x, theta = boxes.panel, boxes.x, boxes.theta
         for _ in range(STEPS):
             step = self.newton_step(panel, x, theta)
             theta, x = theta + step[0], np.clip(x + step[1], -1, 1)
-        theta, found = np.abs((theta + np.pi) % (2 * np.pi) - np.pi), (np.abs(step) < CONVERGED).all(0)
-        return panel[found], x[found], theta[found]
+        theta, converged = np.abs((theta + np.pi) % (2 * np.pi) - np.pi), (np.abs(step) < CONVERGED).all(0)
+        panel, x, theta = panel[converged], x[converged], theta[converged]
+        return panel, x, theta, self.moved(panel, x + BESIDE, theta)
+
+    def moved(self, panel, x, theta):
+        """How far rounding of S may move a crossing along x, from a place next to it."""
+        value, slope = self.entries(panel, x)
+        S, *slopes = self.around(value, slope, theta)
+        back, rounding = inverse(S), self.bounds(panel, value, slope, np.zeros(panel.size))[-1]
+        a, b = (np.trace(back @ by, axis1=1, axis2=2) for by in slopes)
+        off = np.trace(np.abs(back) @ rounding, axis1=1, axis2=2)
+        with np.errstate(all="ignore"):
+            return np.abs(a) * off / np.abs(a.real * b.imag - a.imag * b.real)
 
     def newton_step(self, panel, x, theta):
-        """The steps of angles and of x to where det S is 0 to first order, `(2, points)`; its logarithm has traces as slopes."""
+        """The steps of angles and of x to where det S is 0, to first order, `(2, points)`; log det S has traces as slopes."""
         step = np.zeros((2, x.size))
         for part in (slice(first, first + self.portion) for first in range(0, x.size, self.portion)):
             S, *slopes = self.around(*self.entries(panel[part], x[part]), theta[part])
@@ -190,9 +204,10 @@ def halved(boxes: _Boxes, by_x) -> _Boxes:
 
 
 def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
-    """Return the tiles of the spans of columns, as `covering.tiles_of` does; None if lines are short, or something is left open.
+    """Return the tiles of the spans of columns, as `covering.tiles_of` does.
 
-    points: of the span, at which frames show their lines; errors, slack: see `stable_along_any`.
+    None if delay lines are short, or something is left open. points: of the span, at which frames show their lines; errors,
+    slack: see `stable_along_any`.
     """
     column = np.unique(panels.column)
     E, _ = errors(np.repeat(column, points.size), np.tile(points, column.size))
@@ -254,13 +269,13 @@ def _left_open(equation, boxes, splits, radius=1.0):
     return _Boxes.join([*left, boxes])
 
 
-def _windows(panels, panel, x, theta, span, slack):
+def _windows(panels, panel, x, theta, moved, span, slack):
     """Windows about the crossings, those that meet joined; a crossing that is found again is the same one."""
     value, column = panels.middle[panel] + panels.half[panel] * x, panels.column[panel]
     inside = (value >= span[0]) & (value <= span[1])
     order = np.flatnonzero(inside)[np.lexsort((value[inside], column[inside]))]
     value, column, theta = value[order], column[order], theta[order]
-    half = slack(value) / 2
+    half = np.maximum(slack(value) / 2, FIRM * (panels.half[panel] * moved)[order])
     low, high = np.maximum(value - half, span[0]), np.minimum(value + half, span[1])
     rows = []
     for row in zip(column.tolist(), low.tolist(), high.tolist(), value.tolist(), theta.tolist(), strict=True):
@@ -269,7 +284,7 @@ def _windows(panels, panel, x, theta, span, slack):
         else:
             rows.append(row)
     column, low, high, value, theta = (np.array(part, float) for part in (zip(*rows, strict=True) if rows else [()] * 5))
-    column, doubt = column.astype(int), np.where(high - low > 2 * slack(value), ROUNDING, NONE)
+    column, doubt = column.astype(int), np.where(high - low > 2 * FIRM * slack(value), ROUNDING, NONE)
     return Tiles(column, low, high, WINDOW + 0 * column, value, theta, EPS * np.abs(value), doubt)
 
 
@@ -281,9 +296,9 @@ def _without(boxes, panels, column, low, high, pad):
     parts = [boxes.take(~meets)]
     for start, stop in ((a, np.full(b.size, low)), (np.full(a.size, high), b)):
         at = np.flatnonzero(meets & (stop > start))
-        own, more = boxes.take(at), pad[boxes.panel[at]]
+        cut, more = boxes.take(at), pad[boxes.panel[at]]
         ends = (start[at] - middle[at]) / half[at] - more, (stop[at] - middle[at]) / half[at] + more
-        parts.append(_Boxes(own.panel, sum(ends) / 2, (ends[1] - ends[0]) / 2, own.theta, own.arc, own.splits))
+        parts.append(_Boxes(cut.panel, sum(ends) / 2, (ends[1] - ends[0]) / 2, cut.theta, cut.arc, cut.splits))
     return _Boxes.join(parts)
 
 
@@ -291,12 +306,12 @@ def _stretches(panels, windows):
     """The parts of the panels of a column between its windows: column, low, high."""
     rows = []
     for column in np.unique(panels.column).tolist():
-        own, mine = np.flatnonzero(panels.column == column), np.flatnonzero(windows.column == column)
-        own = own[np.argsort(panels.low[own])]
-        runs = np.split(own, np.flatnonzero(panels.low[own[1:]] > panels.high[own[:-1]]) + 1)
+        order, inside = np.flatnonzero(panels.column == column), np.flatnonzero(windows.column == column)
+        order = order[np.argsort(panels.low[order])]
+        runs = np.split(order, np.flatnonzero(panels.low[order[1:]] > panels.high[order[:-1]]) + 1)
         for run in runs:
             at = float(panels.low[run[0]])
-            for low, high in zip(windows.low[mine].tolist(), windows.high[mine].tolist(), strict=True):
+            for low, high in zip(windows.low[inside].tolist(), windows.high[inside].tolist(), strict=True):
                 if at < low < panels.high[run[-1]]:
                     rows.append((column, at, low))
                 at = max(at, high)
@@ -325,9 +340,9 @@ def _labelled(windows, stretches, equation, errors):
         beside = (stretches.column == column) & ((stretches.high == low) | (stretches.low == high))
         if not beside.any() or stretches.outside[beside].min() < 1:
             continue
-        own = np.flatnonzero((panels.column == column) & (panels.low <= high) & (panels.high >= low))
-        ends = [(end - panels.middle[own]) / panels.half[own] for end in (low, high)]
-        left = _left_open(equation, _around_circle(equation, own, *ends), MOST_SPLITS, 1 + BEYOND)
+        meeting = np.flatnonzero((panels.column == column) & (panels.low <= high) & (panels.high >= low))
+        ends = [(end - panels.middle[meeting]) / panels.half[meeting] for end in (low, high)]
+        left = _left_open(equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + BEYOND)
         E, dE = errors(np.array([column]), windows.value[at : at + 1])
         smaller = (E - BEYOND * np.eye(E.shape[-1])) / (1 + BEYOND)
         count, clear = count_outside(smaller, dE)

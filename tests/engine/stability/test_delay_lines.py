@@ -1,0 +1,91 @@
+"""Loops with long delays along a number, against all of their eigenvalues."""
+
+import numpy as np
+import pytest
+
+from wavesweep.engine.stability import along_any, delay_lines
+from wavesweep.engine.stability.certificate import NONE
+from wavesweep.engine.stability.sampled_frames import Frames
+
+STATES = 30  # of the delay
+
+
+def radius(M):
+    return np.abs(np.linalg.eigvals(M)).max()
+
+
+def random_loop(seed):
+    """M0, M1 and M2 of `M0 + p M1 + p^2 M2`: a few states behind and before a delay, whose last two are read.
+
+    The gain from these is such that the largest eigenvalue at p = 0 has a size from well inside the circle to just outside.
+    """
+    random = np.random.default_rng(seed)
+    k, line = int(random.integers(1, 4)), np.arange(STATES)
+    parts = np.zeros((3, k + STATES, k + STATES))
+    for M, size in zip(parts, (1.0, 0.03, 0.01), strict=True):
+        M[:k, :k], M[:k, -2:] = size * 0.3 * random.normal(size=(k, k)), size * random.normal(size=(k, 2))
+        M[k, :k], M[k + 5, :k] = size * random.normal(size=k), size * 0.1 * random.normal(size=k)
+    parts[0, k + line[1:], k + line[:-1]] = 1
+    low, high, wanted = 0.0, 8.0, random.choice([0.9, 0.99, 1 - 1e-3, 1 - 1e-5, 1 + 1e-4, 1.01])
+    for _ in range(30):
+        gain = np.ones(k + STATES)
+        gain[-2:] = (low + high) / 2
+        low, high = (gain[-1], high) if radius(parts[0] * gain) < wanted else (low, gain[-1])
+    return parts * gain
+
+
+def regions_of(parts):
+    """The regions of the loop for p from -1 to 1; its entries are exact but for a rounding."""
+
+    def frames(_, p):
+        return Frames.of(np.tensordot(np.ravel(p)[:, None] ** np.arange(3), parts, 1) - np.eye(parts.shape[-1]))
+
+    def errors(_, p):
+        E = frames(_, p).E
+        return E, np.finfo(float).eps * np.abs(E)
+
+    return along_any.regions_along_any(frames, (-1.0, 1.0), 1, errors=errors)
+
+
+def labels(regions, p):
+    """Whether each value lies in a stable region: 1 if it does, 0 in an unstable one, -1 if that is not known."""
+    at = np.searchsorted(regions.low, p, side="right") - 1
+    return np.where(regions.unstable[at] < 0, -1, regions.unstable[at] == 0)
+
+
+@pytest.mark.sample(4)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(400))
+def test_regions_are_those_of_the_eigenvalues_at_all_values(seed):
+    parts, p = random_loop(seed), np.linspace(-1, 1, 101)
+    regions = regions_of(parts)
+    ends = regions.low[1:]
+    p = np.concatenate([p, ends - 1e-7, ends + 1e-7])
+    outside = np.array([radius(parts[0] + q * parts[1] + q**2 * parts[2]) - 1 for q in p])
+    found = labels(regions, p)
+    assert ((found < 0) | (found == (outside < 0)) | (np.abs(outside) < 1e-11)).all()
+
+
+@pytest.mark.parametrize(("gain", "ends"), [(0.5, []), (1.5, []), (0.995, [0.5])])
+def test_what_is_clear_is_proved_without_eigenvectors(gain, ends, monkeypatch):
+    """`z^(n + 1) = gain + p/100`, whose roots are all of one size, and cross at once."""
+    monkeypatch.setattr(along_any, "tiles_of", lambda *_: pytest.fail("the frames' eigenvectors were asked for"))
+    parts = np.zeros((3, STATES + 1, STATES + 1))
+    parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
+    parts[0, 0, -1], parts[1, 0, -1] = gain, 0.01
+    regions = regions_of(parts)
+    assert (regions.doubt == NONE).all()
+    assert regions.low[1:] == pytest.approx(ends, rel=1e-9)
+    assert labels(regions, np.array([-0.9, 0.9])).tolist() == [gain < 1, gain < 0.99]
+
+
+def test_a_crossing_that_newtons_method_does_not_find_is_left_open(monkeypatch):
+    """The rest of the range is proved box by box, so a crossing that is missed cannot be passed over."""
+    nothing = np.zeros(0)
+    monkeypatch.setattr(delay_lines.ReducedEquation, "crossings", lambda *_: (np.zeros(0, int), nothing, nothing, nothing))
+    monkeypatch.setattr(delay_lines, "MOST_BOXES", 20_000)
+    monkeypatch.setattr(along_any, "tiles_of", lambda *_: delay_lines.Tiles.of(np.zeros(0, int), nothing, nothing, 0))
+    parts = np.zeros((3, STATES + 1, STATES + 1))
+    parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
+    parts[0, 0, -1], parts[1, 0, -1] = 0.995, 0.01
+    assert (regions_of(parts).doubt != NONE).all()
