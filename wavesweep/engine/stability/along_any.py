@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.monodromy.delay_lines import DelayLines
 from wavesweep.engine.monodromy.rounding import uneven_units
-from wavesweep.engine.monodromy.shifts import DelayLines
 from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
-from wavesweep.engine.stability.delay_lines import tiles_by_lines
 from wavesweep.engine.stability.entries import DEGREES, EPS, panels_of
 from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of
+from wavesweep.engine.stability.reduced_equation import tiles_by_lines
 from wavesweep.engine.stability.regions import NEAR_ZERO, Regions
 from wavesweep.engine.stability.sampled_frames import Frames
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.stability import along_any, delay_lines
+from wavesweep.engine.stability import along_any, reduced_equation
 from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.sampled_frames import Frames
 
@@ -82,9 +82,9 @@ def test_what_is_clear_is_proved_without_eigenvectors(gain, ends, monkeypatch):
 def test_a_crossing_that_newtons_method_does_not_find_is_left_open(monkeypatch):
     """The rest of the range is proved box by box, so a crossing that is missed cannot be passed over."""
     nothing = np.zeros(0)
-    monkeypatch.setattr(delay_lines.ReducedEquation, "crossings", lambda *_: (np.zeros(0, int), nothing, nothing, nothing))
-    monkeypatch.setattr(delay_lines, "MOST_BOXES", 20_000)
-    monkeypatch.setattr(along_any, "tiles_of", lambda *_: delay_lines.Tiles.of(np.zeros(0, int), nothing, nothing, 0))
+    monkeypatch.setattr(reduced_equation.ReducedEquation, "crossings", lambda *_: (np.zeros(0, int), nothing, nothing, nothing))
+    monkeypatch.setattr(reduced_equation, "MOST_BOXES", 20_000)
+    monkeypatch.setattr(along_any, "tiles_of", lambda *_: reduced_equation.Tiles.of(np.zeros(0, int), nothing, nothing, 0))
     parts = np.zeros((3, STATES + 1, STATES + 1))
     parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
     parts[0, 0, -1], parts[1, 0, -1] = 0.995, 0.01

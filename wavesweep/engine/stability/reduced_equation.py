@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.monodromy.shifts import DelayLines
+from wavesweep.engine.monodromy.delay_lines import DelayLines
 from wavesweep.engine.monodromy.unit_circle import inverse, solve
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.certificate import NONE, ROUNDING
