@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, START, Peak, angles, with_middles
 from wavesweep.engine.energy.lifted_map import TOLERANCE, TickMaps, squared_norm
-from wavesweep.engine.monodromy.cut import ERRORS, FIRST, PARTS, LinearFractional, open_in, with_batch
+from wavesweep.engine.monodromy.cut import ERRORS, FIRST, MATRICES, LinearFractional, open_in, with_batch
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
 from wavesweep.engine.stability.stable import stable_intervals
@@ -65,7 +65,7 @@ class BrokenLoop:
     @cached_property
     def errors(self) -> tuple[np.ndarray, ...]:
         """Bounds on the errors of their entries."""
-        errors = {name: getattr(self.cut, error) for name, error in zip(PARTS, ERRORS, strict=True)}
+        errors = {name: getattr(self.cut, error) for name, error in zip(MATRICES, ERRORS, strict=True)}
         dE, dB, dC, dD = open_in(replace(self.cut, **errors), FIRST, np.zeros(()))
         if self.cut.integrates:  # which is read with a factor of exactly 1
             dC[..., -1] = 0.0

@@ -13,7 +13,7 @@ from wavesweep.engine.state_space import StateSpace
 
 FIRST, SECOND = "K_VE", "B_VE"  # the two numbers, named as those of a wall
 VELOCITY, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
-PARTS = ("E", "B", "C", "D")
+MATRICES = ("E", "B", "C", "D")
 ERRORS = ("dE", "dB", "dC", "dD")
 
 
@@ -22,13 +22,12 @@ class LinearFractional:
     """Everything but the numbers, once a frame, in delta form (`w = z - 1`).
 
     E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are VELOCITY: the signal that the
-    second number multiplies, G_v; ADVANCE and OFFSET: the one that the first number multiplies is
-    G_x = ADVANCE/w + OFFSET. dE, dB, dC, dD: bounds on the errors of their entries. integrates: whether there is an ADVANCE. It
-    is the exact eigenvalue 1 of the cut loop, as of the position of the whole scene if no spring holds the hand. It is kept out
-    of E, so it is never rounded. period: of the frame, s (a number or an array over the batch). states, unread: names of the
-    states that remain and are left out. poles_at_one: how many eigenvalues of E are exactly 0 by its pattern, as that of a mass
-    that nothing brakes. uncontrolled: the diagonal blocks of the monodromy matrix less identity that the numbers do not act
-    on, in the block-triangular form of its pattern.
+    second number multiplies, G_v; ADVANCE and OFFSET: the one that the first number multiplies is G_x = ADVANCE/w + OFFSET. dE,
+    dB, dC, dD: bounds on the errors of their entries. integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of
+    the cut loop, as of the position of the whole scene if no spring holds the hand. It is kept out of E, so it is never
+    rounded. period: of the frame, s (a number or an array over the batch). states: their names. poles_at_one: how many
+    eigenvalues of E are exactly 0 by its pattern, as that of a mass that nothing brakes. uncontrolled: the diagonal blocks of
+    the monodromy matrix less identity that the numbers do not act on, in the block-triangular form of its pattern.
     """
 
     E: np.ndarray
@@ -42,13 +41,12 @@ class LinearFractional:
     integrates: bool
     period: np.ndarray
     states: tuple[str, ...]
-    unread: tuple[str, ...] = ()
     poles_at_one: int = 0
     uncontrolled: tuple[np.ndarray, ...] = ()
     memo: dict = field(default_factory=dict, init=False, repr=False)  # what belongs to these loops alone, see `remembered`
 
     def __post_init__(self):
-        for name in (*PARTS, *ERRORS, "period"):
+        for name in (*MATRICES, *ERRORS, "period"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
@@ -60,7 +58,7 @@ class LinearFractional:
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
         return self.remembered(
-            "batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in PARTS), np.shape(self.period))
+            "batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in MATRICES), np.shape(self.period))
         )
 
     def remembered(self, name: object, make: Callable[[], Any]) -> Any:
@@ -80,7 +78,7 @@ class LinearFractional:
                 return array.take(index, axis=0)  # in a seventh of the time of brackets
             return (array if array.shape == full else np.broadcast_to(array, full))[index]
 
-        matrices = {name: pick(getattr(self, name), 2) for name in (*PARTS, *ERRORS)}
+        matrices = {name: pick(getattr(self, name), 2) for name in (*MATRICES, *ERRORS)}
         uncontrolled = tuple(pick(block, 2) for block in self.uncontrolled)
         return replace(self, **matrices, period=pick(self.period, 0), uncontrolled=uncontrolled)
 
@@ -156,7 +154,7 @@ def errors_of_closed(cut: LinearFractional, K, F) -> np.ndarray:
         K, F = (np.asarray(value, float)[..., None, None] for value in (K, F))
         through = np.abs(1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., VELOCITY : VELOCITY + 1, :])
         K, F = np.abs(K), np.abs(F)
-        size = replace(cut, **{name: np.abs(getattr(cut, name)) for name in PARTS})
+        size = replace(cut, **{name: np.abs(getattr(cut, name)) for name in MATRICES})
         (_, B, x, v), (dE, dB, dx, dv) = with_integrator(size), errors_with_integrator(cut)
         off = K * cut.dD[..., OFFSET : OFFSET + 1, :] + F * cut.dD[..., VELOCITY : VELOCITY + 1, :]
         read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through

@@ -147,7 +147,7 @@ def cut_of(frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: 
     cut = LinearFractional(*system, *errors, bool(moving), frame.period, names)
     if conserved and moving:
         cut = _without_integrator(cut)
-    return _acted_on(cut, drift.states)
+    return _acted_on(cut)
 
 
 def _with_rows(system, states, lead, factor):
@@ -176,11 +176,8 @@ def _without_integrator(cut):
     return replace(cut, C=C, D=D, dC=dC, dD=dD, integrates=False)
 
 
-def _acted_on(cut: LinearFractional, states_of_loop: tuple[str, ...]) -> LinearFractional | None:
-    """Return the loop with the states that the numbers act on, by the triangular form of its pattern; None if there are none.
-
-    states_of_loop: names of all states, also of those that were left out before.
-    """
+def _acted_on(cut: LinearFractional) -> LinearFractional | None:
+    """Return the loop with the states that the numbers act on, by the triangular form of its pattern; None if it has none."""
     n = cut.E.shape[-1]
     acts, driven, shown = (np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2))) for matrix in (cut.E, cut.B, cut.C))
     pattern = np.zeros((n + 1, n + 1), bool)
@@ -198,7 +195,5 @@ def _acted_on(cut: LinearFractional, states_of_loop: tuple[str, ...]) -> LinearF
     acts = acts[at]  # eigenvalues are 0 in every loop because of where entries of E are not zero
     poles_at_one = sum(block.size == 1 and not acts[block[0], block[0]] for block in blocks_of(acts))
     names = tuple(cut.states[i] for i in states)
-    gone = (name for name in states_of_loop if name not in cut.states)
-    unread = (*gone, *(name for name in cut.states if name not in names))
-    facts = {"states": names, "unread": unread, "poles_at_one": poles_at_one, "uncontrolled": tuple(uncontrolled)}
+    facts = {"states": names, "poles_at_one": poles_at_one, "uncontrolled": tuple(uncontrolled)}
     return replace(cut, E=E, dE=dE, B=B, dB=dB, C=cut.C[..., states], dC=cut.dC[..., states], **facts)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ERRORS, FIRST, PARTS, LinearFractional
+from wavesweep.engine.monodromy.cut import ERRORS, FIRST, MATRICES, LinearFractional
 from wavesweep.engine.monodromy.periodic import size_of
 from wavesweep.engine.monodromy.radius import cut_within
 from wavesweep.engine.monodromy.rounding import UNEVEN, uneven_units
@@ -42,7 +42,7 @@ def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None
         return _along_second(cut, along, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    intervals = _with_others(_by_each_method(_in_even_units(cut), owner, along, flat, span), cut, owner, span)
+    intervals = _with_uncontrolled(_by_each_method(_in_even_units(cut), owner, along, flat, span), cut, owner, span)
     if not span[0] < 0 < span[1]:
         return intervals
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
@@ -51,7 +51,7 @@ def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None
     )
 
 
-def _with_others(intervals, cut, owner, span) -> Intervals:
+def _with_uncontrolled(intervals, cut, owner, span) -> Intervals:
     """The intervals, without any in columns of which a block that the numbers do not act on is unstable, or may be."""
     if not cut.uncontrolled:
         return intervals
@@ -114,7 +114,7 @@ def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
     """Return the loops with those that overflowed replaced by zeros, and which these are."""
     bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
     if bad.any():
-        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in (*PARTS, *ERRORS)})
+        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in (*MATRICES, *ERRORS)})
     return cut, bad
 
 
