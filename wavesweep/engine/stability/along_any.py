@@ -13,7 +13,7 @@ from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
 from wavesweep.engine.stability.entries import DEGREES, EPS, panels_of
 from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of
-from wavesweep.engine.stability.reduced_equation import tiles_by_lines
+from wavesweep.engine.stability.reduced_equation import LONG, tiles_by_lines
 from wavesweep.engine.stability.regions import NEAR_ZERO, Regions
 from wavesweep.engine.stability.sampled_frames import Frames
 
@@ -166,8 +166,9 @@ def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Reg
     sizes = np.abs(E).reshape(names.size, points.size, *E.shape[1:])
     calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)  # frames that grow are large in any units
     units = uneven_units(sizes[range(names.size), calmest])
-    for line in DelayLines.of(E).lines:  # which then take over values as they are
-        units[:, line] = units[:, line[:1]]
+    if E.shape[-1] >= LONG:
+        for line in DelayLines.of(E).lines:  # which then take over values as they are
+            units[:, line] = units[:, line[:1]]
     if (units != 1).any():
         ratio, plain, rough = units[:, None, :] / units[:, :, None], of_frames, of_errors
 

@@ -209,6 +209,8 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
     None if delay lines are short, or something is left open. points: of the span, at which frames show their lines; errors,
     slack: see `stable_along_any`.
     """
+    if panels.error.shape[-1] < LONG:
+        return None
     column = np.unique(panels.column)
     E, _ = errors(np.repeat(column, points.size), np.tile(points, column.size))
     if not np.isfinite(E).all():
