@@ -24,7 +24,10 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     """
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
     system = StateSpace(*(block_diagonal([getattr(block, matrix) for block in blocks]) for matrix in "EBCD"))
-    sizes = _sizes_of(blocks) if terms and blocks else StateSpace(*map(np.abs, system))
+    sizes = StateSpace(*map(np.abs, system))
+    if terms and blocks:
+        of_blocks = [block.terms or [np.abs(getattr(block, matrix)) for matrix in "EBCD"] for block in blocks]
+        sizes = StateSpace(*(block_diagonal(list(matrices)) for matrices in zip(*of_blocks, strict=True)))
     wires = _wires(blocks, ports, sums, inputs, outputs, sizes)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         rows = _Ports(ports, name, wires.K, wires.L, system.C, system.D, sizes[2:])
@@ -51,12 +54,6 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
 def all_sums(blocks, sums) -> dict:
     """Return the sums with those of all ports of the blocks, empty for a port that nothing reaches."""
     return {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(sums)
-
-
-def _sizes_of(blocks):
-    """Return the sizes of the terms of the blocks side by side."""
-    sizes = [block.terms or [np.abs(getattr(block, matrix)) for matrix in "EBCD"] for block in blocks]
-    return StateSpace(*(block_diagonal(list(matrices)) for matrices in zip(*sizes, strict=True)))
 
 
 def _without_rounding(matrix, terms):

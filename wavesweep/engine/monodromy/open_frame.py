@@ -63,7 +63,7 @@ def open_frame(
         return None
     if ticks.states != drift.states:
         raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
-    ticks, groups = relative_ticks(ticks.from_tick(at), drift)
+    ticks, groups = relative_ticks(replace(ticks, kind=np.roll(ticks.kind, -at)), drift)  # the frame begins with that tick
     inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
     changes = [concatenated((block.E, _with_moment(block.B[..., inputs])), -1) for block in ticks.maps]

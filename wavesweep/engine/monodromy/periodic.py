@@ -29,10 +29,6 @@ class Ticks:
         """Names of the states."""
         return self.maps[0].states
 
-    def from_tick(self, first: int) -> "Ticks":
-        """Return the frame that begins with that tick."""
-        return replace(self, kind=np.roll(self.kind, -first))
-
 
 def ticks_of(
     drawn: MultirateLoop, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False, places=None

@@ -40,12 +40,8 @@ def solved(A, dA, b, db):
         X = X + inverse @ (b - S @ X)
     left = np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ np.abs(X) + ROUNDING * np.abs(b) + db
     off = np.abs(eye - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
-    return X * column[..., None], error_of(inverse, off, left) * column[..., None]
-
-
-def error_of(inverse, off, left) -> np.ndarray:
-    """Return a bound on the error of a solution whose residual and errors are at most `left`; infinite if off is too large."""
-    return np.where(off <= CLOSE, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
+    error = np.where(off <= CLOSE, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
+    return X * column[..., None], error * column[..., None]
 
 
 def _largest(A, axis):

@@ -146,21 +146,19 @@ class Opened:
         for swapped in (False, True) if path else ():
             with suppress(IllPosedLoopError):
                 opened = _without(loops, number, size, path, swapped, felt=felt)
-                if opened and opened.loops.cut and opened.solvable:
-                    return opened
+                if opened and opened.loops.cut:
+                    # Loops of direct terms that the second number closes have to have solutions.
+                    direct = opened.loops.frame.D[..., int(not swapped), 0]
+                    direct = np.broadcast_to(direct, (int(opened.loop_of.max()) + 1,))[opened.loop_of]
+                    through = opened.second * direct
+                    if (1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all():
+                        return opened
         return _without(loops, number, size, felt=felt)
 
     @staticmethod
     def of_each(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
         """`of` slices that have a loop each, with bounds on rounding of its own."""
         return _without(loops, number, size, alone=True, felt=felt)
-
-    @property
-    def solvable(self) -> bool:
-        """Whether the loops of direct terms that the other number closes have solutions."""
-        direct = self.loops.frame.D[..., int(not self.swapped), 0]
-        through = self.second * np.broadcast_to(direct, (int(self.loop_of.max()) + 1,))[self.loop_of]
-        return bool((1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all())
 
     def stiffness(self, at, p) -> np.ndarray:
         """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all; NaN if the frame hides it."""

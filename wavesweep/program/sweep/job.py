@@ -152,11 +152,6 @@ class Job:
         return self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
 
 
-def slices_in(records: np.ndarray) -> np.ndarray:
-    """Whether a record is the first one of its slice; records: sorted by slice."""
-    return np.diff(records["slice"], prepend=-1) != 0
-
-
 def cut_up(loops: int, points: int, cost: float, most: int = MOST) -> Chunks:
     """The slices in chunks of about `SECONDS`; cost: expected s per slice, of which `most` keeps an error small."""
     slices = int(np.clip(SECONDS / cost, FEWEST, most))

@@ -38,13 +38,13 @@ def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, 
     result = run({stage.hand: stage.job for stage in stages}, Work.of(work))
     timings = {name: number for name, number in result.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, result.certified, timings) | {"warnings": result.warnings}
-    axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
+    axes, kind = {axis.name: axis.values for axis in stages[0].job.grid.axes}, KINDS[2 if hands else 0]
 
     def blocks() -> Iterator[Columns]:
         for stage in stages:
-            yield from (_completed(block, stage, stages, hands) for block in result.blocks(stage.hand))
+            yield from (kind.completed(_finished(block, stage, stages, hands)) for block in result.blocks(stage.hand))
 
-    return Table("zwidth-hands" if hands else "zwidth", blocks, facts, axes, forget=result.forget, rows=result.rows)
+    return Table(kind.name, blocks, facts, axes, forget=result.forget, rows=result.rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
         records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
         block = stage.job.columns(np.repeat(combination, records.size), records)
-        yield _completed(block, stage, stages, hands)
+        yield KINDS[2 if hands else 0].completed(_finished(block, stage, stages, hands))
 
 
 def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Columns]]) -> Iterator[ProvedAgain]:
@@ -127,10 +127,6 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
         (search,) = searches_of(single, single.chunks[int(single.grid.slice_of(np.array([number]))[0])]).searches
         columns = (rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega"))
         yield prover.prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
-
-
-def _completed(block, stage, stages, hands) -> Columns:
-    return KINDS[2 if hands else 0].completed(_finished(block, stage, stages, hands))
 
 
 def _finished(block, stage, stages, hands) -> Columns:
