@@ -61,14 +61,14 @@ class Channel:
     def block(self, shows, registers) -> Block:
         """The channel in a tick in which it shows, and holds afterwards, what it takes from these places."""
         n = 1 + self.registers
-        taken, direct = np.zeros((n, n)), np.zeros((n, 1))
+        taps, direct = np.zeros((n, n)), np.zeros((n, 1))
         for row, source in enumerate((shows, *registers)):
             if source == SENT:
                 direct[row] = 1.0
             elif source != NOTHING:
-                taken[row, 0 if source == KEPT else 1 + source] = 1.0
+                taps[row, 0 if source == KEPT else 1 + source] = 1.0
         states = ("shown", *(f"message {i}" for i in range(1, n)))
-        return Block(self.name, ("u",), ("y",), states, taken - np.eye(n), direct, taken[:1], direct[:1])
+        return Block(self.name, ("u",), ("y",), states, taps - np.eye(n), direct, taps[:1], direct[:1])
 
     def tick(self, tick: int, arriving: tuple[int, ...], late: int | None) -> tuple[tuple, tuple[int, ...]]:
         """What the channel takes from where in a tick, and the ticks until those messages arrive that are then under way.
@@ -80,7 +80,7 @@ class Channel:
         waiting = arriving[arrives:]
         shows = 0 if arrives else NOTHING if sends and self.zero else KEPT
         if sends and late is not LOST:
-            waiting = tuple(each for each in waiting if each < late)
+            waiting = tuple(age for age in waiting if age < late)
         registers = [arrives + i for i in range(len(waiting))]
         if sends and late == 0:
             shows = SENT
@@ -88,7 +88,7 @@ class Channel:
             registers.append(SENT)
             waiting = (*waiting, late)
         registers += [NOTHING] * (self.registers - len(registers))
-        return (shows, tuple(registers)), tuple(each - 1 for each in waiting)
+        return (shows, tuple(registers)), tuple(age - 1 for age in waiting)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,23 +104,23 @@ class Sent:
     @staticmethod
     def by_channel(word: Sequence["Sent"]) -> dict[str, list[int | None]]:
         """Return what happens to the messages of each channel in a word, which is turned so that it begins with a frame."""
-        first = next(i for i, each in enumerate(word) if each.moment == 0)
-        found: dict[str, list[int | None]] = {}
-        for each in (*word[first:], *word[:first]):
-            for name, late in each.late:
-                found.setdefault(name, []).append(late)
-        return found
+        first = next(i for i, letter in enumerate(word) if letter.moment == 0)
+        ticks_by_channel: dict[str, list[int | None]] = {}
+        for letter in (*word[first:], *word[:first]):
+            for name, late in letter.late:
+                ticks_by_channel.setdefault(name, []).append(late)
+        return ticks_by_channel
 
 
 def channels_of(drawing: Drawing, values: Mapping[str, object]) -> tuple[Channel, ...]:
     """Return the channels of a drawing with these numbers."""
-    known, found = scalars(values), []
+    numbers, channels = scalars(values), []
     for block in drawing.channels:
         keys = dict(block.keys)
-        ticks = [int(value_of(tree, known)) for tree in (block.every, block.phase, keys["late"], keys["lost"])]
+        ticks = [int(value_of(tree, numbers)) for tree in (block.every, block.phase, keys["late"], keys["lost"])]
         ticks[3] = ANY_NUMBER if block.loses_at_random else ticks[3]
-        found.append(Channel(block.name, *ticks, zero=keys["missing"] == "zero"))
-    return tuple(found)
+        channels.append(Channel(block.name, *ticks, zero=keys["missing"] == "zero"))
+    return tuple(channels)
 
 
 def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number: str = "") -> LoopFrames:
@@ -136,10 +136,10 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
         )
     drawing, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): ANY} if number else {}
-    pair = [_in_time(each, channels) for each in twins(drawing, values | varied)]
-    own = assembled(drawing, values | dict.fromkeys(varied, 0.0), name_of(number) if number else "")
-    steps = list(_steps(channels, own))
-    rows, ticks = _ticks(own, channels, steps, pair[0].held(), number)
+    pair = [_in_time(twin, channels) for twin in twins(drawing, values | varied)]
+    assembled_loop = assembled(drawing, values | dict.fromkeys(varied, 0.0), name_of(number) if number else "")
+    steps = list(_steps(channels, assembled_loop))
+    rows, ticks = _ticks(assembled_loop, channels, steps, pair[0].held(), number)
     drift = drift_of_drawn(*pair)
     _refuse_moved(ticks, drift)
     ticks, _ = relative_ticks(ticks, drift)
@@ -164,9 +164,9 @@ def messages_over(
     inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
 
     def with_numbers(points):
-        return values | {path: part.copy() for path, part in zip(paths, numbers_at(points).T, strict=True)}
+        return values | {path: column.copy() for path, column in zip(paths, numbers_at(points).T, strict=True)}
 
-    pair = [_in_time(each, channels) for each in twins(drawing, with_numbers(inside))]
+    pair = [_in_time(twin, channels) for twin in twins(drawing, with_numbers(inside))]
     held, drift = pair[0].held(), drift_of_drawn(*pair)
     steps = list(_steps(channels, assembled(drawing, values)))
 
@@ -196,8 +196,8 @@ def _ticks(own: MultirateLoop, channels, steps, held, number: str = "") -> tuple
     """The ticks of each step, as numbers of kinds, and the map of each kind."""
     kinds = list(dict.fromkeys(kind for row, *_ in steps for kind in row))
     maps = []
-    for tick, taken in kinds:
-        loop = _at(own, tick, channels, taken)
+    for tick, arrivals in kinds:
+        loop = _at(own, tick, channels, arrivals)
         ticks = ticks_of(loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True)
         maps.append(ticks.maps[ticks.kind[0]])
     index = {kind: i for i, kind in enumerate(kinds)}
@@ -217,7 +217,7 @@ def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple
     alike = first_tick[same.reshape(-1)].tolist()
     moments = [tick for tick in range(frame) if any(channel.sends(tick) for channel in channels)]
     first = (0, tuple((0, ()) for _ in channels))
-    found, known, open_ = {}, {first}, [first]
+    steps, seen_states, open_ = {}, {first}, [first]
     while open_:
         state = open_.pop()
         moment, before = state
@@ -226,26 +226,28 @@ def _steps(channels: tuple[Channel, ...], loop: MultirateLoop) -> Iterator[tuple
         for late in product(*choices):
             row, arriving = [], [flight for _, flight in before]
             for at in range(tick, end):
-                taken, arriving = zip(
-                    *(channel.tick(at, *each) for channel, *each in zip(channels, arriving, late, strict=True)), strict=True
+                arrivals, arriving = zip(
+                    *(channel.tick(at, *state) for channel, *state in zip(channels, arriving, late, strict=True)), strict=True
                 )
-                row.append((alike[at % frame], taken))
+                row.append((alike[at % frame], arrivals))
             in_a_row = [
-                (lost + 1 if own is LOST else 0) if channel.sends(tick) and channel.lost > 0 else lost
-                for channel, own, (lost, _) in zip(channels, late, before, strict=True)
+                (lost + 1 if lateness is LOST else 0) if channel.sends(tick) and channel.lost > 0 else lost
+                for channel, lateness, (lost, _) in zip(channels, late, before, strict=True)
             ]
             after = (moment + 1) % len(moments), tuple(zip(in_a_row, arriving, strict=True))
-            sent = tuple((channel.name, own) for channel, own in zip(channels, late, strict=True) if channel.sends(tick))
-            found.setdefault((tuple(row), after), (Sent(moment, sent), set()))[1].add(state)
-            if after not in known:
-                known.add(after)
+            sent = tuple(
+                (channel.name, lateness) for channel, lateness in zip(channels, late, strict=True) if channel.sends(tick)
+            )
+            steps.setdefault((tuple(row), after), (Sent(moment, sent), set()))[1].add(state)
+            if after not in seen_states:
+                seen_states.add(after)
                 open_.append(after)
-        if len(found) > MOST_SYMBOLS:
+        if len(steps) > MOST_SYMBOLS:
             raise UsageError(
                 f"channels {', '.join(channel.name for channel in channels)}: expected at most {MOST_SYMBOLS} ways in which "
                 "messages are late or lost, found more; choose longer ticks, or fewer by which messages are late"
             )
-    for (row, after), (sent, sources) in found.items():
+    for (row, after), (sent, sources) in steps.items():
         yield row, sent, after, sources
 
 
@@ -259,30 +261,33 @@ def _choices(channel, tick, lost):
 def _in_time(loop: MultirateLoop, channels: tuple[Channel, ...]) -> MultirateLoop:
     """The loop whose channels show in every tick what they read, with all of their states."""
     through = {channel.name: channel.block(SENT, (NOTHING,) * channel.registers) for channel in channels}
-    placed = (ScheduledBlock(through[each.block.name]) if each.block.name in through else each for each in loop.placed)
+    placed = (
+        ScheduledBlock(through[scheduled.block.name]) if scheduled.block.name in through else scheduled
+        for scheduled in loop.placed
+    )
     return replace(loop, placed=tuple(placed))
 
 
 def _at(loop: MultirateLoop, tick: int, channels: tuple[Channel, ...], taken: tuple) -> MultirateLoop:
     """The loop of two ticks of which the first is a tick of a frame, in which channels take from these places; all run then."""
-    own = {channel.name: channel.block(*places) for channel, places in zip(channels, taken, strict=True)}
-    unread = {f"{name}.u": {} for name, block in own.items() if not (block.B.any() or block.D.any())}
+    channel_blocks = {channel.name: channel.block(*places) for channel, places in zip(channels, taken, strict=True)}
+    unread = {f"{name}.u": {} for name, block in channel_blocks.items() if not (block.B.any() or block.D.any())}
     placed = []
-    for each in loop.placed:
-        name = each.block.name
-        runs = name in own or each.runs(tick + 1)[tick]
-        placed.append(ScheduledBlock(own.get(name, each.block), 2, (0, 1) if runs else 1))
+    for scheduled in loop.placed:
+        name = scheduled.block.name
+        runs = name in channel_blocks or scheduled.runs(tick + 1)[tick]
+        placed.append(ScheduledBlock(channel_blocks.get(name, scheduled.block), 2, (0, 1) if runs else 1))
     return replace(loop, placed=tuple(placed), sums={**loop.sums, **unread})
 
 
 def _refuse_moved(ticks: Ticks, drift: MarginalModes) -> None:
     """Raise UsageError if a drift moves what a channel carries, so that a message that is lost would change it."""
-    for lead, others in (*drift.constant, *((lead, ()) for lead in drift.varying)):
+    for lead, trailing in (*drift.constant, *((lead, ()) for lead in drift.varying)):
         shift = np.zeros(len(drift.states))
         shift[lead] = 1.0
-        shift[[state for state, _ in others]] = [factor for _, factor in others]
-        for each in ticks.maps:
-            if lead in drift.varying or (np.abs(each.E @ shift) > STILL * (np.abs(each.E) @ np.abs(shift))).any():
+        shift[[state for state, _ in trailing]] = [factor for _, factor in trailing]
+        for tick_map in ticks.maps:
+            if lead in drift.varying or (np.abs(tick_map.E @ shift) > STILL * (np.abs(tick_map.E) @ np.abs(shift))).any():
                 raise UsageError(
                     f"messages: expected channels that carry nothing of what drifts, found {drift.states[lead]}, which nothing "
                     "holds in place; feed the position back"

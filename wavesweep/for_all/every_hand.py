@@ -70,8 +70,8 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
     if drawing.has_waves:
         raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
     if drawing.dead_times:
-        whole = "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
-        raise UsageError(REFUSED.format(whole, f"seconds of {', '.join(drawing.dead_times)}"))
+        expected = "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
+        raise UsageError(REFUSED.format(expected, f"seconds of {', '.join(drawing.dead_times)}"))
     with placed(spec):
         margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0], along)
     ruled = margin.ruled
@@ -96,10 +96,10 @@ def _acts_once(ruled: Drawing, name: str) -> bool:
     sources = {}
     for port, terms in (*ruled.wires, *ruled.couplings):
         sources.setdefault(port.partition(".")[0], set()).update(signal.partition(".")[0] for signal, _ in terms)
-    found = sources.get(start, set())
-    while more := set().union(*(sources.get(each, ()) for each in found)) - found:
-        found = found | more
-    return bool(place) and start not in found
+    reached = sources.get(start, set())
+    while further := set().union(*(sources.get(signal, ()) for signal in reached)) - reached:
+        reached = reached | further
+    return bool(place) and start not in reached
 
 
 def damping(spec: Spec) -> dict[str, object] | None:
@@ -112,14 +112,14 @@ def damping(spec: Spec) -> dict[str, object] | None:
     try:
         refuse(spec, rules, "")
         margins = [_Margin(rules, case, "") for case in cases_of(rules, "", (0.0, 0.0), loop)]
-        found = [(margin, *margin.at(0.0)) for margin in margins]
+        margins_at_rest = [(margin, *margin.at(0.0)) for margin in margins]
     except UsageError:
         return None
-    _, needed, has = max(found, key=lambda each: each[1].proved - each[2])
-    margin, worst, _ = max(found, key=lambda each: each[1].refuted - each[2])
+    _, needed, has = max(margins_at_rest, key=lambda each: each[1].proved - each[2])
+    margin, worst, _ = max(margins_at_rest, key=lambda each: each[1].refuted - each[2])
     numbers = {"needed": needed.proved, "refuted": worst.refuted, "device": has}
     facts = {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {"by": margin.text(worst)}
-    if needed.proved <= has and any(unstable(members(rules, each.case, FREE)) for each in margins):
+    if needed.proved <= has and any(unstable(members(rules, margin.case, FREE)) for margin in margins):
         return facts | {"needed": None, "doubt": "contradiction"}
     return facts
 
@@ -141,15 +141,15 @@ class _Margin:
         """What is needed at a value, and the least damping of the device there."""
         from wavesweep.for_all.every_hand_proof import EveryHand, Needed
 
-        own = {self.along: p} if self.along else {}
+        along_value = {self.along: p} if self.along else {}
         key = p if self.along in self.ruled.reads else None
         if key not in self.known:
-            loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **own}))
+            loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **along_value}))
             self.known[key] = loop, loop.needed() if loop and self._decays(loop, p) else Needed(np.inf)
         ends = product(*((axis.start, axis.stop) for axis in self.case.ranges))
         paths = [axis.path for axis in self.case.ranges]
-        ends = [device_keys(self.loop.changed({**dict(zip(paths, each, strict=True)), **own})) for each in ends]
-        has, stiffness = (float(min(each[part] for each in ends)) for part in (1, 2))
+        ends = [device_keys(self.loop.changed({**dict(zip(paths, corner, strict=True)), **along_value})) for corner in ends]
+        has, stiffness = (float(min(end_keys[place] for end_keys in ends)) for place in (1, 2))
         loop, needed = self.known[key]
         return Needed(np.inf) if loop and loop.pulls(stiffness) else needed, has
 
@@ -166,7 +166,7 @@ class _Margin:
         """What refutes."""
         if not needed.word:
             return ""
-        loop, omega = next(each for each in self.known.values() if each[1] is needed)[0], needed.omega
+        loop, omega = next(row for row in self.known.values() if row[1] is needed)[0], needed.omega
         alike = omega * loop.period < SLOW
         moves = "alike in each repetition" if alike else f"at {omega / (2 * np.pi):.4g} Hz"
         return f"{text_of(loop, needed.word)}, a hand that moves {moves}"
@@ -175,7 +175,7 @@ class _Margin:
 def _row(margin: _Margin, case: Case, span) -> Row | None:
     """The passive values that are proved, and the nearest ones that are refuted."""
     low, high = span
-    proved, refuted = (_signed(margin, part) for part in ("proved", "refuted"))
+    proved, refuted = (_signed(margin, side) for side in ("proved", "refuted"))
     start = next((p for p in (low + share * (high - low) for share in STARTS) if proved(p) <= 0), None)
     if start is None:
         return None
@@ -189,11 +189,11 @@ def _row(margin: _Margin, case: Case, span) -> Row | None:
         needed = None if beyond is None else margin.at(beyond)[0]
         by.append(needed and {**case.fixed, margin.text(needed): None})
         omega.append(needed.omega if needed else np.nan)
-    part = Part(*fails, *by, *omega)
+    interval = Part(*fails, *by, *omega)
     settled = all(
         is_near(end, fail) and (known or end == limit) for end, fail, known, limit in zip(ends, fails, by, span, strict=True)
     )
-    return Row(*ends, part, settled, text_of_part(part))
+    return Row(*ends, interval, settled, text_of_part(interval))
 
 
 def _signed(margin, part) -> Callable[[float], float]:
@@ -210,15 +210,15 @@ def _edge(missing: Callable[[float], float], inside: float, limit: float) -> tup
 
     if missing(limit) <= 0:
         return limit, None
-    seen = {}
+    margins_seen = {}
 
     def looked(p):
-        seen[p] = missing(p)
-        return min(seen[p], LARGE)
+        margins_seen[p] = missing(p)
+        return min(margins_seen[p], LARGE)
 
     least = CLOSE * abs(limit - inside)
     end = brentq(looked, inside, limit, xtol=CLOSE * least, rtol=CLOSE / 4)
     for side in (-1, 1):
         looked(float(np.clip(end + side * CLOSE / 2 * max(abs(end), least), *sorted((inside, limit)))))
-    within = [p for p, value in seen.items() if value <= 0]
-    return max(within, key=lambda p: abs(p - inside)), min(seen.keys() - within, key=lambda p: abs(p - inside))
+    within = [p for p, value in margins_seen.items() if value <= 0]
+    return max(within, key=lambda p: abs(p - inside)), min(margins_seen.keys() - within, key=lambda p: abs(p - inside))

@@ -66,12 +66,12 @@ class Unmet:
     @staticmethod
     def of(frames: list[arb_mat], states: np.ndarray, follows: np.ndarray) -> "Unmet | None":
         """Return those of the states that are not over after some frames; None without any."""
-        left = alive(np.logical_or.reduce([_pattern(each) for each in frames]), states).tolist()
+        left = alive(np.logical_or.reduce([_pattern(frame) for frame in frames]), states).tolist()
         if not left:
             return None
-        parts = [[each[i, j] - int(i == j) for i in left for j in left] for each in frames]
-        E = np.array([[float(entry.mid()) for entry in part] for part in parts])
-        dE = np.array([[float((entry - arb(float(entry.mid()))).abs_upper()) for entry in part] for part in parts])
+        matrices = [[frame[i, j] - int(i == j) for i in left for j in left] for frame in frames]
+        E = np.array([[float(entry.mid()) for entry in matrix] for matrix in matrices])
+        dE = np.array([[float((entry - arb(float(entry.mid()))).abs_upper()) for entry in matrix] for matrix in matrices])
         shape = len(frames), len(left), len(left)
         return Unmet(E.reshape(shape), np.nextafter(dE, np.inf).reshape(shape), follows)
 
@@ -118,12 +118,12 @@ class EveryHand:
             rows, samples, symbols, follows = plan.written(index)
             joined: dict[tuple[int, ...], int] = {}
             words = tuple(_timed([*row, sample], maps, joined) for row, sample in zip(rows, samples, strict=True))
-            ticks = [reduce(_after, (maps[each] for each in some)) for some in joined]
-            found = _from_rest(ticks)
-            if found is None:
+            ticks = [reduce(_after, (maps[index] for index in indices)) for indices in joined]
+            from_rest = _from_rest(ticks)
+            if from_rest is None:
                 return None
-            (kinds, stiffness, rest), graph = found, automaton(words, follows)
-            unmet = Unmet.of([reduce(_after, (ticks[each] for each in word)) for word in words], rest, follows)
+            (kinds, stiffness, rest), graph = from_rest, automaton(words, follows)
+            unmet = Unmet.of([reduce(_after, (ticks[index] for index in word)) for word in words], rest, follows)
         n = kinds[0][0].nrows()
         if (most := graph.nodes * n * (n + 1) // 2) > MOST:
             raise UsageError(
@@ -141,7 +141,7 @@ class EveryHand:
     def needed(self) -> Needed:
         """Return the damping that is needed. Accuracy: 1e-7, unless rounding ends the search for energies earlier."""
         n = self.kinds[0][0].nrows()
-        M, rows = (np.array([_doubles(kind[part]) for kind in self.kinds]) for part in (0, 1))
+        M, rows = (np.array([_doubles(kind[place]) for kind in self.kinds]) for place in (0, 1))
         S = np.zeros((len(M), n + 1, n + 1))
         S[:, n, :] += rows[:, 0] / 2
         S[:, :, n] += rows[:, 0] / 2
@@ -163,11 +163,11 @@ class EveryHand:
         for _ in range(LONGEST):
             longer = [(*first, last) for first in beam for last in range(len(self.words))]
             longer = [word for word in longer if self.follows[word[:-1], word[1:]].all()]
-            found = sorted((self._needed_by(word, maps) for word in longer), key=lambda each: -each[0])
-            best = max(best, found[0], key=lambda each: each[0])
+            needs = sorted((self._needed_by(word, maps) for word in longer), key=lambda each: -each[0])
+            best = max(best, needs[0], key=lambda each: each[0])
             if best[0] >= proved - NEAR * (LEAST + abs(proved)) or not np.isfinite(proved):
                 break
-            beam = [word for _, word, _ in found[: max(1, TRIED // len(self.words))]]
+            beam = [word for _, word, _ in needs[: max(1, TRIED // len(self.words))]]
         return best
 
     def _needed_by(self, word, maps):
@@ -184,7 +184,7 @@ class EveryHand:
         """Whether F is positive definite on every edge, and each P as well: elimination meets positive pivots alone."""
         with ctx.workprec(BITS):
             stored = [arb_mat(P.tolist()) for P in norms.P]
-            found = all(map(_definite, (P.tolist() for P in stored)))
+            definite = all(map(_definite, (P.tolist() for P in stored)))
             for source, edge, target in zip(norms.graph.source, norms.graph.symbol, norms.graph.target, strict=True):
                 M, row = self.kinds[self.graph.symbol[edge]]
                 F = (M.transpose() * stored[target] * M * -1).tolist()
@@ -193,8 +193,8 @@ class EveryHand:
                     F[i] = [F[i][j] + stored[source][i, j] for j in range(n)] + [F[i][n] + row[0, i] / 2]
                     F[n][i] = F[i][n]
                 F[n][n] += row[0, n] + arb(damping)
-                found = found and _definite(F)
-            return found
+                definite = definite and _definite(F)
+            return definite
 
 
 def _definite(rows) -> bool:
@@ -223,12 +223,12 @@ def with_ruler(drawing: Drawing) -> Drawing:
     wires = []
     for port, terms in drawing.wires:
         kept = tuple(
-            (f"{device}.y" if each == f"{device}.x" else each, gain) for each, gain in terms if each != drawing.hand[0]
+            (f"{device}.y" if signal == f"{device}.x" else signal, gain) for signal, gain in terms if signal != drawing.hand[0]
         )
         wires.append((f"{takes}.u" if port == f"{device}.f" else port, kept))
     wires.append((f"{device}.u", ((f"{pushes}.y", drawing.tick_hz),)))
-    others = [block for block in drawing.blocks if block.name != device]
-    return replace(drawing, blocks=(*ruler, *others), wires=tuple(wires), hand=None, inputs=(), outputs=(), named=())
+    other_blocks = [block for block in drawing.blocks if block.name != device]
+    return replace(drawing, blocks=(*ruler, *other_blocks), wires=tuple(wires), hand=None, inputs=(), outputs=(), named=())
 
 
 def _ticks(plan: Plan):
@@ -239,12 +239,12 @@ def _ticks(plan: Plan):
     for step in plan.steps:
         loop = balls.BallLoop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
         running = plan.schedule.running([block.name for block in loop.blocks])
-        loop.kinds = tuple(tuple(np.flatnonzero(each).tolist()) for each in running)
-        found = loop.tick_maps(arb(0))
+        loop.kinds = tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running)
+        tick_maps = loop.tick_maps(arb(0))
         for kind, places in zip(plan.schedule.kinds, loop.kinds, strict=True):
-            matrix = found[places][0]
-            known = tuple((entry.mid().man_exp(), entry.rad().man_exp()) for entry in matrix.entries())
-            index[kind, step] = maps.setdefault(known, (len(maps), matrix))[0]
+            matrix = tick_maps[places][0]
+            key = tuple((entry.mid().man_exp(), entry.rad().man_exp()) for entry in matrix.entries())
+            index[kind, step] = maps.setdefault(key, (len(maps), matrix))[0]
     return index, [matrix for _, matrix in maps.values()]
 
 
@@ -273,32 +273,35 @@ def _from_rest(ticks) -> tuple[tuple[tuple[arb_mat, arb_mat], ...], arb, np.ndar
 
     None if nothing rests alike in all of them.
     """
-    there = np.array([_pattern(tick) for tick in ticks]).any(0)
-    rest = [i for i in np.flatnonzero(closure([there], there[FORCE])).tolist() if i > FORCE]
+    present = np.array([_pattern(tick) for tick in ticks]).any(0)
+    rest = [i for i in np.flatnonzero(closure([present], present[FORCE])).tolist() if i > FORCE]
 
     def part(tick, rows, columns):
         return arb_mat(len(rows), len(columns), [tick[i, j] for i in rows for j in columns])
 
-    whole, one = reduce(_after, ticks), arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest])
+    frame, identity = reduce(_after, ticks), arb_mat(len(rest), len(rest), [int(i == j) for i in rest for j in rest])
     try:
-        R = (one - part(whole, rest, rest)).solve(part(whole, rest, [X]))
+        R = (identity - part(frame, rest, rest)).solve(part(frame, rest, [X]))
     except ZeroDivisionError:
         return None
-    found, stiffness = [], None
+    rows_found, stiffness = [], None
     for tick in ticks:
-        own, moves = part(tick, rest, rest), tick[X, PUSH]
-        left = part(tick, rest, [X]) + (own - one) * R
+        free, moves = part(tick, rest, rest), tick[X, PUSH]
+        left = part(tick, rest, [X]) + (free - identity) * R
         k = -(part(tick, [FORCE], [X]) + part(tick, [FORCE], rest) * R)[0, 0]
         stiffness = k if stiffness is None else stiffness
         if not (all(entry.contains(0) for entry in left.entries()) and k.overlaps(stiffness)):
             return None
         B, C = part(tick, rest, [PUSH]) * (1 / moves) - R, part(tick, [FORCE], rest)
-        found.append([[*a, *b] for a, b in zip(own.tolist(), B.tolist(), strict=True)])
-        found[-1].append([*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2])
-    there = np.array([[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in found]).any(0)
-    moved = closure([there[:, :-1].T], there[:, -1]) if rest else np.zeros(0, bool)
+        rows_found.append([[*a, *b] for a, b in zip(free.tolist(), B.tolist(), strict=True)])
+        rows_found[-1].append([*(-entry for entry in C.entries()), -tick[FORCE, PUSH] / moves - k / 2])
+    present = np.array([[[not entry.is_zero() for entry in row] for row in rows[:-1]] for rows in rows_found]).any(0)
+    moved = closure([present[:, :-1].T], present[:, -1]) if rest else np.zeros(0, bool)
     places = [*np.flatnonzero(moved).tolist(), len(rest)]
-    rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in found]
+    rows = [[[row[j] for j in places] for row in (rows[i] for i in places)] for rows in rows_found]
     size, met = (len(places) - 1, len(places)), {X, PUSH, FORCE, *(rest[place] for place in places[:-1])}
-    kinds = tuple((arb_mat(*size, [entry for row in each[:-1] for entry in row]), arb_mat(each[-1:])) for each in rows)
+    kinds = tuple(
+        (arb_mat(*size, [entry for row in rows_of_kind[:-1] for entry in row]), arb_mat(rows_of_kind[-1:]))
+        for rows_of_kind in rows
+    )
     return kinds, stiffness, np.array([state for state in range(ticks[0].nrows()) if state not in met], int)

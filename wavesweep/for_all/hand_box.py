@@ -18,7 +18,7 @@ from wavesweep.program.spec import Axis
 
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 MARGIN = 1e-3  # of an end that a hand sets, left out of the proof: there the loop is about to be unstable
-END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
+END_HANDS = {end: tuple(f"{end}_hand_{quantity}" for quantity in ("mass", "damping", "stiffness")) for end in ("low", "high")}
 BOX_RECORD = np.dtype([*RECORD.descr, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?")])
 
 
@@ -32,10 +32,10 @@ class HandBox:
 
     def __post_init__(self):
         for name in ("mass", "damping", "stiffness"):
-            given = getattr(self, name)
-            ends = real_numbers(given)
+            range_given = getattr(self, name)
+            ends = real_numbers(range_given)
             if ends is None or ends.shape != (2,):
-                raise ValueError(f"hand box: {name} expected (low, high), found {given!r:.60}")
+                raise ValueError(f"hand box: {name} expected (low, high), found {range_given!r:.60}")
             low, high = map(float, ends)
             if not 0 <= low <= high < np.inf:
                 raise ValueError(f"hand box: {name} expected 0 <= low <= high, found {low:g} to {high:g}")
@@ -89,19 +89,19 @@ class BoxGuarantee(Guarantee):
         """Intervals of the key `along` within `span` for one loop, as records of slice 0."""
         loop, ends = loop.with_hand(), self.box.ranges()
         ranges = [Axis(path, path, (), low, high, structural=False) for path, (low, high) in ends.items() if low < high]
-        known = {path: low for path, (low, high) in ends.items() if low == high}
-        case = Case(Loops(loop.drawing, {**loop.values, **known}), along, span, ranges, known)
-        found = list(proofs([case], span, MARGIN))
-        low, high = (np.array([getattr(part, end) for part, _ in found]) for end in ("low", "high"))
+        constants = {path: low for path, (low, high) in ends.items() if low == high}
+        case = Case(Loops(loop.drawing, {**loop.values, **constants}), along, span, ranges, constants)
+        proved_parts = list(proofs([case], span, MARGIN))
+        low, high = (np.array([getattr(interval, end) for interval, _ in proved_parts]) for end in ("low", "high"))
         records = blank_records(low, high, BOX_RECORD)
-        records["settled"] = case.vouched if found else case.certified
-        records["certified"] = case.certified and not found  # that there are none
+        records["settled"] = case.vouched if proved_parts else case.certified
+        records["certified"] = case.certified and not proved_parts  # that there are none
         records["doubt"] = np.where(records["certified"], NONE, SEARCH)
-        for record, (part, proved) in zip(records, found, strict=False):
-            record["settled"] &= _all_but_margin(part, proved)
+        for record, (interval, proved) in zip(records, proved_parts, strict=False):
+            record["settled"] &= _all_but_margin(interval, proved)
             for end in ("low", "high"):
-                record[f"{end}_omega"] = getattr(part, f"{end}_omega")
-                if by := getattr(part, f"{end}_by"):
+                record[f"{end}_omega"] = getattr(interval, f"{end}_omega")
+                if by := getattr(interval, f"{end}_by"):
                     for name, path in zip(END_HANDS[end], HAND, strict=True):
                         record[name] = by[path]
         return records
@@ -122,14 +122,14 @@ def box_in_words(text: str | None) -> BoxGuarantee:
 
 def _ranges(text: str) -> dict[str, tuple[float, float]]:
     """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
-    found: dict[str, tuple[float, float]] = {}
-    for part in text.split(","):
-        name, low, high = matched.groups() if (matched := _RANGE.fullmatch(part)) else ("", "", "")
-        if name in found:
+    ranges: dict[str, tuple[float, float]] = {}
+    for text_of_range in text.split(","):
+        name, low, high = matched.groups() if (matched := _RANGE.fullmatch(text_of_range)) else ("", "", "")
+        if name in ranges:
             raise UsageError(f"hand box: expected one range of {name}, found two")
         try:
-            found[name] = (float(low), float(high))
+            ranges[name] = (float(low), float(high))
         except ValueError:
             expected = "ranges such as mass=0.1..0.5 (mass, damping, stiffness)"
-            raise UsageError(f"hand box: expected {expected}, found {part.strip()!r:.60}") from None
-    return found
+            raise UsageError(f"hand box: expected {expected}, found {text_of_range.strip()!r:.60}") from None
+    return ranges

@@ -62,15 +62,15 @@ class LoopFrames:
     @staticmethod
     def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:
         """Return the frames that consist of these ticks. kept: the states without drift. drift: if it depends on numbers."""
-        changes = [each.E for each in _closed(ticks, SOME).maps]
+        changes = [tick_map.E for tick_map in _closed(ticks, SOME).maps]
         patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
         kept = np.array(kept) if drift else alive(np.logical_or.reduce(patterns), np.array(kept))
         rows, samples = tuple(map(tuple, rows)), tuple(samples)
-        whole = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
-        acting = [[i for i, kind in enumerate(row) if ticks.maps[kind].inputs] for row in whole]
+        rows_with_samples = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
+        acting = [[i for i, kind in enumerate(row) if ticks.maps[kind].inputs] for row in rows_with_samples]
         at_once = None
-        if not drift and all(len(each) <= 1 for each in acting):
-            at_once = _AtOnce.of(ticks, whole, [(*each, -1)[0] for each in acting], kept)
+        if not drift and all(len(kinds) <= 1 for kinds in acting):
+            at_once = _AtOnce.of(ticks, rows_with_samples, [(*kinds, -1)[0] for kinds in acting], kept)
         return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once, drift)
 
     def at(self, x: float) -> np.ndarray:
@@ -78,30 +78,30 @@ class LoopFrames:
         if self.at_once is not None:
             return self.at_once.at(x)
         maps = []
-        for each in self.ticks.maps:
-            E = each.E + (x / (1 - x * each.D[0, 0])) * (each.B @ each.C) if each.inputs else each.E
+        for tick_map in self.ticks.maps:
+            E = tick_map.E + (x / (1 - x * tick_map.D[0, 0])) * (tick_map.B @ tick_map.C) if tick_map.inputs else tick_map.E
             maps.append(np.eye(len(E)) + E)
-        whole = [_joined(self._ticks(i), maps, _after) for i in range(len(self.rows))]
+        frames = [_joined(self._ticks(i), maps, _after) for i in range(len(self.rows))]
         if self.drift:
             changes = np.array(maps) - np.eye(len(maps[0]))
             V, dV = shift_of(changes, 0 * changes, self.drift)
-            E, nothing = np.array(whole) - np.eye(len(maps[0])), np.zeros_like(whole)
+            E, nothing = np.array(frames) - np.eye(len(maps[0])), np.zeros_like(frames)
             return np.eye(self.kept.size) + counted_from_rest(E, nothing, V, dV, self.drift)[0]
-        return np.array([each[np.ix_(self.kept, self.kept)] for each in whole])
+        return np.array([frame[np.ix_(self.kept, self.kept)] for frame in frames])
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """See `Family`. Accuracy: to first order in a rounding."""
         maps = _closed(self.ticks, x).maps
-        changes, errors = [each.E for each in maps], [ENTRIES * each.terms[0] for each in maps]
+        changes, errors = [tick_map.E for tick_map in maps], [ENTRIES * each.terms[0] for each in maps]
         n = len(changes[0])
         E, dE = np.empty((2, len(self.rows), n, n))
-        known = {} if self.at_once else {row: _in_a_row(row, changes, errors) for row in {*self.rows}}
+        products = {} if self.at_once else {row: _in_a_row(row, changes, errors) for row in {*self.rows}}
         for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
             if self.at_once is not None:
-                whole, error = self.at_once.enclosed(i, changes, errors)
+                frame, error = self.at_once.enclosed(i, changes, errors)
             else:
-                whole, error = both(known[row], (changes[sample], errors[sample]))
-            E[i] = np.where(self.patterns[i], whole, -np.eye(n))
+                frame, error = both(products[row], (changes[sample], errors[sample]))
+            E[i] = np.where(self.patterns[i], frame, -np.eye(n))
             dE[i] = np.where(self.patterns[i], error, 0.0)
         if self.drift:
             return counted_from_rest(E, dE, *shift_of(np.array(changes), np.array(errors), self.drift), self.drift)
@@ -123,7 +123,7 @@ class LoopFrames:
         """
         if self.drift:
             return None
-        direct = np.array([each.D[0, 0] for each in self.ticks.maps if each.inputs])
+        direct = np.array([tick_map.D[0, 0] for tick_map in self.ticks.maps if tick_map.inputs])
         through = np.array([low, high])[:, None] * direct
         closing = 1 - through
         if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
@@ -132,11 +132,11 @@ class LoopFrames:
             return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
         middle, half = (low + high) / 2, (high - low) / 2
         (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
-        maps = [_enclosure(each, middle, half) for each in self.ticks.maps]
+        maps = [_enclosure(tick_map, middle, half) for tick_map in self.ticks.maps]
         rest = [_joined(self._ticks(i), maps, _after).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
-        more = 2.3 * np.array(rest)
+        spread = 2.3 * np.array(rest)
         control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
-        return np.stack([A, control, B]), np.stack([dA + more, of_control + more, dB + more])
+        return np.stack([A, control, B]), np.stack([dA + spread, of_control + spread, dB + spread])
 
 
 def alive(acts: np.ndarray, kept: np.ndarray) -> np.ndarray:
@@ -169,18 +169,24 @@ class _AtOnce:
     @staticmethod
     def of(ticks, rows, acting, kept):
         """acting: the index of the tick in which the number acts in each row."""
-        changes, errors = [each.E for each in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps]
-        parts = [(row[:i], row[i], row[i + 1 :] if i >= 0 else ()) for row, i in zip(rows, acting, strict=True)]
-        known = {row: _in_a_row(row, changes, errors) for first, _, last in parts for row in (first, last)}
-        found, one = [], np.eye(len(ticks.states))
-        for first, kind, last in parts:
-            own, E = ticks.maps[kind], one + known[last][0]
-            B, C, D = (own.B, own.C, own.D) if own.inputs else (np.zeros((len(E), 1)), np.zeros((1, len(E))), np.zeros((1, 1)))
-            A, b, c = E @ (one + own.E) @ (one + known[first][0]), E @ B, C @ (one + known[first][0])
-            found.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], D[0, 0]))
-        arrays = (np.array(part) for part in zip(*found, strict=True))
-        before, after = (tuple(known[part[at]] if part[at] or not at else None for part in parts) for at in (0, 2))
-        return _AtOnce(*arrays, tuple(kind for _, kind, _ in parts), before, after)
+        changes, errors = [tick_map.E for tick_map in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps]
+        split_rows = [(row[:i], row[i], row[i + 1 :] if i >= 0 else ()) for row, i in zip(rows, acting, strict=True)]
+        products = {row: _in_a_row(row, changes, errors) for first, _, last in split_rows for row in (first, last)}
+        terms, identity = [], np.eye(len(ticks.states))
+        for first, kind, last in split_rows:
+            factor, E = ticks.maps[kind], identity + products[last][0]
+            B, C, D = (
+                (factor.B, factor.C, factor.D)
+                if factor.inputs
+                else (np.zeros((len(E), 1)), np.zeros((1, len(E))), np.zeros((1, 1)))
+            )
+            A, b, c = E @ (identity + factor.E) @ (identity + products[first][0]), E @ B, C @ (identity + products[first][0])
+            terms.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], D[0, 0]))
+        arrays = (np.array(column) for column in zip(*terms, strict=True))
+        before, after = (
+            tuple(products[split_row[at]] if split_row[at] or not at else None for split_row in split_rows) for at in (0, 2)
+        )
+        return _AtOnce(*arrays, tuple(kind for _, kind, _ in split_rows), before, after)
 
     def at(self, x):
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
@@ -203,14 +209,14 @@ def _in_a_row(row, changes, errors):
     n = changes[0].shape[-1]
     if not row:
         return np.zeros((n, n)), np.zeros((n, n))
-    return product_with_errors(np.array(row), changes, [each / ENTRIES for each in errors], per_loop=True)
+    return product_with_errors(np.array(row), changes, [bound / ENTRIES for bound in errors], per_loop=True)
 
 
 def _enclosure(tick, middle, half):
     """A tick for all values of the number from `middle - half` to `middle + half`."""
-    nothing, whole = np.zeros_like(tick.E), np.eye(len(tick.E)) + tick.E
+    nothing, power = np.zeros_like(tick.E), np.eye(len(tick.E)) + tick.E
     if not tick.inputs:
-        return Polynomials(np.array([whole, nothing, nothing]), nothing, 1, 2)
+        return Polynomials(np.array([power, nothing, nothing]), nothing, 1, 2)
     d = tick.D[0, 0]
     through = tick.B @ tick.C
     # f(p) = p/(1 - d p): its n-th derivative is n! d^(n-1)/(1 - d p)^(n+1).
@@ -218,7 +224,7 @@ def _enclosure(tick, middle, half):
     least = abs(closing) - abs(d) * half
     centre, slope, curve = middle / closing, half / closing**2, d * half**2 / closing**3
     rest = d**2 * half**3 / least**4
-    return Polynomials(np.array([whole + centre * through, slope * through, curve * through]), rest * np.abs(through), 1, 2)
+    return Polynomials(np.array([power + centre * through, slope * through, curve * through]), rest * np.abs(through), 1, 2)
 
 
 def _after(first, later):
@@ -227,12 +233,12 @@ def _after(first, later):
 
 def _joined(runs, maps, joined):
     """The product of runs of ticks, `(kind, ticks)`; the powers of a run by repeated squaring."""
-    whole = None
+    product = None
     for kind, ticks in runs:
         power, left = maps[kind], ticks
         while left:
             if left % 2:
-                whole = power if whole is None else joined(whole, power)
+                product = power if product is None else joined(product, power)
             left //= 2
             power = joined(power, power) if left else power
-    return whole
+    return product

@@ -69,8 +69,8 @@ class TickSeries:
                 error += lebesgue * SAFE * missed
         for axis, count in enumerate(counts):
             values = along(to_series(count), values, 1 + axis)
-        whole = np.moveaxis(values, 0, -3).reshape(len(grid), -1)
-        few, weights, left = _few(whole)
+        samples = np.moveaxis(values, 0, -3).reshape(len(grid), -1)
+        few, weights, left = _few(samples)
         few = few.reshape(*counts, -1)
         return TickSeries(box, few, weights.reshape(-1, kinds, n, n), error + left.reshape(error.shape))
 
@@ -89,13 +89,13 @@ class TickSeries:
         least = np.full_like(sizes, np.inf)  # nothing is lost where an entry does not have the function
         spared = np.divide(SPARED * (most + most @ most), sizes, out=least, where=sizes > 0).min((1, 2, 3))
         for axis in nodes_of:
-            others = tuple(other for other in nodes_of if other != axis)
-            tail = np.cumsum(size.sum(others)[::-1], 0)[::-1]  # of this degree and all above
+            other_axes = tuple(other_axis for other_axis in nodes_of if other_axis != axis)
+            tail = np.cumsum(size.sum(other_axes)[::-1], 0)[::-1]  # of this degree and all above
             needed = (tail > spared).any(1)
-            kept = max(1, int(needed.sum()))
-            if kept < needed.size:
-                tail_sum = tail_sum + tail[kept]
-                series, size = (np.take(each, range(kept), axis) for each in (series, size))
+            orders = max(1, int(needed.sum()))
+            if orders < needed.size:
+                tail_sum = tail_sum + tail[orders]
+                series, size = (np.take(array, range(orders), axis) for array in (series, size))
         return TickSeries(box, series, self.weights, self.error + np.tensordot(tail_sum, sizes, 1))
 
     def polynomials(self, order: int = ORDER) -> Polynomials:
@@ -111,9 +111,9 @@ class TickSeries:
         for axis, size in enumerate(low.shape[:-1]):
             low = along(to_powers(size), low, axis)
         terms = np.zeros((len(exponents), series.shape[-1]))
-        for i, each in enumerate(exponents.tolist()):
-            if all(power < size for power, size in zip(each, low.shape[:-1], strict=True)):
-                terms[i] = low[tuple(each)]
+        for i, exponent_row in enumerate(exponents.tolist()):
+            if all(power < size for power, size in zip(exponent_row, low.shape[:-1], strict=True)):
+                terms[i] = low[tuple(exponent_row)]
         rounding = (8 * 2**order * np.abs(series).sum(nodes_of) + 2 * len(sizes) * np.abs(terms).sum(0)) * UNIT
         error = self.error + np.tensordot(rest + rounding, sizes, 1)
         return Polynomials(np.tensordot(terms, self.weights, 1), error, axes.size, order)
@@ -144,18 +144,20 @@ def _missed(evaluate, values, pivots, middle, half, counts, axis, count):
 
     None if a pole may be inside.
     """
-    others = [np.unique([0, size // 2, size - 1]) if at != axis else np.array([0]) for at, size in enumerate(counts)]
-    index = list(product(*others))
-    points = np.array([[nodes(size)[i] for size, i in zip(counts, each, strict=True)] for each in index], complex)
+    coarse = [np.unique([0, size // 2, size - 1]) if at != axis else np.array([0]) for at, size in enumerate(counts)]
+    index = list(product(*coarse))
+    points = np.array([[nodes(size)[i] for size, i in zip(counts, multi_index, strict=True)] for multi_index in index], complex)
     points = np.repeat(points, RIM_POINTS, 0)
     points[:, axis] = np.tile(RIM, len(index))
     E, _, around = evaluate(middle + half * points)
-    within = np.stack([pivots[(*each[:axis], slice(None), *each[axis + 1 :])] for each in index])
+    within = np.stack([pivots[(*multi_index[:axis], slice(None), *multi_index[axis + 1 :])] for multi_index in index])
     if pole_inside(around.reshape(len(index), RIM_POINTS, -1), level(within)).any():
         return None
     kinds, n = len(E), E.shape[-1]
     rim = (E + np.eye(n)).reshape(kinds, len(index), RIM_POINTS, n, n)
-    lines = np.stack([values[(slice(None), *each[:axis], slice(None), *each[axis + 1 :])] for each in index], 1)
+    lines = np.stack(
+        [values[(slice(None), *multi_index[:axis], slice(None), *multi_index[axis + 1 :])] for multi_index in index], 1
+    )
     basis = np.polynomial.chebyshev.chebvander(RIM, count - 1) @ to_series(count)
     model = np.einsum("rj,kijnm->kirnm", basis, lines)
     vanishing = np.abs(np.polynomial.chebyshev.chebval(RIM, np.eye(count + 1)[-1]))  # |T_count| is at most 1 at real places
@@ -220,8 +222,8 @@ class FramesOver:
         inside = box[0] + (box[1] - box[0]) * np.array([[0.3], [0.7]])
         changes = list(evaluate(inside)[0])
         patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
-        kept = alive(np.logical_or.reduce(patterns), np.arange(changes[0].shape[-1]))
-        return FramesOver(series, rows, samples, symbols, kept)
+        states = alive(np.logical_or.reduce(patterns), np.arange(changes[0].shape[-1]))
+        return FramesOver(series, rows, samples, symbols, states)
 
     def part(self, box: np.ndarray) -> FramesOver:
         """The frames in a part of the box."""
@@ -229,39 +231,42 @@ class FramesOver:
 
     def polynomials(self, order: int = ORDER) -> Polynomials:
         """The matrices of all symbols in the box."""
-        ticks, known, powers = self.series.polynomials(order), {}, {}
+        ticks, powers_known, powers = self.series.polynomials(order), {}, {}
 
         def power(kind, count):
             if (kind, count) not in powers:
-                one = ticks.of(kind)
+                tick = ticks.of(kind)
                 if count == 1:
-                    powers[kind, count] = one
+                    powers[kind, count] = tick
                 elif count % 2:
-                    powers[kind, count] = one @ power(kind, count - 1)
+                    powers[kind, count] = tick @ power(kind, count - 1)
                 else:
                     powers[kind, count] = power(kind, count // 2) @ power(kind, count // 2)
             return powers[kind, count]
 
         def joined(row):
-            if row not in known:
+            if row not in powers_known:
                 runs = [(kind, len(list(run))) for kind, run in groupby(row)]
-                if row[:-1] in known:
-                    known[row] = ticks.of(row[-1]) @ known[row[:-1]]
+                if row[:-1] in powers_known:
+                    powers_known[row] = ticks.of(row[-1]) @ powers_known[row[:-1]]
                 elif len(runs) == 1:
-                    known[row] = power(*runs[0])
+                    powers_known[row] = power(*runs[0])
                 else:  # in halves, since what is left out grows with the depth, and what repeats is multiplied once
                     first = sum(length for _, length in runs[: 1 << (len(runs) - 1).bit_length() - 1])
-                    known[row] = joined(row[first:]) @ joined(row[:first])
-            return known[row]
+                    powers_known[row] = joined(row[first:]) @ joined(row[:first])
+            return powers_known[row]
 
         rows = sorted(set(self.rows), key=len)
-        parts = {row: joined(row) for row in rows if row}
+        products = {row: joined(row) for row in rows if row}
         n = ticks.terms.shape[-1]
-        one = Polynomials(np.zeros((len(ticks.terms), n, n)), np.zeros((n, n)), ticks.numbers, ticks.order)
-        one.terms[0] = np.eye(n)
-        whole = [parts.get(row, one) for row in self.rows]
+        identity = Polynomials(np.zeros((len(ticks.terms), n, n)), np.zeros((n, n)), ticks.numbers, ticks.order)
+        identity.terms[0] = np.eye(n)
+        of_rows = [products.get(row, identity) for row in self.rows]
         before = Polynomials(
-            np.stack([each.terms for each in whole], 1), np.stack([each.rest for each in whole]), ticks.numbers, ticks.order
+            np.stack([polynomial.terms for polynomial in of_rows], 1),
+            np.stack([each.rest for each in of_rows]),
+            ticks.numbers,
+            ticks.order,
         )
-        whole, at = ticks.of(list(self.samples)) @ before, np.ix_(self.kept, self.kept)
-        return Polynomials(whole.terms[..., *at], whole.rest[..., *at], ticks.numbers, ticks.order)
+        of_rows, at = ticks.of(list(self.samples)) @ before, np.ix_(self.kept, self.kept)
+        return Polynomials(of_rows.terms[..., *at], of_rows.rest[..., *at], ticks.numbers, ticks.order)

@@ -89,13 +89,13 @@ class Chances:
         if low == high or self.in_matrices:
             return ends[..., 0].prod(-1)[None]
         count = ends.shape[1]
-        found = np.ones((len(ends), 1))
+        weights = np.ones((len(ends), 1))
         for i in range(count):
-            more = np.zeros((len(ends), found.shape[1] + 1))
-            more[:, :-1] += found * ends[:, i, :1]
-            more[:, 1:] += found * ends[:, i, 1:]
-            found = more
-        return (found / [comb(count, k) for k in range(count + 1)]).T
+            longer = np.zeros((len(ends), weights.shape[1] + 1))
+            longer[:, :-1] += weights * ends[:, i, :1]
+            longer[:, 1:] += weights * ends[:, i, 1:]
+            weights = longer
+        return (weights / [comb(count, k) for k in range(count + 1)]).T
 
     def probable(self, low: float, high: float) -> tuple[float, float]:
         """The part of an interval in which all probabilities are at least 0 and at most 1."""
@@ -110,11 +110,13 @@ class Chances:
 
     def proves(self, P: np.ndarray, low: float, high: float) -> bool:
         """Whether these forms are proved to decay on average for all numbers from low to high."""
-        points = self.family.hull(low, high) if self.in_matrices else tuple(each[None] for each in self.family.enclosed(0.0))
+        points = (
+            self.family.hull(low, high) if self.in_matrices else tuple(matrices[None] for matrices in self.family.enclosed(0.0))
+        )
         if points is None:
             return False
         weights = self.weights(low, high)
-        return all(shrink_on_average(Norms(P, self.graph), row, *each) for row in weights for each in zip(*points, strict=True))
+        return all(shrink_on_average(Norms(P, self.graph), row, *pair) for row in weights for pair in zip(*points, strict=True))
 
     def operator(self, x: float) -> np.ndarray:
         """What becomes of second moments at x, as a matrix for vectors of their entries."""
@@ -144,36 +146,38 @@ class Chances:
         """
         if (enclosed := self._enclosed(low, high)) is None:
             return False
-        (whole, slope, off), one = enclosed, np.eye(len(enclosed[0]))
-        eigenvalues = np.linalg.eigvals(whole)
+        (value, slope, off), identity = enclosed, np.eye(len(enclosed[0]))
+        eigenvalues = np.linalg.eigvals(value)
         *_, next_, radius = np.sort(np.append(eigenvalues.real[np.abs(eigenvalues.imag) < 1e-9 * np.abs(eigenvalues)], [0, 0]))
-        m, rounding = (radius + max(next_, 1.0)) / 2, 4 * len(one) * np.finfo(float).eps
+        m, rounding = (radius + max(next_, 1.0)) / 2, 4 * len(identity) * np.finfo(float).eps
         middle = self._enclosed((low + high) / 2, (low + high) / 2)
         if radius <= 1 or middle is None or not _grow(middle[0] / m, middle[2] / m):
             return False
         with suppress(np.linalg.LinAlgError):  # singular
-            C = np.linalg.inv(m * one - whole)
-            size = np.abs(one - C @ (m * one - whole)) + np.abs(C @ slope)
-            size += np.abs(C) @ (off + rounding * (m * one + np.abs(whole) + np.abs(slope)))
-            u = np.linalg.solve((1 - rounding) * one - size, np.ones(len(one)))
+            C = np.linalg.inv(m * identity - value)
+            size = np.abs(identity - C @ (m * identity - value)) + np.abs(C @ slope)
+            size += np.abs(C) @ (off + rounding * (m * identity + np.abs(value) + np.abs(slope)))
+            u = np.linalg.solve((1 - rounding) * identity - size, np.ones(len(identity)))
             return bool((u > 0).all() and (size @ u < (1 - rounding) * u).all())
         return False
 
     def _enclosed(self, low, high):
         """The operator from low to high as `L + s D` and bounds on the rest, s from -1 to 1; None if it is not known."""
-        points = self.family.hull(low, high) if self.in_matrices else tuple(each[None] for each in self.family.enclosed(0.0))
+        points = (
+            self.family.hull(low, high) if self.in_matrices else tuple(matrices[None] for matrices in self.family.enclosed(0.0))
+        )
         if points is None:
             return None
         (A, D, rest), (w, v, change) = map(_line, (points[0] + np.eye(points[0].shape[-1]), self.weights(low, high)))
         A_size, moved, off = np.abs(A), np.abs(D), rest + points[1].max(0)
-        whole, larger = _acting(A), _acting(A_size + moved + off)
-        slope = _acting(A + D) - whole - _acting(D)
+        acting, larger = _acting(A), _acting(A_size + moved + off)
+        slope = _acting(A + D) - acting - _acting(D)
         error = larger - _acting(A_size + moved) + _acting(moved) + ROUNDING * larger
-        w, v, change = (part[:, None, None] for part in (w, v, change))
-        whole, slope, error, larger = (part[self.graph.symbol] for part in (whole, slope, error, larger))
-        rest = w * error + change * larger + np.abs(v) * (larger - np.abs(whole))
-        parts = w * whole, w * slope + v * whole, rest
-        return tuple(_summed(part, self.graph) for part in parts)
+        w, v, change = (factor[:, None, None] for factor in (w, v, change))
+        acting, slope, error, larger = (array[self.graph.symbol] for array in (acting, slope, error, larger))
+        rest = w * error + change * larger + np.abs(v) * (larger - np.abs(acting))
+        summands = w * acting, w * slope + v * acting, rest
+        return tuple(_summed(summand, self.graph) for summand in summands)
 
     def forms(self, x: float, size: np.ndarray) -> np.ndarray:
         """Forms that decay at x, on average by the squares of the states over their sizes, NaN where there are none."""
@@ -191,11 +195,11 @@ class Chances:
     def _solved(self, operator, diagonal):
         """The matrices at the nodes that the operator changes by this diagonal matrix."""
         nodes, n = self.graph.nodes, diagonal.size
-        given = np.tile(packed(np.diag(diagonal)), nodes)
-        found = np.full((nodes, n, n), np.nan)
+        right_side = np.tile(packed(np.diag(diagonal)), nodes)
+        solution = np.full((nodes, n, n), np.nan)
         with suppress(np.linalg.LinAlgError):  # singular where moments stop to decay
-            found = unpacked(np.linalg.solve(np.eye(given.size) - operator, given).reshape(nodes, -1), n)
-        return found
+            solution = unpacked(np.linalg.solve(np.eye(right_side.size) - operator, right_side).reshape(nodes, -1), n)
+        return solution
 
 
 def operator_of(A: np.ndarray, graph: Graph, weight: np.ndarray) -> np.ndarray:
@@ -208,15 +212,15 @@ def operator_of(A: np.ndarray, graph: Graph, weight: np.ndarray) -> np.ndarray:
 
 def _summed(parts, graph):
     size, nodes = parts.shape[-1], graph.nodes
-    whole = np.zeros((nodes, size, nodes, size))
-    np.add.at(whole, (graph.target, slice(None), graph.source), parts)
-    return whole.reshape(nodes * size, nodes * size)
+    total = np.zeros((nodes, size, nodes, size))
+    np.add.at(total, (graph.target, slice(None), graph.source), parts)
+    return total.reshape(nodes * size, nodes * size)
 
 
 def _grow(operator, off) -> bool:
     """Whether an operator within these errors has an eigenvalue outside the unit circle."""
-    one = np.eye(len(operator))
-    count, clear = count_outside((operator - one)[None], (off + ROUNDING * one)[None])
+    identity = np.eye(len(operator))
+    count, clear = count_outside((operator - identity)[None], (off + ROUNDING * identity)[None])
     return bool(count[0] > 0 and clear[0])
 
 
@@ -241,14 +245,17 @@ def losses_at_random(drawing: Drawing, values: Mapping[str, object]) -> dict[str
     Errors: UsageError for channels whose messages are late or lost in any pattern.
     """
     _refuse_patterns(drawing, values)
-    known, keys = scalars(values), {block.name: dict(block.keys) for block in drawing.channels}
-    return {name: Losses(*(float(values_of(own[key], known)) for key in PROBABILITIES)) for name, own in keys.items()}
+    numbers, keys = scalars(values), {block.name: dict(block.keys) for block in drawing.channels}
+    return {
+        name: Losses(*(float(values_of(channel_keys[key], numbers)) for key in PROBABILITIES))
+        for name, channel_keys in keys.items()
+    }
 
 
 def _refuse_patterns(drawing, values):
-    if others := [channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0]:
+    if patterned := [channel.name for channel in channels_of(drawing, values) if channel.late or channel.lost > 0]:
         raise UsageError(
-            f"messages lost at random: expected late = 0 and lost = 0 of other channels, found {', '.join(others)} with more"
+            f"messages lost at random: expected late = 0 and lost = 0 of other channels, found {', '.join(patterned)} with more"
         )
 
 
@@ -260,11 +267,16 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     lost in any pattern.
     """
     _refuse_patterns(drawing, values)
-    name, known = name_of(number) if number else "", scalars(values)
+    name, numbers = name_of(number) if number else "", scalars(values)
     keys = {block.name: dict(block.keys) for block in drawing.channels}
-    trees = {channel: [own[key] for key in PROBABILITIES] for channel, own in keys.items()}
-    reads = [tree for own in trees.values() for tree in own if any(name == each for each, _ in names_in(tree))]
-    paths = [path for path, tree in drawing.trees() if any(name == each for each, _ in names_in(tree))]
+    trees = {channel: [channel_keys[key] for key in PROBABILITIES] for channel, channel_keys in keys.items()}
+    reads = [
+        tree
+        for channel_trees in trees.values()
+        for tree in channel_trees
+        if any(name == read_name for read_name, _ in names_in(tree))
+    ]
+    paths = [path for path, tree in drawing.trees() if any(name == read_name for read_name, _ in names_in(tree))]
     if reads and (len(paths) > len(reads) or any(degree(tree, name) > 1 for tree in reads)):
         raise UsageError(
             f"intervals along {number}: expected a number that probabilities of channels alone read, linearly, found another"
@@ -273,8 +285,8 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     ends = []
     for x in (0.0, 1.0):
         at = {
-            channel: [float(values_of(tree, known | ({name: x} if reads else {}))) for tree in own]
-            for channel, own in trees.items()
+            channel: [float(values_of(tree, numbers | ({name: x} if reads else {}))) for tree in channel_trees]
+            for channel, channel_trees in trees.items()
         }
         ends.append({channel: Losses(*row) for channel, row in at.items()})
     graph, factors = _chain(family, *ends)
@@ -337,11 +349,11 @@ def chain_of(
         one_way = [kind for kind in kinds if fits(node[0], kind, node[1])]
         through = symbols[one_way[0]].through if one_way else None
         alone = [kind for kind in one_way if symbols[kind].through == through and not symbols[kind].gone]
-        whole = sum(weight(node[0], kind) for kind in alone)
-        if whole > 0:
-            nodes[node] = len(nodes), whole
-    bursts, edges = [*product(*(range(1 + (each.begins > 0)) for each in lost.values()))], []
-    for ((before, at_once), (source, whole)), kind in product(nodes.items(), kinds):
+        probability = sum(weight(node[0], kind) for kind in alone)
+        if probability > 0:
+            nodes[node] = len(nodes), probability
+    bursts, edges = [*product(*(range(1 + (losses.begins > 0)) for losses in lost.values()))], []
+    for ((before, at_once), (source, probability)), kind in product(nodes.items(), kinds):
         next_ = after[kind] if recalls else 0, symbols[kind].through
         if not fits(before, kind, at_once) or next_ not in nodes:
             continue
@@ -349,19 +361,19 @@ def chain_of(
         for (i, burst), (j, then) in product(enumerate(bursts), repeat=2):
             messages = [
                 factor
-                for (name, each), *change in zip(lost.items(), burst, then, strict=True)
-                for factor in each.factors(*change, LOST if name in symbols[kind].gone else 0)
+                for (name, losses), *change in zip(lost.items(), burst, then, strict=True)
+                for factor in losses.factors(*change, LOST if name in symbols[kind].gone else 0)
             ]
-            if chance := weight(before, kind) * share / whole * np.prod(messages):
+            if chance := weight(before, kind) * share / probability * np.prod(messages):
                 edges.append((source * len(bursts) + i, kind, target * len(bursts) + j, chance))
-    source, kind, target, weights = (np.array(each) for each in zip(*edges, strict=True))
+    source, kind, target, weights = (np.array(column) for column in zip(*edges, strict=True))
     return Graph(source, kind, target), weights
 
 
 def _refuse_large(family, graph, what, hint):
     if graph.nodes * (family.kept.size * (family.kept.size + 1) // 2) > LARGEST:
-        found = f"{family.kept.size} states at {graph.nodes} moments"
-        raise UsageError(f"{what}: expected at most {LARGEST} second moments, found {found}; {hint}")
+        size = f"{family.kept.size} states at {graph.nodes} moments"
+        raise UsageError(f"{what}: expected at most {LARGEST} second moments, found {size}; {hint}")
 
 
 def _chain(family, first, second):
@@ -391,9 +403,9 @@ def _chain(family, first, second):
                 both = np.array(
                     [
                         [
-                            each
+                            factor
                             for name, *change in zip(channels, bursts, then, strict=True)
-                            for each in (end[name].factors(*change, late[name]) if name in late else (1.0, 1.0))
+                            for factor in (end[name].factors(*change, late[name]) if name in late else (1.0, 1.0))
                         ]
                         for end in (first, second)
                     ]
@@ -401,7 +413,7 @@ def _chain(family, first, second):
                 if not (both == 0).all(-1).any():
                     edges.append((node(moment, bursts), symbol, node(family.symbols[after].moment, then)))
                     factors.append(both)
-    source, symbol, target = (np.array(each) for each in zip(*edges, strict=True))
+    source, symbol, target = (np.array(column) for column in zip(*edges, strict=True))
     return Graph(source, symbol, target), np.array(factors)
 
 
@@ -420,7 +432,7 @@ def brackets_on_average(loop: Chances, limits: tuple[float, float], tolerance: f
     """
     limits = loop.probable(*limits)
     return [
-        each for part in parts_that_decay(loop, *limits) if (each := _bracket(loop, part, limits, tolerance)).low < each.high
+        row for stretch in parts_that_decay(loop, *limits) if (row := _bracket(loop, stretch, limits, tolerance)).low < row.high
     ]
 
 
@@ -437,15 +449,17 @@ def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float
         return np.linalg.slogdet(np.eye(len(operator)) - operator)
 
     edges = [low, *(x for x in sorted(_zeros(distance, low, high)) if low < x < high), high]
-    middles = [(one + other) / 2 for one, other in pairwise(edges)]
-    stable, parts = [loop.decays(x) for x in middles], []
+    middles = [(first + second) / 2 for first, second in pairwise(edges)]
+    stable, stretches = [loop.decays(x) for x in middles], []
     for i, inside in enumerate(stable):
-        if inside and parts and parts[-1][1] == edges[i] and loop.decays(edges[i]):
-            parts[-1] = parts[-1][0], edges[i + 1]
+        if inside and stretches and stretches[-1][1] == edges[i] and loop.decays(edges[i]):
+            stretches[-1] = stretches[-1][0], edges[i + 1]
         elif inside:
-            parts.append((edges[i], edges[i + 1]))
+            stretches.append((edges[i], edges[i + 1]))
     outside = [x for x, inside in zip(middles, stable, strict=True) if not inside]
-    return [tuple(end if end in (low, high) else _polished(loop, part, end, outside) for end in part) for part in parts]
+    return [
+        tuple(end if end in (low, high) else _polished(loop, stretch, end, outside) for end in stretch) for stretch in stretches
+    ]
 
 
 def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
@@ -524,18 +538,18 @@ def _bracket(loop, part, limits, tolerance):
         abs(end - reached) <= tolerance * max(abs(end), NEAR_START * (high - low))
         for end, reached in ((limits[0] if np.isnan(below) else below, low), (limits[1] if np.isnan(above) else above, high))
     ]
-    words = tuple(() if np.isnan(each) else (0,) for each in (below, above))
+    words = tuple(() if np.isnan(end) else (0,) for end in (below, above))
     stretches = tuple(sorted((*down, *up), key=lambda stretch: stretch.low))
     return Bracket(low, high, below, above, words, all(near), stretches)
 
 
 def _side(loop, start, end, limit):
     """The number that the proof reaches towards an end, the refuted one beyond it, NaN without, and the stretches."""
-    fails, goal, way = np.nan, end, limit - start
+    fails, goal, distance = np.nan, end, limit - start
     if end != limit:
-        beyond = [end + step * np.sign(way) * max(abs(end), 1e-6 * abs(way)) for step in BEYOND]
-        fails = next((float(x) for x in beyond if abs(x - start) <= abs(way) and loop.refuted(x)), np.nan)
-        goal -= np.sign(way) * min(NEAREST * (abs(end) + 1e-3 * abs(way)), LEAST_AWAY * abs(end - start))
+        beyond = [end + step * np.sign(distance) * max(abs(end), 1e-6 * abs(distance)) for step in BEYOND]
+        fails = next((float(x) for x in beyond if abs(x - start) <= abs(distance) and loop.refuted(x)), np.nan)
+        goal -= np.sign(distance) * min(NEAREST * (abs(end) + 1e-3 * abs(distance)), LEAST_AWAY * abs(end - start))
     stretches, at, step, failed = [], start, goal - start, False
     while at != goal and len(stretches) < STRETCHES and abs(step) > 1e-9 * abs(goal - start):
         to = goal if abs(goal - at) <= abs(step) else at + step

@@ -118,24 +118,24 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
     timed = [*timed, along] if timed and along and name_of(along) in timing(drawing) else timed
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
-    for wrong, expected, found in (
+    for wrong, expected, problem in (
         (ranges and chance, "values of numbers, where probabilities of messages are read from one", f"the range of {chance}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (timed[1:], "one number that dead times follow from, and values of others", f"ranges of {', '.join(timed)}"),
         (
-            parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
+            axes_in_parts := [axis.name for axis in for_all.axes if _has_parts(spec, axis)],
             "a list of values, values = [...], of a number that decides how the loop is built and need not be whole",
-            f"the range of {', '.join(parts)}",
+            f"the range of {', '.join(axes_in_parts)}",
         ),
         (cases > MOST_CASES, f"at most {MOST_CASES} combinations of values; list fewer, values = [...]", f"{cases:g}"),
     ):
         if wrong:
-            raise UsageError(f"[for_all]: expected {expected}, found {found}")
+            raise UsageError(f"[for_all]: expected {expected}, found {problem}")
     if rules.vary and cut:
         with placed(spec):
-            for each in filter(None, (rules, rules.on_average())):
-                each.family(spec.values, along)
+            for rule in filter(None, (rules, rules.on_average())):
+                rule.family(spec.values, along)
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
@@ -179,17 +179,17 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
     listed = [axis for axis in unknown if axis.values or axis.structural]
     cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
-    for each in product(*map(values_of_range, listed)):
-        fixed = dict(zip((axis.path for axis in listed), each, strict=True))
-        own = values | fixed
+    for combination in product(*map(values_of_range, listed)):
+        fixed = dict(zip((axis.path for axis in listed), combination, strict=True))
+        fixed_values = values | fixed
         if rules.drawing is None and rules.with_frame and RATIO in fixed:
-            own[DELAY] = own[RATIO]
-        drawing = rules.drawing or loop_drawing(own, (along, *gains))
+            fixed_values[DELAY] = fixed_values[RATIO]
+        drawing = rules.drawing or loop_drawing(fixed_values, (along, *gains))
         timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
-        pieces = pieces_of(drawing, own, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
-        for (low, high), whole in pieces:
-            some = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges]
-            cases.append(Case(Loops(drawing, own | whole), along, span, some, fixed))
+        pieces = pieces_of(drawing, fixed_values, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
+        for (low, high), whole_ticks in pieces:
+            axes = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges]
+            cases.append(Case(Loops(drawing, fixed_values | whole_ticks), along, span, axes, fixed))
     return cases
 
 
@@ -207,8 +207,8 @@ class _Loop:
 
     def intervals(self) -> list[Row]:
         """The rows of loops whose numbers are constant."""
-        found = proofs(self.cases, self.span, NEAR)
-        return [self._near(part, *proved) for part, proved in found if proved]
+        proved_parts = proofs(self.cases, self.span, NEAR)
+        return [self._near(interval, *proved) for interval, proved in proved_parts if proved]
 
     def _near(self, part, low, high) -> Row:
         """The proof reaches over this much of a part, which is settled if that is near to its ends, and these are known."""
@@ -224,18 +224,18 @@ class _Loop:
         if self.rules.at_random:
             return self._on_average()
         rows = []
-        for part in searched(self.cases, self.span, narrow=False):
-            own = [self._bracketed(case, (part.low, part.high)) for case in self.cases]
-            if None not in own:
-                rows.append(all_of(own))
+        for interval in searched(self.cases, self.span, narrow=False):
+            bracketed_cases = [self._bracketed(case, (interval.low, interval.high)) for case in self.cases]
+            if None not in bracketed_cases:
+                rows.append(all_of(bracketed_cases))
         return [row for row in rows if row.low < row.high]
 
     def _bracketed(self, case, about) -> Row | None:
         family = None if case.ranges else self.rules.family(case.values, self.along)
         if family is None or family.drift is not None:
             return self._over_ranges(case, about)
-        found = bracketed(family, self.span, about)
-        return found and self._row(case, family, found)
+        bracket = bracketed(family, self.span, about)
+        return bracket and self._row(case, family, bracket)
 
     def _on_average(self) -> list[Row]:
         """The rows of what is at random: what the intervals of all cases have in common."""
@@ -244,10 +244,12 @@ class _Loop:
             middles = {axis.path: (axis.start + axis.stop) / 2 for axis in case.ranges}
             family = self.rules.family(case.values | middles, self.along)
             if case.ranges or family.family.drift is not None:
-                found = (self._over_ranges(case, part) for part in parts_that_decay(family, *family.probable(*self.span)))
-                own = list(filter(None, found))
+                over_ranges = (
+                    self._over_ranges(case, interval) for interval in parts_that_decay(family, *family.probable(*self.span))
+                )
+                own = list(filter(None, over_ranges))
             else:
-                own = [self._row(case, family, each) for each in brackets_on_average(family, self.span)]
+                own = [self._row(case, family, bracket) for bracket in brackets_on_average(family, self.span)]
             both = [all_of(pair) for pair in product(rows, own)]
             rows = [row for row in both if row.low < row.high]
         return rows
@@ -255,26 +257,30 @@ class _Loop:
     def grows_everywhere(self) -> bool:
         """Whether the mean square of some case is proved to grow at every value."""
         families = (self.rules.family(case.values, self.along) for case in self.cases if not case.ranges)
-        return any(each.family.drift is None and grows_everywhere(each, *self.span) for each in families)
+        return any(family.family.drift is None and grows_everywhere(family, *self.span) for family in families)
 
     def _row(self, case, family, found) -> Row:
         texts = [text_of(family, word) for word in found.words]
-        part = Part(
+        interval = Part(
             found.fails_below if texts[0] else found.low,
             found.fails_from if texts[1] else found.high,
             *({**case.fixed, text: None} if text else None for text in texts),
         )
-        return Row(found.low, found.high, part, found.settled, text_of_part(part))
+        return Row(found.low, found.high, interval, found.settled, text_of_part(interval))
 
     def _over_ranges(self, case, about) -> Row | None:
         """The row of a case whose numbers have ranges, or whose drift depends on the number along which it lies."""
-        found = bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
-        if found is None:
+        bracket = bracketed_over(self.rules, case.values, self.along, case.ranges, self.span, about)
+        if bracket is None:
             return None
-        ends = [found.below, found.above]
+        ends = [bracket.below, bracket.above]
         by = [case.named(end.point) | {end.text: None} if end.word else None for end in ends]
-        part = Part(*(end.x if end.word else own for end, own in zip(ends, (found.low, found.high), strict=True)), *by)
-        return Row(found.low, found.high, part, found.settled, text_of_part(part), self._left_open(case, found.open))
+        interval = Part(
+            *(end.x if end.word else end_value for end, end_value in zip(ends, (bracket.low, bracket.high), strict=True)), *by
+        )
+        return Row(
+            bracket.low, bracket.high, interval, bracket.settled, text_of_part(interval), self._left_open(case, bracket.open)
+        )
 
     def _left_open(self, case, open_):
         """Which part of the numbers next to the proof was neither proved nor refuted, as a text."""
@@ -305,12 +311,13 @@ def all_of(rows: Sequence[Row]) -> Row:
     """What several rows have in common, whose parts overlap; settled if those are that set its ends."""
     low, high = max(rows, key=lambda row: row.low), min(rows, key=lambda row: row.high)
     below, above = max(rows, key=lambda row: row.part.low).part, min(rows, key=lambda row: row.part.high).part
-    part = Part(below.low, above.high, below.low_by, above.high_by, below.low_omega, above.high_omega)
+    interval = Part(below.low, above.high, below.low_by, above.high_by, below.low_omega, above.high_omega)
     near = [
-        by is None or is_near(*ends) for by, *ends in ((part.low_by, low.low, part.low), (part.high_by, high.high, part.high))
+        by is None or is_near(*ends)
+        for by, *ends in ((interval.low_by, low.low, interval.low), (interval.high_by, high.high, interval.high))
     ]
     settled = all(near) and all(row.settled for row in (low, high))
-    return Row(low.low, high.high, part, settled, text_of_part(part), high.left_open or low.left_open)
+    return Row(low.low, high.high, interval, settled, text_of_part(interval), high.left_open or low.left_open)
 
 
 def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
@@ -318,13 +325,13 @@ def proved_from_zero(spec: Spec, path: str, stop: float, rules: Rules) -> float:
     rules = replace(rules, work=QUICK)
     rows = intervals_for_all(rules, loops_of(spec, dict(spec.values), path), path, (0.0, stop))
     share = NEAR_ZERO if rules.vary and rules.ranges else 10 * FROM_ZERO
-    found = rows[(rows["intervals"] > 0) & (rows["low"] <= share * rows["high"])]
-    return float(found["high"].max(initial=0.0))
+    from_zero = rows[(rows["intervals"] > 0) & (rows["low"] <= share * rows["high"])]
+    return float(from_zero["high"].max(initial=0.0))
 
 
 def in_words(found: Mapping[str, str]) -> str:
     """What a verdict says."""
-    about, stable, unstable = OF_KINDS[found["kind"]]
+    words_of_kind, stable, unstable = OF_KINDS[found["kind"]]
     unknown = (
         CONTRADICTED
         if found.get("doubt")
@@ -332,7 +339,7 @@ def in_words(found: Mapping[str, str]) -> str:
     )
     words = {"proved": f"proved {stable}", "unknown": unknown}
     refuted = unstable.format(in_a_sentence(found["counterexample"]))
-    return f"{about}: {words.get(found['verdict'], refuted)}"
+    return f"{words_of_kind}: {words.get(found['verdict'], refuted)}"
 
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
@@ -348,32 +355,32 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
 
 
 def _verdict(spec, rules):
-    known = True
+    decided = True
     loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
         if rules.vary and case.ranges:
             said, by = decided_over(rules, case.values, case.ranges)
             if said == "refuted":
                 return {"verdict": said, "counterexample": numbers_in_words(case.fixed | by)}
-            known &= said == "proved"
+            decided &= said == "proved"
             continue
         if rules.vary:
             said, pattern = _decided(spec, rules, number, case)
             if said == "refuted":
                 return {"verdict": said, "counterexample": numbers_in_words({**case.fixed, pattern: None})}
-            known &= said == "proved"
+            decided &= said == "proved"
             continue
         numbers = case.unstable()
-        found = case.cover() if numbers is None and case.ranges else None
-        if found is not None and len(found.unstable):
-            numbers = case.named(found.unstable[0])
+        covered = case.cover() if numbers is None and case.ranges else None
+        if covered is not None and len(covered.unstable):
+            numbers = case.named(covered.unstable[0])
         if numbers is not None:
             return {"verdict": "refuted", "counterexample": numbers_in_words(numbers)}
-        known &= found is None or not len(found.open)
-    found = {"verdict": "proved" if known else "unknown", "counterexample": ""}
-    if known and any(unstable(members(rules, case)) for case in loop.cases):
-        return found | {"verdict": "unknown", "doubt": "contradiction"}
-    return found
+        decided &= covered is None or not len(covered.open)
+    covered = {"verdict": "proved" if decided else "unknown", "counterexample": ""}
+    if decided and any(unstable(members(rules, case)) for case in loop.cases):
+        return covered | {"verdict": "unknown", "doubt": "contradiction"}
+    return covered
 
 
 def _decided(spec, rules, number, case):
@@ -398,8 +405,8 @@ def _decided(spec, rules, number, case):
         return decided(family)
     if family_along.drift is not None:  # nothing is proved along such a number without ranges
         return decided(family)
-    for part in searched([along], span):
-        said, pattern = decided_along(family_along, value, bracketed(family_along, span, (part.low, part.high)))
+    for interval in searched([along], span):
+        said, pattern = decided_along(family_along, value, bracketed(family_along, span, (interval.low, interval.high)))
         if said != UNKNOWN:
             break
     return said, pattern

@@ -51,22 +51,22 @@ class Part:
 
 def shared(parts: Sequence[Part], others: Sequence[Part]) -> list[Part]:
     """The parts that two sets of intervals have in common, each end with the numbers that set it."""
-    found = []
-    for one in parts:
-        for other in others:
-            low = max(one, other, key=lambda each: each.low)
-            high = min(one, other, key=lambda each: each.high)
+    overlaps = []
+    for interval in parts:
+        for second in others:
+            low = max(interval, second, key=lambda each: each.low)
+            high = min(interval, second, key=lambda each: each.high)
             if low.low < high.high:
-                found.append(Part(low.low, high.high, low.low_by, high.high_by, low.low_omega, high.high_omega))
-    return found
+                overlaps.append(Part(low.low, high.high, low.low_by, high.high_by, low.low_omega, high.high_omega))
+    return overlaps
 
 
 def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = True) -> list[Part]:
     """The intervals that nothing which is looked at in any of the cases refutes; narrow: see `Case.parts`."""
-    parts = [Part(*span)]
+    intervals = [Part(*span)]
     for case in cases:
-        parts = shared(parts, case.parts(narrow))
-    return parts
+        intervals = shared(intervals, case.parts(narrow))
+    return intervals
 
 
 def proofs(
@@ -76,7 +76,7 @@ def proofs(
 
     near: share of an end that is refuted, by which what is tried to be proved stays away from it.
     """
-    left = [(part, ROUNDS) for part in searched(cases, span)]
+    left = [(interval, ROUNDS) for interval in searched(cases, span)]
     while left:
         part, rounds = left.pop(0)
         if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
@@ -86,17 +86,17 @@ def proofs(
         if not low < high:
             yield part, None
             continue
-        covers, parts = [(case, case.cover(low, high)) for case in cases], [part]
-        for case, found in covers:
-            if len(found.unstable):
-                parts = case.narrowed(case.met(parts, found.unstable[:MOST_UNSTABLE, 1:]))
-        if parts != [part] and rounds:
-            left = [(each, rounds - 1) for each in parts] + left
+        covers, intervals = [(case, case.cover(low, high)) for case in cases], [part]
+        for case, covered in covers:
+            if len(covered.unstable):
+                intervals = case.narrowed(case.met(intervals, covered.unstable[:MOST_UNSTABLE, 1:]))
+        if intervals != [part] and rounds:
+            left = [(narrower, rounds - 1) for narrower in intervals] + left
             continue
-        open_ = [box[:, 0] for _, found in covers for box in found.open]
-        for each in parts:
-            inner = each.within(near)
-            yield each, largest_free(max(low, inner[0]), min(high, inner[1]), open_)
+        open_ = [box[:, 0] for _, covered in covers for box in covered.open]
+        for interval in intervals:
+            inner = interval.within(near)
+            yield interval, largest_free(max(low, inner[0]), min(high, inner[1]), open_)
 
 
 class Case:
@@ -123,8 +123,8 @@ class Case:
 
     def parts(self, narrow: bool = True) -> list[Part]:
         """What none of the numbers that are looked at refutes; narrow: whether a search goes to the worst ones for each end."""
-        parts = self.met([Part(*self.span)], self._points)
-        return self.narrowed(parts) if narrow else parts
+        intervals = self.met([Part(*self.span)], self._points)
+        return self.narrowed(intervals) if narrow else intervals
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
         """What is left of the parts after a search for worse numbers about those that set their ends."""
@@ -139,7 +139,7 @@ class Case:
 
     def _setting(self, parts):
         """The numbers that set an end of one of the parts, and are of this case."""
-        both = [by for part in parts for by in (part.low_by, part.high_by) if by is not None]
+        both = [by for interval in parts for by in (interval.low_by, interval.high_by) if by is not None]
         return [by for by in both if self.fixed.items() <= by.items()]
 
     @cached_property
@@ -157,35 +157,35 @@ class Case:
 
     def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
         """What is left of the parts after the exact intervals at points of the box."""
-        for point, found in zip(points, self._exact(points), strict=True):
+        for point, exact in zip(points, self._exact(points), strict=True):
             by = self.named(point)
-            own = [
+            intervals = [
                 Part(
                     low,
                     high,
-                    by if known[0] and low > self.span[0] else None,
-                    by if known[1] and high < self.span[1] else None,
+                    by if certain[0] and low > self.span[0] else None,
+                    by if certain[1] and high < self.span[1] else None,
                     *omegas,
                 )
-                for low, high, known, *omegas in found
+                for low, high, certain, *omegas in exact
             ]
-            parts = shared(parts, own)
+            parts = shared(parts, intervals)
         return list(parts)
 
     def _exact(self, points):
         """The stable intervals at each point, with whether what lies below and above is known to be unstable."""
-        found = [[] for _ in points]
-        for some in distinct(list((points == 0).T), len(points)):
-            arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
-            groups = ((np.arange(some.size), self.loop.changed(arrays)),)
+        intervals = [[] for _ in points]
+        for alike in distinct(list((points == 0).T), len(points)):
+            arrays = {axis.path: np.ascontiguousarray(points[alike, i]) for i, axis in enumerate(self.ranges)}
+            groups = ((np.arange(alike.size), self.loop.changed(arrays)),)
             records = Search(self.along, self.span, groups, felt=False, checked=True).records()
             self.certified &= bool(records["certified"].all())
             self.vouched |= bool(records["certified"].any())
             for record in records[records["intervals"] > 0]:
                 low, high, *omegas = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
-                known = not record["open_low"] < low, not record["open_high"] > high
-                found[some[record["slice"]]].append((low, high, known, *omegas))
-        return found
+                certain = not record["open_low"] < low, not record["open_high"] > high
+                intervals[alike[record["slice"]]].append((low, high, certain, *omegas))
+        return intervals
 
     def cover(self, low=0.0, high=0.0) -> Cover:
         """The proof that all loops of the box are stable, from low to high of the number if there is one."""
@@ -194,18 +194,18 @@ class Case:
         bounds = np.array([domain(*self.loop, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]).T
         frames = partial(frames_over, self.loop, paths, drift_over(self.loop, paths, box))
         resolution = Resolution(*self.loop, [Side(path) for path in paths])
-        found = cover(frames, box, bounds, self.left, resolution)
-        self.left -= found.used
-        return found
+        covered = cover(frames, box, bounds, self.left, resolution)
+        self.left -= covered.used
+        return covered
 
     def unstable(self) -> Mapping[str, float] | None:
         """Numbers among those that are looked at with which the loop is not stable, or not known to be; None without."""
         points = self._points
-        for some in distinct(list((points == 0).T), len(points)):
-            arrays = {axis.path: np.ascontiguousarray(points[some, i]) for i, axis in enumerate(self.ranges)}
-            radius = radii_of(self.loop.changed(arrays), some.size)
+        for alike in distinct(list((points == 0).T), len(points)):
+            arrays = {axis.path: np.ascontiguousarray(points[alike, i]) for i, axis in enumerate(self.ranges)}
+            radius = radii_of(self.loop.changed(arrays), alike.size)
             if (wrong := np.flatnonzero(~(radius < 1))).size:
-                return self.named(points[some[wrong[0]]])
+                return self.named(points[alike[wrong[0]]])
         return None
 
     def named(self, point) -> dict[str, float]:
@@ -227,6 +227,6 @@ def drift_over(loop, paths, box):
     corners = np.array(list(product(*box.T)))
     leads = [replace(drift, varying=(state,)) for state in sorted({*drift.remaining, *drift.varying})]
     with np.errstate(all="ignore"):
-        entries = (np.abs(frames_over(loop, paths, each, corners).E) for each in leads)
-        sizes = [np.nan_to_num(each, nan=np.inf).max(initial=0.0) for each in entries]
+        entries = (np.abs(frames_over(loop, paths, lead, corners).E) for lead in leads)
+        sizes = [np.nan_to_num(array, nan=np.inf).max(initial=0.0) for array in entries]
     return leads[int(np.argmin(sizes))]
