@@ -18,7 +18,7 @@ from wavesweep.engine.doubts import DOUBTS
 from wavesweep.program.cli.entry import COMMANDS
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.options import FORMATS, folder, override
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked
@@ -92,7 +92,7 @@ def check(
     from wavesweep.program.analyses.own_design import own_design, own_lines
     from wavesweep.program.cli.messages import printable, progress, say, show_json
 
-    loaded, silent = specs.load(spec, overrides), talk().as_json or talk().quiet
+    loaded, silent = specs.load(spec, overrides), verbosity().as_json or verbosity().quiet
     # Errors come before anything is printed.
     poles = (
         partial(_offered("locus").root_locus, loaded, _offered("locus").axis_over(loaded, locus)) if locus is not None else None
@@ -107,19 +107,19 @@ def check(
             click.echo(printable(text))
         return len(text.splitlines())
 
-    with progress(talk().quiet, "at work on the verdict") as report:
+    with progress(verbosity().quiet, "at work on the verdict") as report:
         verdict = own_design(loaded)
         said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
-        verdict |= numbers(loaded) if talk().as_json else {}
+        verdict |= numbers(loaded) if verbosity().as_json else {}
         verdict |= further(loaded, verdict, report) | ({"frames": run} if run else {})
-        lines = plan(loaded, estimated=whole or talk().as_json)
+        lines = plan(loaded, estimated=whole or verbosity().as_json)
         lines += chain.from_iterable(asked("on_check", "plan", loaded))
         unusual_lines, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
         judged = chain(_offered("frames").lines(run) if run else (), verdict_lines(loaded, verdict, late=not whole))
         ranked = [*((1, f"  {line}") for line in unusual_lines), *judged, *((4, f"  {line}") for line in within)]
         steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
         files = [str(path) for path in _drawn(loaded, places, poles)]
-    if talk().as_json:
+    if verbosity().as_json:
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": verdict["assumes"]}
         summary |= {"verdict": verdict, "plan": lines, "notices": [*unusual_lines, *within]}
         show_json(summary | ({"files": files} if files else {}))

@@ -174,4 +174,4 @@ def with_best(table: Table, spec: Spec) -> Table:
             row = {key: np.asarray(column[number]).item() for key, column in columns.items()}
             (folder / name).write_text(text_of(spec, row, stop), encoding="utf-8", newline="\n")
 
-    return replace(table, facts=table.facts | {"best": names}, beside=write)
+    return replace(table, facts=table.facts | {"best": names}, extra_files=write)

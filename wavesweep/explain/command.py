@@ -17,7 +17,7 @@ from wavesweep.engine.keys.checking import nearest
 from wavesweep.explain.words import MESSAGES, TERMS
 from wavesweep.program.cli.entry import COMMANDS
 from wavesweep.program.cli.messages import width
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 from wavesweep.program.spec import find_key
 from wavesweep.program.spec.describing import EVERY_KEY, SYMBOLS
 from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, all_columns
@@ -57,7 +57,7 @@ def explain(words: tuple[str, ...]) -> None:
       wavesweep explain swept range ends
     """
     matches = explained(" ".join(words)) if words else entries()
-    if talk().as_json:
+    if verbosity().as_json:
         listed: dict[str, list[dict[str, str]]] = {}
         for entry in matches:
             listed.setdefault(entry.word, []).append(entry._asdict())

@@ -8,7 +8,7 @@ import click
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.options import is_given, override, overwriting
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 
 @click.command("explore")
@@ -83,7 +83,7 @@ def _save(spec, target: Path, overwrite: bool) -> None:
     refuse_inputs(spec.files, target)
     if target.exists() and not overwrite:
         raise UsageError(f"{target}: the file exists; expected another name, or --overwrite to replace it")
-    with progress(talk().quiet, less="fewer values in [sweep] take less") as report:
+    with progress(verbosity().quiet, less="fewer values in [sweep] take less") as report:
         text = saved_page(spec, report)
     write_whole((target, text))
     click.echo(str(target), err=True)

@@ -12,7 +12,7 @@ import click
 from wavesweep.capabilities import modules
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.options import is_given, overwriting
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
 OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"  # options that frames take
@@ -149,7 +149,7 @@ def identify(
     )
     refuse_inputs([source], target, *tables)
     _refuse_foreign(target, given["overwrite"])
-    with progress(talk().quiet, "fitting"):
+    with progress(verbosity().quiet, "fitting"):
         table = find()
     table = replace(table, facts={**table.facts, "spec_place": results.place_of([source], directory)})
     if given["plot"]:
@@ -164,10 +164,10 @@ def identify(
     paths, seconds = [*paths, target], time.perf_counter() - started
     numbers = tally.numbers(table.facts)
     lines = list(kind.lines(numbers))
-    if talk().as_json:
+    if verbosity().as_json:
         origin = {"command": "identify", "log": Path(source).name, "notices": table.facts["notices"]}
         show_json({**origin, **numbers, "files": [str(path) for path in paths], "seconds": round(seconds, 3)})
-    elif not talk().quiet:
+    elif not verbosity().quiet:
         for line, warning in [*((notice, False) for notice in table.facts["notices"]), *lines]:
             say(line, warning)
         say(f"{where(paths[:-1], seconds)}; the {'device' if frames is None else 'frames'}: {target}")

@@ -8,7 +8,7 @@ import click
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 
@@ -29,7 +29,7 @@ def inspect(table: str) -> None:
     from wavesweep.program.cli.messages import printable, show_json
 
     facts = {str(path): _facts_of(path) for path in _tables(table)}
-    if talk().as_json:
+    if verbosity().as_json:
         show_json({"command": "inspect", "tables": facts})
     else:
         click.echo(

@@ -8,7 +8,7 @@ import click
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.options import override, overwriting
 from wavesweep.program.cli.study_commands import for_hands as of_hands
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 FILE = "report.html"
 
@@ -61,12 +61,12 @@ def report(
     refuse_settings()
     less = "fewer values in [sweep] take less"
     request = ReportRequest(
-        cut, for_hands, overrides, at_work=lambda title: progress(talk().quiet, f"at work on {title}", less)
+        cut, for_hands, overrides, at_work=lambda title: progress(verbosity().quiet, f"at work on {title}", less)
     )
     text = report(loaded, request)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_whole((target, text))
-    if not talk().quiet:
+    if not verbosity().quiet:
         say(f"Wrote {target} in {time.perf_counter() - started:.2f} s")
 
 

@@ -129,7 +129,7 @@ def test_without_the_files_beside_it_a_table_does_not_appear(columns, facts, tmp
         raise OSError(28, "No space left on device", str(directory / "best"))
 
     with pytest.raises(OSError, match="No space left"):
-        publish(Table.of("zwidth", columns, facts, beside=full), tmp_path)
+        publish(Table.of("zwidth", columns, facts, extra_files=full), tmp_path)
     assert contents(tmp_path) == {}
 
 

@@ -49,13 +49,13 @@ Column = tuple[tuple[Interval, ...], tuple[Span, ...]]
 class PlaneCurve:
     """The intervals of one design over x, and the state of the gaps between neighbouring columns.
 
-    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED. own:
-    the values of x that the table has.
+    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, UNDECIDED.
+    in_table: the values of x that the table has.
     """
 
     columns: dict[float, Column]
     gaps: dict[tuple[float, float], str] = field(default_factory=dict)
-    own: frozenset[float] = frozenset()
+    in_table: frozenset[float] = frozenset()
 
     @property
     def open_at_ends(self) -> bool:
@@ -108,7 +108,9 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
 
     members: the rows of each design, all of one hand and with the same value of every other axis.
     """
-    curves = [PlaneCurve(columns, own=frozenset(columns)) for columns in (columns_of(rows, rows[view.x]) for rows in members)]
+    curves = [
+        PlaneCurve(columns, in_table=frozenset(columns)) for columns in (columns_of(rows, rows[view.x]) for rows in members)
+    ]
     source = _source(members, view.x, facts) if any(len(curve.columns) > 1 for curve in curves) else None
     if source is None:
         return curves
@@ -196,7 +198,7 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
     A gap that is left and no wider than two pixels is narrow; a wider one is not known.
     """
     places, width_of_all = sorted(curve.columns), float(np.ptp(view.position(np.array(sorted(curve.columns)))))
-    in_table = [x for x in places if x in curve.own]
+    in_table = [x for x in places if x in curve.in_table]
     doubtful = {x for x in places if _doubtful(curve.columns[x])}
     for left, right in pairwise(in_table):
         if not {left, right} & doubtful:

@@ -20,7 +20,7 @@ import click
 from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, home_of, modules
 from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.program.cli.stopping import Stopped, signals_unwind
-from wavesweep.program.cli.talk import Talk, talk
+from wavesweep.program.cli.verbosity import Verbosity, verbosity
 from wavesweep.program.reproducibility import ONE_THREAD
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     callback=_print_version,
     help="Print the version.",
 )
-# `Talk` has taken these out of the line; they are declared so that the help lists them.
+# `Verbosity` has taken these out of the line; they are declared so that the help lists them.
 @click.option("-q", "--quiet", is_flag=True, expose_value=False, help="Print errors only: no summary and no progress.")
 @click.option(
     "--json",
@@ -152,7 +152,7 @@ def group(context: click.Context) -> None:
     command, and may stand anywhere in the line.
     Exit codes: 0 done, 1 failed, 2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
     """
-    if talk().as_json and context.invoked_subcommand in WITHOUT_SUMMARY:
+    if verbosity().as_json and context.invoked_subcommand in WITHOUT_SUMMARY:
         raise click.UsageError(f"--json: {context.invoked_subcommand} prints no summary; leave it out")
 
 
@@ -172,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A notebook names its own, and matplotlib does not even start if it cannot find it. No window is ever opened here.
         os.environ.pop("MPLBACKEND", None)
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    (spoken, words), stopped = Talk.of(arguments), False
+    (spoken, words), stopped = Verbosity.of(arguments), False
     try:
         for shell in modules("shell") if COMPLETING in os.environ else ():
             shell.register()

@@ -10,7 +10,7 @@ import click
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import show
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.tables import tables
 from wavesweep.program.spec import describing
@@ -48,7 +48,7 @@ def command(name: str | None, schema: bool) -> None:
         path = describing.SYMBOLS.get(meant, meant)
         hint = f"; did you mean {meant}{f' ({path})' * (path != meant)}?" if meant else "; `wavesweep keys` lists all"
         raise UsageError(f"{name} is no key, table or type of block of a spec{hint}")
-    click.echo(json.dumps(descriptions, indent=2) if talk().as_json else "\n".join(_lines(descriptions)))
+    click.echo(json.dumps(descriptions, indent=2) if verbosity().as_json else "\n".join(_lines(descriptions)))
 
 
 def _lines(found: Mapping[str, Description]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 STDOUT = "-"
 FORMATS = ("png", "svg", "pdf", "eps")
@@ -195,7 +195,7 @@ def run_options(*groups: str) -> Callable[..., Any]:
         @wraps(body)
         def gathered(**given: Any) -> None:
             chosen = {option.name: given.pop(option.name) for option in declared}
-            body(options=_consistent(Options(**chosen, quiet=talk().quiet, as_json=talk().as_json)), **given)
+            body(options=_consistent(Options(**chosen, quiet=verbosity().quiet, as_json=verbosity().as_json)), **given)
 
         command = gathered
         for option in reversed(declared):

@@ -19,7 +19,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.file_places import own_folder, refuse_inputs
 from wavesweep.program.cli.messages import progress, say, show_json, where
 from wavesweep.program.cli.options import Options
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
@@ -74,7 +74,10 @@ def produce(
         with progress(options.quiet, less=less) as report:
             tables = compute(specs, **options.work, progress=report, checkpoint=checkpoint)
         before = results.existing_facts(tables[0].kind, directory) if options.to_folder and not options.silent else None
-        run = {"date": datetime.now(UTC).isoformat(timespec="seconds"), "command": shlex.join(["wavesweep", *talk().words])}
+        run = {
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "command": shlex.join(["wavesweep", *verbosity().words]),
+        }
         tables = [replace(table, facts={**table.facts, "spec_place": place, **marks, **run}) for table in tables]
         try:
             finished = _written(tables, directory, options)
@@ -206,7 +209,7 @@ def produce_intervals(
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         if hands and not options.to_stdout and not options.overwrite:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts()["for_hands"])
-        loud = not (talk().quiet or talk().as_json)
+        loud = not (verbosity().quiet or verbosity().as_json)
         if loud and along is None and specs[0].wall and specs[0].names.find(specs[0].along).path == specs[0].wall[0]:
             say(f"along {specs[0].along} this is the table of `wavesweep zwidth`")
         return [replace(intervals(specs[0], along=along, hands=hands, **work), kind=kind)]

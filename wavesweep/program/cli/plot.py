@@ -10,7 +10,7 @@ import click
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.options import FORMATS, folder, is_given
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 
 def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
@@ -76,7 +76,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
     results.refuse_unusable(directory)
     refuse_other_things(*(directory / f"{stem}.{form}" for form in formats))
     # A run that replaces the table meanwhile would be given this figure. Without a table there is nothing to hold.
-    busy = (lambda _: None) if talk().quiet else partial(say, warning=True)
+    busy = (lambda _: None) if verbosity().quiet else partial(say, warning=True)
     with results.at_work([path.stem], directory, wait=True, say=busy) if path.exists() else nullcontext():
         kind, columns, facts = results.read_table(path)
         if by := facts.get("drawn_by"):
@@ -89,5 +89,5 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
         package = directory / f"{path.stem}.datapackage.json"
         if package.exists() and directory.resolve() == path.parent.resolve():
             results.add_figures(package, kind, written)
-    if not talk().quiet:
+    if not verbosity().quiet:
         say(f"Wrote {', '.join(map(str, written))}")

@@ -3,7 +3,7 @@
 import click
 
 from wavesweep.engine.errors import MOST_LINES
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 
 def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:
@@ -38,13 +38,13 @@ def command(directory: str, prove: int) -> int:
     from wavesweep.program.cli.messages import printable, progress, say, show_json
     from wavesweep.program.results.verification import verify
 
-    with progress(talk().quiet, "computing rows again", "--prove with fewer slices takes less") as report:
+    with progress(verbosity().quiet, "computing rows again", "--prove with fewer slices takes less") as report:
         verified = verify(directory, prove=prove, progress=report)
-    if talk().as_json:
+    if verbosity().as_json:
         summary = {"command": "verify", "folder": directory, "checked": verified.checked, "differences": verified.differences}
         show_json(summary | ({"proved": verified.proved} if prove else {}))
     else:
-        if verified.checked and not talk().quiet:
+        if verified.checked and not verbosity().quiet:
             click.echo(printable("\n".join(verified.checked)))
         for difference in verified.differences[:MOST_LINES]:
             say(f"differs: {difference}", warning=True)

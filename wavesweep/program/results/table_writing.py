@@ -74,8 +74,8 @@ def publish(
         try:
             stem = folder / table.kind
             _write_all(stem, table, fields, blocks, formats, partition)
-            if table.beside is not None:
-                table.beside(folder)
+            if table.extra_files is not None:
+                table.extra_files(folder)
             package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             return put_in_place(table.kind, folder, directory)

@@ -205,16 +205,16 @@ def _rows(
     """Yield the sentences about the rows that are computed again."""
     parquet, exact = package.with_name(package.name.replace(PACKAGE, ".parquet")), versions().items() <= facts.items()
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
-    if exact and again.some is not None:
+    if exact and again.of_combinations is not None:
         exact, how = False, f"to {CLOSE:g}, since what is computed together decides the last digits"
     try:
         if again.rows not in (0, rows_there := rows_in(parquet)):  # before a foreign package has millions of them computed
             difference, extent = f"{rows_there} rows and not {again.rows}", ""
-        elif again.some is None:
-            difference = _compared(parquet, again.whole(), exact)
+        elif again.of_combinations is None:
+            difference = _compared(parquet, again.all_blocks(), exact)
             extent = "all rows"
         else:
-            difference = _sampled(parquet, again.some, again.combinations, rows, seed, exact, progress)
+            difference = _sampled(parquet, again.of_combinations, again.combinations, rows, seed, exact, progress)
             extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
     except (WavesweepError, ValueError, OSError) as error:
         yield f"{parquet}: its rows cannot be held against new ones: {error}", True

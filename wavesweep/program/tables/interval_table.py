@@ -195,7 +195,9 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     run = spec, along, hands_of(facts.get("for_hands", ()))
     sizes = [stage.job.grid.size for stage in stages_of(*run)]
     rows, prove = partial(rows_again, *run), partial(proved_again, spec, along)
-    return Recompute(spec.sha256, combinations=sum(sizes), some=rows, provable=0 if run[2] else sizes[0], prove=prove)
+    return Recompute(
+        spec.sha256, combinations=sum(sizes), of_combinations=rows, provable=0 if run[2] else sizes[0], prove=prove
+    )
 
 
 def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:

@@ -51,10 +51,10 @@ class Recompute:
     """
 
     sha256: str
-    whole: Callable[[], Iterable[Columns]] = tuple
+    all_blocks: Callable[[], Iterable[Columns]] = tuple
     rows: int = 0
     combinations: int = 0
-    some: Callable[[Iterable[int]], Iterator[Columns]] | None = None
+    of_combinations: Callable[[Iterable[int]], Iterator[Columns]] | None = None
     provable: int = 0
     prove: Callable[[Iterable[tuple[int, Columns]]], Iterator[ProvedAgain]] | None = None
 

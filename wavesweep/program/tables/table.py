@@ -20,7 +20,7 @@ class Table:
     kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
     leading column of a table of intervals. fields: the columns' fields, if they are not those of its kind. figure: writes
-    the figure to a path, in the format of its suffix. text: the table as Markdown. beside: writes further files, which
+    the figure to a path, in the format of its suffix. text: the table as Markdown. extra_files: writes further files, which
     appear together with the table, into a folder. forget: removes the checkpoint that the rows are read from, once they
     are safe elsewhere. rows: how many there are, 0 if it is not known.
     """
@@ -32,7 +32,7 @@ class Table:
     fields: tuple | None = None
     figure: Callable[[Path], None] | None = None
     text: str | None = None
-    beside: Callable[[Path], None] | None = None
+    extra_files: Callable[[Path], None] | None = None
     forget: Callable[[], None] = lambda: None
     rows: int = 0
 

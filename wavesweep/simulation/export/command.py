@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from wavesweep.program.cli.options import folder, override, overwriting
-from wavesweep.program.cli.talk import talk
+from wavesweep.program.cli.verbosity import verbosity
 
 
 @click.command("export")
@@ -62,14 +62,14 @@ def export(spec: str, to: str, out: str | None, overwrite: bool, overrides: tupl
     linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
     outputs, assumed = terms_of(loaded), assumes(loaded, run=run_in_words(loaded))
     seconds, ticks = time.perf_counter() - started, program["vectors.csv"].count("\n") - 1
-    if talk().as_json:
+    if verbosity().as_json:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumed}
         facts |= {"notices": list(over_preset(loaded)), "computed": {port: made["sum"] for port, made in outputs.items()}}
         facts["terms"] = {port: made["terms"] for port, made in outputs.items()}
         files = [str(path) for path in paths]
         facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
         show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
-    elif not talk().quiet:
+    elif not verbosity().quiet:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
         say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")

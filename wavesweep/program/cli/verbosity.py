@@ -6,7 +6,7 @@ from typing import NamedTuple
 import click
 
 
-class Talk(NamedTuple):
+class Verbosity(NamedTuple):
     """How the program speaks, whatever the command: options that may stand anywhere in the line.
 
     words: the whole line after the program's name.
@@ -18,7 +18,7 @@ class Talk(NamedTuple):
     debug: bool = False
 
     @classmethod
-    def of(cls, words: Sequence[str]) -> tuple["Talk", list[str]]:
+    def of(cls, words: Sequence[str]) -> tuple["Verbosity", list[str]]:
         """Take these options out of a line; the words that are left are those of the group and of the command."""
         end = words.index("--") if "--" in words else len(words)
         spelt = {"quiet": ("-q", "--quiet"), "as_json": ("--json",), "debug": ("--debug",)}
@@ -27,6 +27,6 @@ class Talk(NamedTuple):
         return cls(tuple(words), **wanted), [*left, *words[end:]]
 
 
-def talk() -> Talk:
+def verbosity() -> Verbosity:
     """How the running command speaks."""
-    return click.get_current_context().find_root().obj or Talk()
+    return click.get_current_context().find_root().obj or Verbosity()
