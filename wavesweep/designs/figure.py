@@ -123,15 +123,12 @@ def _studied(facts: Mapping[str, Any]) -> list[str]:
     tables, study = facts["spec"], facts["spec"]["design"]
     wall = tables.get("ports", {}).get("wall") or {"stiffness": "K_VE", "damping": "B_VE"}
     names, environment = {"walls": wall["stiffness"], "B_VE": wall["damping"]}, tables.get("environment", {})
+    constants = {key: [environment[at]] for key, at in names.items() if at in environment}
     wishes = []
     for name, options_given in study["wish"].items():
         options = WISHES[name].options
-        walls = {
-            key: options_given.get(key) or [environment[at]]
-            for key, at in names.items()
-            if key in options and (key in options_given or at in environment)
-        }
-        words = [_listed(names[key], values, facts) for key, values in walls.items()]
+        walls = constants | options_given
+        words = [_listed(names[key], walls[key], facts) for key in names if key in options and key in walls]
         words += (
             [f"{options_given['band_hz'][0]:g} to {options_given['band_hz'][1]:g} Hz"] if "band_hz" in options_given else []
         )

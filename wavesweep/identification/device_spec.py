@@ -67,13 +67,24 @@ def late(facts: Mapping[str, Any]) -> str:
     return "" if ticks == 0 else "dead_time" if ticks is None or "analogue" in facts["asked"] else "delay"
 
 
+def _set_delay(device: dict[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Put the delay into [device], as whole ticks or a dead time; return the range of the latter for [for_all]."""
+    name = late(facts)
+    if name == "delay":
+        device["delay"] = whole(facts["parameters"]["delay"])
+    if name in ("delay", ""):
+        return {}
+    ticks = (min(max(facts["parameters"]["delay"][end], 0.0), LONGEST_DELAY) for end in ("low", "value", "high"))
+    low, device["dead_time"], high = (float(f"{tick * facts['period_s']:.9g}") for tick in ticks)
+    return {"device.dead_time": {"start": low, "stop": high}} if low < high else {}
+
+
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The text of a spec with the device of a table, for every other command, and what its numbers may be in [for_all]."""
     parameters = facts["parameters"]
     if "load_mass" in parameters:
         return "\n".join([*_comments(facts), _two_masses(facts)])
     fitted = {path: parameters[name] for name, path in PATHS.items() if name in parameters}
-    ranges: dict[str, Any] = {}
     tables: dict[str, dict[str, Any]] = {
         "controller": {"kind": "dc"},
         "rates": {"fast_hz": float(f"{1 / facts['period_s']:.9g}")},
@@ -81,13 +92,7 @@ def spec_text(facts: Mapping[str, Any]) -> str:
     for path, fitted_number in fitted.items():
         room, name = path.split(".")
         tables.setdefault(room, {})[name] = max(fitted_number["value"], 0.0)
-    name = late(facts)
-    if name == "delay":
-        tables["device"]["delay"] = whole(parameters["delay"])
-    elif name:
-        ticks = (min(max(parameters["delay"][end], 0.0), LONGEST_DELAY) for end in ("low", "value", "high"))
-        low, tables["device"]["dead_time"], high = (float(f"{tick * facts['period_s']:.9g}") for tick in ticks)
-        ranges = {"device.dead_time": {"start": low, "stop": high}} if low < high else {}
+    ranges = _set_delay(tables["device"], facts)
     if _of_positions(facts):
         tables["device"]["velocity"] = "difference"
     effects = (

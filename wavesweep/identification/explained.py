@@ -77,26 +77,36 @@ def judged(fit: Fit) -> Verdict:
         share = float(np.sum(along**2) / np.sum(left**2))
         if frequency:
             shown.append((frequency, bool((np.abs(directions[:, 0] @ residual_beside) > SURE).any())))
-        if frequency and share > tone_share:
-            tone, tone_share = frequency, share
-    residual, step = fit.residual[rows.skip :], rows.resolution
+            if share > tone_share:
+                tone, tone_share = frequency, share
+    residual = fit.residual[rows.skip :]
     rms = float(np.sqrt(np.mean(residual[rows.used] ** 2)))
     exact = estimate.rounded or rms < EXACT * np.ptp(rows.reading)
     alike, remains = _like_friction(fit), not exact and (is_resonance or float(odds.min()) < RARE)
     stretch = [*takewhile(itemgetter(1), dropwhile(lambda each: not each[1], shown))]  # in which a resonance would be seen
     band = (stretch[0][0], stretch[-1][0]) if stretch else None
     unseen = band is None and not fit.model.load
-    explained = not (remains or alike or unseen)
-    named = ("one-way" if alike else "unseen" if unseen else "", float("nan"), 0.0)
+    missing = next((word for word, holds in (("one-way", alike), ("unseen", unseen)) if holds), "")
+    named = (missing, float("nan"), 0.0)
     if remains:
         named = max([("resonance", tone, tone_share), *_tried(fit)], key=lambda each: each[2])
         if named[2] < CLEAR:
             worst = int(np.argmin(odds))
             named = ("unknown", float(np.sqrt(edges[worst] * edges[worst + 1]) / len(left) / rows.period), named[2])
-    places = [fit.readings[rows.skip :] / (step or 1.0) + shift / SHOWN for shift in range(SHOWN)]
-    rounding = [step * (np.round(shifted) - shifted) for shifted in places]
-    square, usual = np.mean([(np.mean(error**2), _neighbours(error)) for error in rounding], axis=0).tolist()
-    return Verdict(explained, *named, rms, square**0.5, _neighbours(residual), usual, band)
+    expected, usual = _of_encoder(fit)
+    return Verdict(not any((remains, missing)), *named, rms, expected, _neighbours(residual), usual, band)
+
+
+def _of_encoder(fit):
+    """The rms and the correlation of neighbours that the rounding of the encoder alone would leave."""
+    rows, errors = fit.rows, []
+    steps = fit.readings[rows.skip :] / (rows.resolution or 1.0)
+    for shift in range(SHOWN):
+        shifted = steps + shift / SHOWN
+        error = rows.resolution * (np.round(shifted) - shifted)
+        errors.append((np.mean(error**2), _neighbours(error)))
+    square, correlation = np.mean(errors, axis=0).tolist()
+    return square**0.5, correlation
 
 
 def _like_friction(fit: Fit) -> bool:

@@ -38,13 +38,7 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         panels[3].loglog(hertz, density, color=distinct_colour(1), linewidth=1.0, label="residual")
         panels[3].loglog(hertz, white, color="0.5", linewidth=0.8, linestyle="--", label="encoder and\nwhite noise")
         panels[3].set(ylabel=f"spectrum\n({unit}/√Hz)", xlabel="frequency (Hz)")
-        if is_narrow():
-            handles = [line for axes in panels[1:] for line in axes.get_legend_handles_labels()[0]]
-            names = [line.get_label().replace("\n", " ") for line in handles]
-            panels[0].legend(handles, names, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2, fontsize=7)
-        else:
-            for axes in panels[[1, 2, 3] if facts["resolution"] else [1, 3]]:
-                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+        _legends(panels, [1, 2, 3] if facts["resolution"] else [1, 3])
         for axes in panels:
             axes.grid(**GRID)
             axes.margins(x=0)
@@ -54,6 +48,17 @@ def identify(columns: Columns, facts: Mapping[str, Any]) -> Any:
         _title(canvas, facts, "log")
         canvas.align_ylabels()
     return canvas
+
+
+def _legends(panels: Any, labelled: list[int]) -> None:
+    """The legends: beside the panels that are labelled or, if the figure is narrow, a single one above them."""
+    if is_narrow():
+        handles = [line for axes in panels[1:] for line in axes.get_legend_handles_labels()[0]]
+        names = [line.get_label().replace("\n", " ") for line in handles]
+        panels[0].legend(handles, names, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=2, fontsize=7)
+        return
+    for axes in panels[labelled]:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
 
 
 def identify_response(columns: Columns, facts: Mapping[str, Any]) -> Any:

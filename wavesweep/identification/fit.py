@@ -6,6 +6,7 @@ The force before the first row is not known, so the fit begins where it no longe
 from dataclasses import dataclass, replace
 from itertools import product
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -109,19 +110,20 @@ def fitted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
     # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they come from wider ones.
     widest = SECANT * scales(model, theta, rows)
     steps = widest if model.friction else STEP * scales(model, theta, rows)
+    unidentifiable = UsageError(NO_RESONANCE if model.load else NO_MASS)
     for _ in range(ROUNDS):
         with np.errstate(all="ignore"):
             J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
         if not (np.linalg.norm(J, axis=0) > 0).all() or not np.isfinite([J.sum(), left.sum()]).all():
-            raise UsageError(NO_RESONANCE if model.load else NO_MASS)
+            raise unidentifiable
         estimates = estimated(J, left, resolution)
         theta = theta + estimates.step
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
-            raise UsageError(NO_RESONANCE if model.load else NO_MASS)
+            raise unidentifiable
         steps = np.minimum(estimates.half, widest) if model.friction else steps
         if (np.abs(estimates.step) < SETTLED * estimates.half).all():
             break
-    theta = np.where([name == "friction" for name in model.names], np.abs(theta), theta)  # the model takes its size
+    theta = np.where(np.array(model.names) == "friction", np.abs(theta), theta)  # the model takes its size
     places = np.append(np.full(rows.skip, np.nan), readings(model, theta, force, period, rows.skip))
     return Fit(model, theta, rows, places, reading - places, estimates)
 
@@ -276,25 +278,28 @@ def _begun(model, rows):
     numbers = dict(zip(model.names, _first(model, rows), strict=True))
     late = float(numbers.get("delay", model.delay or 0.0))
     pushed = float(np.std(rows.force))
-    starts = [(late, 0.05 * pushed), (late, 0.3 * pushed)] if model.friction else [(late, 0.0)]
-    if model.friction and model.delay is None:  # what friction takes shows as another delay in the rough numbers
-        starts += [(delay, 0.3 * pushed) for delay in LATE[:5] if delay != late]
+    starts = [(late, 0.0)]
+    if model.friction:  # what friction takes shows as another delay in the rough numbers
+        delays = [late, *(delay for delay in LATE[:5] if model.delay is None and delay != late)]
+        starts = [(late, 0.05 * pushed), *((delay, 0.3 * pushed) for delay in delays)]
     best = min((_near(model, numbers, *start, rows) for start in starts), key=itemgetter(0))
     if best[1][1] < 0 and model.delay is None:  # prefer another delay with a positive damping
         delayed = [_near(model, numbers, delay, starts[-1][1], rows) for delay in LATE]
         best = min(best, *delayed, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
-    shift = np.array([name == "delay" for name in model.names])
-    while (
-        model.measured != "position" and shift.any() and not model.friction
-    ):  # each tick of delay may have a minimum of its own
-        delayed = [refined(model, best[1] + sign * shift, rows) for sign in (1, -1)]
-        before, best = (
-            best,
-            min(best, *((_square(model, candidate, rows), candidate) for candidate in delayed), key=itemgetter(0)),
-        )
-        if best is before:
-            break
+    if model.measured != "position" and model.delay is None and not model.friction:
+        best = _over_delays(model, best, rows)
     return best[1]
+
+
+def _over_delays(model, best, rows):
+    """The best of the minima at neighbouring delays, since each tick of delay may have one of its own."""
+    shift = np.array(model.names) == "delay"
+    while True:
+        shifted = (refined(model, best[1] + sign * shift, rows) for sign in (1, -1))
+        nearer = min(best, *((_square(model, theta, rows), theta) for theta in shifted), key=itemgetter(0))
+        if nearer is best:
+            return best
+        best = nearer
 
 
 def _square(model, theta, rows):
@@ -391,19 +396,30 @@ def _first(model, rows):
     best = tried(RATES, tones, [model.delay or 0.0])
     if model.delay is None and (best is None or model.measured == "acceleration"):  # at another delay no mass may show
         best = tried(RATES[::4], tones[:1], SOONER)
-    for near in (NEAR, NEAR**0.25) if best else ():  # values between those tried, and delays
-        best = tried(near * best[2], near * best[3] if model.spring else [0.0], [best[4]])
-        best = tried([best[2]], [best[3]], LATE if model.delay is None else [])
     if best is None:
         raise UsageError(NO_MASS)
-    _, mass, rate, square, late, linear_values = best
-    numbers = {"log_mass": np.log(mass), "damping": rate * mass, "stiffness": square * mass, "delay": late}
-    numbers |= {"friction": 0.05 * np.std(rows.force)} | linear_values
-    return np.array([numbers[name] for name in model.names])
+    for near in (NEAR, NEAR**0.25):  # values between those tried, and delays
+        best = tried(near * best.rate, near * best.square if model.spring else [0.0], [best.late])
+        best = tried([best.rate], [best.square], LATE if model.delay is None else [])
+    mass = best.mass
+    numbers = {"log_mass": np.log(mass), "damping": best.rate * mass, "stiffness": best.square * mass, "delay": best.late}
+    numbers |= {"friction": 0.05 * np.std(rows.force)} | best.linear_values
+    return np.array(itemgetter(*model.names)(numbers))
+
+
+class LinearFit(NamedTuple):
+    """What follows linearly from a rate of decay (1/s), a squared frequency and a delay (ticks), and the squared error."""
+
+    error: float
+    mass: float
+    rate: float
+    square: float
+    late: float
+    linear_values: dict[str, float]
 
 
 def _beginning(model, rows, late, square, rate):
-    """Squared error and numbers of the best mass and of what the log has of its own; None if the mass would be negative."""
+    """The best mass and what the log has of its own; None if the mass would be negative."""
     unit = {"mass": 1.0, "damping": rate, "stiffness": square, "friction": 0.0, "delay": late}
     linear_names = [name for name in model.own if name not in model.without]
     with np.errstate(all="ignore"):
@@ -417,4 +433,4 @@ def _beginning(model, rows, late, square, rate):
         return None
     linear_values = dict(zip(linear_names, x[1:].tolist(), strict=True))
     linear_values |= {"offset": linear_values["offset"] / x[0]} if "offset" in linear_values else {}
-    return float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, linear_values
+    return LinearFit(float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, linear_values)

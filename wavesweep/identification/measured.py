@@ -82,7 +82,7 @@ def _limits(walls: MeasuredWalls, columns) -> dict[str, Any]:
     for B, K, (intervals, complete) in zip(walls.B_VE.tolist(), walls.K_VE.tolist(), columns, strict=True):
         below = [interval for interval in intervals if interval[0] <= K]
         low, high, ends = below[-1] if below else (0.0, 0.0, True)
-        hole = bool(below) and (len(below) > 1 or low > 0)
+        hole = len(below) > 1 or low > 0
         point = {"B_VE": B, "K_VE": K, "computed": high, "ratio": high / K, "beyond": not ends, "above_hole": hole}
         points.append(point if complete else point | {"computed": None, "ratio": None})
     complete = [point for point in points if point["ratio"] is not None]
@@ -144,12 +144,12 @@ def _tried(walls: MeasuredWalls, columns) -> dict[str, Any]:
         if not (inside or complete):
             unknown += 1
         elif bool(inside) != stable:
-            ends = [e for low, high, real in inside or intervals for e in ([low] if low > 0 else []) + ([high] if real else [])]
-            end = min(ends, key=lambda e: _far(e / K), default=None) if K > 0 else None
+            ends = [end for low, high, real in inside or intervals for end in [low] * (low > 0) + [high] * bool(real) if K > 0]
+            end = min(ends, key=lambda end: _far(end / K), default=None)
             point = {"B_VE": B, "K_VE": K, "stable": stable, "computed": end, "ratio": None if end is None else end / K}
             wrong["denied" if stable else "promised"].append(point)
     numbers = {"count": len(columns), "stable": int(walls.stable.sum()), "not_known": unknown}
-    numbers |= {name: len(points) for name, points in wrong.items()}
+    numbers |= {"promised": len(wrong["promised"]), "denied": len(wrong["denied"])}
     order = sorted(wrong["promised"] + wrong["denied"], key=lambda each: -_far(each["ratio"] or 0.0))
     return numbers | {"wrong": len(order), "worst": order[:WORST]}
 

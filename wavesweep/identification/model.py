@@ -66,8 +66,9 @@ class Model:
             + ["stiffness"] * self.spring
             + ["friction"] * self.friction
             + ["delay"] * (self.delay is None)
+            + [name for name in self.own if name not in self.without]
         )
-        return ("log_mass", "damping", *free, *(name for name in self.own if name not in self.without))
+        return ("log_mass", "damping", *free)
 
     def numbers(self, theta: np.ndarray) -> dict[str, float]:
         """All numbers of the device and the log by their names; theta: the vector."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,22 +59,25 @@ def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BY
     Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, most)
-    forms = [(name, suffixes) for name in DERIVED for suffixes in (("abs", "deg"), ("re", "im"))]
+    forms = product(DERIVED, (("abs", "deg"), ("re", "im")))
     readable = [(name, suffixes) for name, suffixes in forms if {f"{name}_{suffix}" for suffix in suffixes} <= set(file.names)]
     if not readable or FREQUENCY not in file.names:
         expected = f"{NAME}_abs and {NAME}_deg, or {NAME}_re and {NAME}_im, next to {FREQUENCY}"
         raise UsageError(f"{path}: expected columns {expected}, found {file.listed}")
     name, suffix_pair = readable[0]
-    names = [FREQUENCY, *(f"{name}_{suffix}" for suffix in suffix_pair), *([COHERENCE] if COHERENCE in file.names else [])]
+    names = [FREQUENCY, *(f"{name}_{suffix}" for suffix in suffix_pair), *[COHERENCE] * (COHERENCE in file.names)]
     hertz, first, two, *rest = file.numbers(names, least).T
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
     coherence = rest[0] if rest else np.ones(len(hertz))
     if ((coherence <= 0) | (coherence > 1)).any():
         raise UsageError(f"{path}: {COHERENCE}: expected numbers above 0, at most 1")
-    if ((first <= 0) if suffix_pair[0] == "abs" else (first == 0) & (two == 0)).any():
+    if suffix_pair[0] == "abs":
+        H, unusable = first * np.exp(1j * np.radians(two)), first <= 0
+    else:
+        H, unusable = first + 1j * two, (first == 0) & (two == 0)
+    if unusable.any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
-    H = first * np.exp(1j * np.radians(two)) if suffix_pair[0] == "abs" else first + 1j * two
     return FrequencyResponse(hertz, H / (2j * np.pi * hertz) ** DERIVED[name], coherence, file.sha256)
 
 
@@ -93,17 +97,22 @@ def read_walls(path: str | Path) -> MeasuredWalls:
         if (column < 0).any():
             raise UsageError(f"{path}: {name}: expected numbers of at least 0, found {column.min():g}")
     if STABLE in file.names:
-        rows = enumerate(csv.reader(file.body.splitlines()), start=2)
-        cells = [(line, row[file.names.index(STABLE)].strip()) for line, row in rows if row]
-        flags = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
-        if None in flags:
-            line, text = cells[flags.index(None)]
-            raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
-        return MeasuredWalls(damping, stiffness, np.array(flags), file.sha256)
+        return MeasuredWalls(damping, stiffness, _stable_flags(file), file.sha256)
     if (stiffness == 0).any():
         hint = "where no wall is stable, give one that was tried, in a file with a column stable"
         raise UsageError(f"{path}: K_VE: expected limits above 0, found 0; {hint}")
     return MeasuredWalls(damping, stiffness, None, file.sha256)
+
+
+def _stable_flags(file):
+    """The column `stable` as booleans. Errors: UsageError that names the line."""
+    rows = enumerate(csv.reader(file.body.splitlines()), start=2)
+    cells = [(line, row[file.names.index(STABLE)].strip()) for line, row in rows if row]
+    flags = [FLAGS.get(text.lower().removesuffix(".0")) for _, text in cells]
+    if None in flags:
+        line, text = cells[flags.index(None)]
+        raise UsageError(f"{file.path}:{line}: {STABLE}: expected 1 or 0, found {text[:SHOWN] or 'nothing'}")
+    return np.array(flags)
 
 
 def walls_of(spec: Spec) -> MeasuredWalls | None:

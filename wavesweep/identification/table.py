@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from hashlib import sha256
+from itertools import product
 from math import exp, inf, isnan, sqrt
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -113,7 +114,8 @@ def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
     parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
     for delay in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
         delay["unit"] = "ms"
-    _refuse_unknown(path, unwidened, False, False, "is the admittance in m/N", {})
+    _refuse_unknown(path, unwidened)
+    _refuse_unusual(path, unwidened["mass"], False, "is the admittance in m/N", {})
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
         "correlation": fit.correlation,
@@ -160,8 +162,7 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
 
 def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     from wavesweep.identification.explained import identified
-    from wavesweep.identification.log import MOTIONS, read_log, step_of
-    from wavesweep.identification.model import ORDER
+    from wavesweep.identification.log import read_log, step_of
 
     started = time.perf_counter()
     columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
@@ -179,11 +180,9 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
     halves = fit.half + fit.extra, fit.half
     parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
-    units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
-    names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
-    named = "time, {} and {} in s, {} and {}".format(*names, *units)
-    powers = {"time": 2 - ORDER[log.measured], names[0]: 1, names[1]: -1}
-    _refuse_unknown(path, unwidened, log.turns, bool(log.scaled), f"are {named}", powers)
+    _refuse_unknown(path, unwidened)
+    if not log.scaled:
+        _refuse_unusual_units(path, unwidened["mass"], log)
     options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
     options |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
     options |= {"scales": dict(scales), "columns": dict(columns)}
@@ -220,32 +219,27 @@ def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool,
     constants: the ends of that of a motor; numbers that act on a force are in proportion to it, and fitted with the middle one.
     """
     ends = dict(zip(fitted_names, np.stack([fit.theta - half, fit.theta + half], axis=1).tolist(), strict=True))
-    for name in [name for name in LOGARITHMS if LOGARITHMS[name] in ends]:
-        ends[name] = [exp(min(max(end, -700.0), 700.0)) for end in ends[LOGARITHMS[name]]]
+    ends |= {name: [exp(min(max(end, -700.0), 700.0)) for end in ends[log]] for name, log in LOGARITHMS.items() if log in ends}
     numbers = fit.numbers
     names = ["mass", "damping", *(name for name in (*COUPLED, "stiffness", "friction") if name in ends), "delay"]
-    mixed = fit.model.measured == "acceleration" and "velocity" not in ends  # with the effect of the initial velocity
-    names += [name for name in ("offset", "bias") if name in ends and not (mixed and name == "offset")]
+    if fit.model.measured == "acceleration" and "velocity" not in ends:  # it is mixed with the effect of the initial velocity
+        ends.pop("offset", None)
+    names += [name for name in ("offset", "bias") if name in ends]
     units = UNITS | {"bias": READ[fit.model.measured]}
     parameters = {}
     for name in names:
         value = numbers[name]
         low, high = ends.get(name, (value, value))
         if constants and name in OF_FORCE:
-            by_constant = [end * 2 * constant / sum(constants) for end in (low, high) for constant in constants]
+            by_constant = [end * 2 * constant / sum(constants) for end, constant in product((low, high), constants)]
             low, high = min(by_constant), max(by_constant)
         unit = TURNING.get(name, turned(units[name]))
         parameters[name] = {"value": value, "low": low, "high": high, "unit": unit if turns else units[name]}
     return parameters
 
 
-def _refuse_unknown(
-    path: str, parameters: Mapping[str, Any], turns: bool, scaled: bool, question: str, powers: Mapping[str, int]
-) -> None:
-    """Raise UsageError for a mass that the log leaves open, or one so unusual that a unit is wrong, which `question` asks.
-
-    powers: of the scales of columns, to which the mass is proportional.
-    """
+def _refuse_unknown(path: str, parameters: Mapping[str, Any]) -> None:
+    """Raise UsageError for a mass that the log leaves open, and for numbers that are negative."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
         estimates = ", ".join(f"{name} {spoken(estimate)}" for name, estimate in parameters.items() if name != "mass")
@@ -263,8 +257,27 @@ def _refuse_unknown(
         if name in parameters and parameters[name]["high"] < 0:
             said = f"expected a {name} of at least 0, found {spoken(parameters[name])}"
             raise UsageError(f"{path}: {said}; is the sign of the force that of the position, and is nothing else driving it?")
+
+
+def _refuse_unusual_units(path: str, mass: Mapping[str, Any], log: Any) -> None:
+    """Raise UsageError for a mass so unusual that the columns of the log are hardly in these units."""
+    from wavesweep.identification.log import MOTIONS
+    from wavesweep.identification.model import ORDER
+
+    units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
+    names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
+    named = "time, {} and {} in s, {} and {}".format(*names, *units)
+    powers = {"time": 2 - ORDER[log.measured], names[0]: 1, names[1]: -1}
+    _refuse_unusual(path, mass, log.turns, f"are {named}", powers)
+
+
+def _refuse_unusual(path: str, mass: Mapping[str, Any], turns: bool, question: str, powers: Mapping[str, int]) -> None:
+    """Raise UsageError for a mass so unusual that a unit is wrong, which `question` asks.
+
+    powers: of the scales of columns, to which the mass is proportional.
+    """
     low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
-    if not low <= mass["value"] <= high and not scaled:
+    if not low <= mass["value"] <= high:
         mass_text = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
         sizes = {column: 0.001**power * mass["value"] for column, power in powers.items()}
         likely = [f"{size:.3g} with --scale {column}=0.001" for column, size in sizes.items() if low <= size <= high]
