@@ -122,12 +122,30 @@ def test_gains_are_the_extremes_of_the_lifted_map_over_the_circle():
     assert norm.certified
     largest = np.linalg.svd(H, compute_uv=False).max()  # of a grid: a little less than the peak between its points
     assert largest <= norm.value <= 1.0001 * largest
+    angle = np.angle(z[np.linalg.svd(H, compute_uv=False).max(-1).argmax(), 0, 0])
+    assert norm.frequency_hz == pytest.approx(angle / (2 * np.pi * loop.frame_s), rel=1e-3)
     assert index.certified
     smallest = np.linalg.eigvalsh((H + H.conj().swapaxes(-1, -2)) / 2).min()
     assert 1.0001 * smallest <= index.value <= smallest
     unstable = loop.stable_intervals("k", (0.0, 1000.0)).high[0] * 1.01
     assert loop.hinf_norm("ref", "y", k=[2.0, unstable]).value.tolist() == [norm.value, np.inf]
     assert loop.passivity_index("ref", "y", k=unstable).value == -np.inf
+
+
+def test_an_output_that_drifts_has_no_bound_on_its_gain_and_its_velocity_has():
+    loop = loop_from_drawing(
+        {
+            "rates": {"tick_hz": 1000},
+            "numbers": {"d": 2.0},
+            "block": {"body": {"type": "mass", "mass": 0.5}},
+            "wire": {"body.f": "f - d*body.v"},
+            "ports": {"inputs": {"f": "f"}, "outputs": {"x": "body.x", "v": "body.v"}},
+        }
+    )
+    assert loop.spectral_radius() < 1
+    assert loop.hinf_norm("f", "x").value == np.inf
+    assert loop.passivity_index("f", "x").value == -np.inf
+    assert loop.hinf_norm("f", "v").value == pytest.approx(0.5, rel=1e-9)  # 1/d, at 0 Hz
 
 
 def test_systems_of_python_control_are_blocks_and_the_lifted_loop_is_one():
@@ -155,7 +173,7 @@ def test_entries_may_be_expressions_in_numbers():
     assert loop.stable_intervals("m", (0.01, 1.0)).certified.all()
 
 
-@pytest.mark.parametrize("name", ["drive", "two-mass"])
+@pytest.mark.parametrize("name", [pytest.param("drive", marks=pytest.mark.slow), "two-mass"])
 def test_a_drawing_as_a_dict_gives_the_same_numbers_as_its_spec(name):
     tables = tomllib.loads((ROOT / f"sweeps/templates/{name}.toml").read_text(encoding="utf-8"))
     drawing = {table: tables[table] for table in ("rates", "numbers", "block", "signals", "wire", "ports") if table in tables}
@@ -220,6 +238,7 @@ def test_the_examples_of_the_docstrings_run(source):
     assert doctest.DocTestRunner().run(examples).failed == 0
 
 
+@pytest.mark.slow
 def test_the_page_of_the_engine_shows_what_its_lines_print():
     page = (ROOT / "docs/engine.md").read_text(encoding="utf-8")
     lines = "\n".join(re.findall(r"```python\n(.*?)```", page, re.DOTALL))
