@@ -8,9 +8,9 @@ import pytest
 from support.drawn import DRIVE, NETWORK, WALL, drive
 
 import wavesweep
-from wavesweep.engine.drawing.block_types import RUN_COLUMNS
 from wavesweep.engine.errors import SpecError
 from wavesweep.program.spec import load
+from wavesweep.program.spec.drawn_spec import RUN_COLUMNS
 from wavesweep.program.tables import kind_named
 from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.table import simulate

@@ -10,10 +10,11 @@ from itertools import accumulate, product
 from math import lcm
 from typing import Any
 
-from wavesweep.engine.drawing.block_types import RUN_COLUMNS, TYPES, without_rule
+from wavesweep.engine.drawing.block_types import TYPES, without_rule
 from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import degree, names_in, value_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.spec.drawn_spec import RUN_COLUMNS
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
 
 FORCE = "wall force"  # the number that all wires read in which the wall's stiffness and damping stand

@@ -7,10 +7,10 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 
 import wavesweep
-from wavesweep.engine.drawing.block_types import COLUMNS
 from wavesweep.engine.drawing.expressions import value_of
 from wavesweep.engine.errors import SpecError
 from wavesweep.program.spec import load, sweep_axes
+from wavesweep.program.spec.drawn_spec import COLUMNS
 from wavesweep.program.tables import kind_named
 
 

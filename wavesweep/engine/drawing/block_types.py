@@ -368,25 +368,3 @@ def without_rule(blocks: Iterable[Any]) -> list[str]:
 EVERY = whole("every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick")
 PHASE = whole("phase", 0, "tick of its first run, below every", 0, LONGEST_FRAME - 1, "tick")
 TICK_HZ = _number("tick_hz", "Hz", "rate of the common tick; each block runs every so many ticks", positive=True)
-# Names of columns of tables, which a number must not have, since it may be an axis.
-COLUMNS = frozenset(
-    (
-        *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
-        *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
-        *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
-        *("open_places", "open_low", "open_high", "low_set_by", "high_set_by", "channel_hz", "port_hz", "ports_hz"),
-        *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
-        *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
-        *("absolutely_stable", "ports_certified", "llewellyn", "damping_margin", "from_input", "to_output", "unit"),
-        *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
-        *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
-    )
-)
-# Names of columns of a simulation, which an input or an output must not have, since it becomes a column itself.
-RUN_COLUMNS = frozenset(
-    (
-        *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),
-        *("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2"),
-        *(f"energy_{part}" for part in ("hand", "device", "user", "slow", "local", "channel")),
-    )
-)

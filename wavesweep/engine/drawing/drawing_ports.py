@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Mapping
 from types import MappingProxyType
 
-from wavesweep.engine.drawing.block_types import COLUMNS, RUN_COLUMNS
 from wavesweep.engine.drawing.drawing import ENVIRONMENT, path_of_port
 from wavesweep.engine.drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
 from wavesweep.engine.drawing.drawn_block import DrawnBlock
@@ -99,7 +98,7 @@ class PortReader(KeyReader):
         for name, keys in ports.items():
             path, first = f"ports.{side}.{name}", next(iter(keys.values()))
             self.leaves |= {path if key == "signal" else f"{path}.unit": leaf for key, leaf in keys.items()}
-            if name in (*COLUMNS, *RUN_COLUMNS):
+            if name in self.taken.get("ports", ()):
                 self.refuse(first, path, *column_fault("ports", name))
             elif not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
                 self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
-from wavesweep.engine.drawing.block_types import COLUMNS, TICK_HZ, TYPES
+from wavesweep.engine.drawing.block_types import TICK_HZ, TYPES
 from wavesweep.engine.drawing.conditions import displaced, faults
 from wavesweep.engine.drawing.continuous import Wires, parted, watching_held
 from wavesweep.engine.drawing.drawing import RATE, Drawing, decides, path_of
@@ -43,11 +43,13 @@ class Surroundings:
 
     axes: paths of keys of blocks that are numbers too, since something varies them. signals: those that are outputs too, by
     name, with the leaf that asks for each. classes: names of types that blocks could have had in addition, for messages.
+    taken: names that no number, and no port, may have since columns of tables have them: "numbers" and "ports".
     """
 
     axes: frozenset[str] = frozenset()
     signals: Mapping[str, Leaf] = field(default_factory=dict)
     classes: tuple[str, ...] = ()
+    taken: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
 
 class ReadDrawing(NamedTuple):
@@ -68,7 +70,7 @@ def read_drawing(
     """
     reader = _TableReader(source, surroundings.axes | {RATE}, surroundings.classes)
     grouped = reader.grouped(leaves)
-    reader.asked = surroundings.signals
+    reader.asked, reader.taken = surroundings.signals, surroundings.taken
     drawing, values = reader.drawing(grouped)
     for path, expected, reason in (*faults(drawing, values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
@@ -200,7 +202,7 @@ class _TableReader(PortReader):
     def check_names_of_number(self, name: str, keys: Mapping[str, Leaf], place: Place) -> None:
         """Refuse the name of a number, or of one of its keys, that is none. place: of the number."""
         path = path_of(name)
-        if name in COLUMNS:
+        if name in self.taken.get("numbers", ()):
             self.refuse(place, path, *column_fault("numbers", name))
         elif not is_name(name) or name in RESERVED:
             self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))

@@ -13,7 +13,7 @@ from wavesweep.engine.keys.checking import show
 from wavesweep.program.cli.verbosity import verbosity
 from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.tables import tables
-from wavesweep.program.spec import describing
+from wavesweep.program.spec import describing, drawn_spec
 from wavesweep.program.spec.describing import Description, default_of, meaning_of
 
 NARROWEST = 24  # letters of a meaning in a line
@@ -116,7 +116,7 @@ def _own_names(name: str, table: Description) -> Iterator[str]:
         unit = "without unit" if kind["unit"] == "1" else kind["unit"]
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
         yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
-    if reserved := describing.TAKEN.get(name):
+    if reserved := drawn_spec.TAKEN.get(name):
         yield f"  names of columns of tables, which are taken: {', '.join(sorted(reserved))}"
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wavesweep.engine.drawing.block_types import COLUMNS, EVERY, PHASE, RUN_COLUMNS, TICK_HZ, TYPES
+from wavesweep.engine.drawing.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.engine.keys.checking import expectation, nearest, show
 from wavesweep.engine.keys.key import Key
 from wavesweep.program.reading.devices import DEVICES, HapticDevice
@@ -42,7 +42,6 @@ _OF_CAPABILITIES = {
     path: each for table in sorted(tables().values(), key=lambda each: each.path) for path, each in table.described.items()
 }
 TABLES: Mapping[str, Description] = {path: {"description": text} for path, text in _TABLES.items()} | _OF_CAPABILITIES
-TAKEN = {"numbers": COLUMNS, "ports": COLUMNS | RUN_COLUMNS}  # names of columns, which no number or port may have
 
 
 def symbol_of(path: str) -> str:

@@ -9,14 +9,37 @@ from wavesweep.program.reading.sorting import names_in_list, normal_path
 from wavesweep.program.reading.tables import section_of, study_tables, tables
 from wavesweep.program.spec.shipped_classes import shipped_classes
 
+# Names of columns of tables, which a number must not have, since it may be an axis.
+COLUMNS = frozenset(
+    (
+        *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
+        *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
+        *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
+        *("open_places", "open_low", "open_high", "low_set_by", "high_set_by", "channel_hz", "port_hz", "ports_hz"),
+        *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
+        *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
+        *("absolutely_stable", "ports_certified", "llewellyn", "damping_margin", "from_input", "to_output", "unit"),
+        *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
+        *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
+    )
+)
+# Names of columns of a simulation, which an input or an output must not have, since it becomes a column itself.
+RUN_COLUMNS = frozenset(
+    (
+        *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),
+        *("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2"),
+        *(f"energy_{part}" for part in ("hand", "device", "user", "slow", "local", "channel")),
+    )
+)
+TAKEN = {"numbers": COLUMNS, "ports": COLUMNS | RUN_COLUMNS}  # names of columns, which no number or port may have
+
 
 def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
     """Return what the other tables of a spec ask of its drawing."""
     signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
     asking = (leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves)
-    return Surroundings(
-        own_axes(leaves), {name: leaf for leaf in asking for name in names_in_list(leaf)}, tuple(shipped_classes())
-    )
+    outputs = {name: leaf for leaf in asking for name in names_in_list(leaf)}
+    return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), TAKEN)
 
 
 def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
