@@ -193,10 +193,27 @@ QUESTIONS = MappingProxyType(
 )
 OTHER_COMMANDS = "Other commands"
 
+# Commands, there or not, that say what holds for all of [for_all], and for all that messages may do; others are of the spec's
+# own numbers with all messages in time, but for those that have late and lost messages of their own.
+FOR_ALL_NUMBERS = ("zwidth", "stability-region", "margins", "check", "design")
+FOR_ALL_MESSAGES = ("zwidth", "stability-region", "check")
+WITH_MESSAGES = (*FOR_ALL_MESSAGES, "design", "simulate")
+OVER_AXES = ("zwidth", "stability-region", "bode", "passivity")  # whose axes are those of [sweep] or [bode], values or not
+WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # for which --json has no meaning
+COMMAND_OF_FIGURE = MappingProxyType(  # of a kind of table, or a picture, that has not the name of its command
+    {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
+)
+
 
 def home_of(command: str) -> Capability | None:
     """The capability that has a command; None if none has it."""
     return next((capability for capability in CAPABILITIES if command in capability.commands), None)
+
+
+def listed(commands: Iterable[str]) -> str:
+    """Those of some commands that are there, in words; the program's own always are."""
+    *several, last = [name for name in commands if home_of(name) or name in ("zwidth", "stability-region", "bode")]
+    return f"{', '.join(several)} and {last}" if several else last
 
 
 def where_explained(word: str) -> str:

@@ -14,9 +14,10 @@ import jsonschema
 import pytest
 
 import wavesweep
+from wavesweep.capabilities import WITHOUT_SUMMARY
 from wavesweep.identification.table import FitOptions
 from wavesweep.program.cli import main
-from wavesweep.program.cli.entry import COMMANDS, WITHOUT_SUMMARY
+from wavesweep.program.cli.entry import COMMANDS
 from wavesweep.program.sweep.running import WorkOptions
 
 ROOT = pathlib.Path(__file__).parents[2]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, home_of, modules
+from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, WITHOUT_SUMMARY, home_of, modules
 from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.program.cli.stopping import Stopped, signals_unwind
 from wavesweep.program.cli.verbosity import Verbosity, verbosity
@@ -49,7 +49,6 @@ COMMANDS = MappingProxyType(
 
 
 STUDIES = ("zwidth", "stability-region", "bode")
-WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # commands for which --json has no meaning
 # Options that commands had, and what does the same now.
 _SHAPES = "shapes a figure, and is an option of `wavesweep plot TABLE`, which draws the figure of a table again"
 MOVED = MappingProxyType(

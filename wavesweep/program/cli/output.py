@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from wavesweep.capabilities import FOR_ALL_MESSAGES, FOR_ALL_NUMBERS, OVER_AXES, WITH_MESSAGES, listed
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.file_places import own_folder, refuse_inputs
 from wavesweep.program.cli.messages import progress, say, show_json, where
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table
 
 INTERVALS = ("zwidth", "stability-region", "zwidth-specs")  # commands that sweep all axes of [sweep]
-FOR_ALL = ("zwidth", "stability-region", "design")  # commands that hold for all of [for_all]
 HANDS = "-hands"  # what the name of a table of intervals for hands ends in
 NOTABLE = 20_000  # rows, whose writing, and drawing, takes long enough that the bar of the work is not the last word
 MOST_CHANGES = 5  # of a spec that are listed
@@ -125,13 +125,13 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     swept = {axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS}
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
     if spec.drawing and spec.drawing.channels:
-        if command not in (*FOR_ALL, "simulate"):
-            commands = "zwidth, stability-region and check"
+        if command not in WITH_MESSAGES:
+            commands = listed(FOR_ALL_MESSAGES)
             yield f"{spec.name}: {command} has all messages in time; {commands} say what holds if some are late or lost"
-    elif spec.members and command not in (*FOR_ALL, "margins"):  # which says itself what it cannot hold for
-        commands = "zwidth, stability-region, margins, check and design"
+    elif spec.members and command not in FOR_ALL_NUMBERS:
+        commands = listed(FOR_ALL_NUMBERS)
         yield f"{spec.name}: {command} is of the spec's own numbers; {commands} look at all of {spec.members}"
-    for override in overrides if command in (*INTERVALS, "bode", "passivity") else ():
+    for override in overrides if command in (*INTERVALS, *OVER_AXES) else ():
         name = override.partition("=")[0].strip()
         key = spec.names.find(name)
         if key is not None and key.path in swept:

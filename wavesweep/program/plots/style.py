@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
+from wavesweep.capabilities import COMMAND_OF_FIGURE
 from wavesweep.engine.errors import UsageError
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
@@ -50,7 +51,6 @@ _STYLE = {
     "svg.fonttype": "none",  # texts that can be searched, and changed by hand
     "svg.hashsalt": "wavesweep",
 }
-_COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
 _ALONE = RLock()  # held while the settings are those of a figure
 _ASKED: ContextVar[tuple[float | None, Mapping[str, Any]]] = ContextVar("asked", default=(None, {}))
 _INTO: ContextVar[Any] = ContextVar("into", default=None)  # axes or a part of a figure, in whose place the next one is drawn
@@ -162,7 +162,7 @@ def png(canvas: Any, about: Mapping[str, str]) -> bytes:
 def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:
     """The texts of a figure's metadata: title, program, command, and the spec with its digest."""
     texts = {"Title": f"wavesweep {kind}", "Software": f"wavesweep {facts.get('tool_version', '')}".rstrip()}
-    texts["Command"] = f"wavesweep {_COMMANDS.get(kind, kind)}"
+    texts["Command"] = f"wavesweep {COMMAND_OF_FIGURE.get(kind, kind)}"
     if "spec_name" in facts:
         texts |= {"Title": f"{kind} of {facts['spec_name']}", "Spec": str(facts["spec_name"])}
     if "spec_sha256" in facts:
