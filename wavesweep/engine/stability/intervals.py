@@ -1,7 +1,8 @@
 """Stable intervals of columns and the places where nothing is known: from regions, joined, and as rows of a table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -170,8 +171,8 @@ def by_slice(batches: Sequence[Intervals]) -> Intervals:
 
 def in_place(intervals: Intervals, columns: np.ndarray, others: Intervals) -> Intervals:
     """Intervals with others in place of those of some columns, which `others` numbers from 0."""
-    beside = intervals.take(~np.isin(intervals.column, columns))
-    return by_slice([beside, replace(others, column=columns[others.column])])
+    rest = intervals.take(~np.isin(intervals.column, columns))
+    return by_slice([rest, replace(others, column=columns[others.column])])
 
 
 def common(loops: Sequence[Intervals]) -> Intervals:
@@ -179,48 +180,63 @@ def common(loops: Sequence[Intervals]) -> Intervals:
 
     loops: of each, the same columns. A doubt of one is one of the column, unless the others are never stable together.
     """
-    of_loops = [_by_column(intervals) for intervals in loops]
-    rows = {name: [] for name in ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")}
+    of_loops, rows = [_by_column(intervals) for intervals in loops], []
     for column in of_loops[0]:
-        elements = [columns[column] for columns in of_loops]
-        certain = [intervals for intervals, doubt in elements if doubt == NONE]
-        shared, doubt = _of_all(certain), NONE
-        if len(certain) < len(elements) and not (certain and not shared):
-            shared, doubt = _of_all([intervals for intervals, _ in elements]), max(doubt for _, doubt in elements)
-        stable = [is_stable for *_, is_stable in shared]
-        for place, (*ends, residual, is_stable) in enumerate(shared or [(np.nan, np.nan, np.nan, np.nan, 0.0, False)]):
-            index = sum(stable[:place]) if is_stable else -1
-            for name, value in zip(rows, (column, index, sum(stable), *ends, doubt, residual), strict=True):
-                rows[name].append(value)
-    kinds = {name: getattr(loops[0], name).dtype for name in rows}
-    return Intervals(**{name: np.array(values, kinds[name]) for name, values in rows.items()})
+        pieces, doubt = _common_in_column([columns[column] for columns in of_loops])
+        stable = [piece.stable for piece in pieces]
+        for place, piece in enumerate(pieces or [_Piece(np.nan, np.nan, np.nan, np.nan, 0.0, False)]):
+            index = sum(stable[:place]) if piece.stable else -1
+            rows.append((column, index, sum(stable), *piece[:4], doubt, piece.residual))
+    facts = zip(*rows, strict=True) if rows else [()] * len(fields(Intervals))
+    named = zip(fields(Intervals), facts, strict=True)
+    return Intervals(*(np.array(values, getattr(loops[0], field.name).dtype) for field, values in named))
+
+
+class _Piece(NamedTuple):
+    """A stable interval, or an open place, of one column."""
+
+    low: float
+    high: float
+    low_omega: float
+    high_omega: float
+    residual: float
+    stable: bool
 
 
 def _by_column(intervals):
-    """Column -> its elements as (low, high, low_omega, high_omega, residual, known to be stable), and its doubt."""
+    """Column -> its pieces, and its doubt."""
     columns = {}
     for place in range(intervals.column.size):
-        elements, _ = columns.setdefault(int(intervals.column[place]), ([], int(intervals.doubt[place])))
+        pieces, _ = columns.setdefault(int(intervals.column[place]), ([], int(intervals.doubt[place])))
         if not np.isnan(intervals.low[place]):
-            ends = (float(getattr(intervals, name)[place]) for name in ("low", "high", "low_omega", "high_omega", "residual"))
-            elements.append((*ends, bool(intervals.index[place] >= 0)))
+            ends = (float(getattr(intervals, name)[place]) for name in _Piece._fields[:5])
+            pieces.append(_Piece(*ends, bool(intervals.index[place] >= 0)))
     return dict(sorted(columns.items()))
 
 
+def _common_in_column(loops):
+    """What the loops of a column have in common, and the doubt of that; loops: pieces and doubt of each."""
+    certain = [pieces for pieces, doubt in loops if doubt == NONE]
+    shared = _of_all(certain)
+    if len(certain) == len(loops) or (certain and not shared):
+        return shared, NONE
+    return _of_all([pieces for pieces, _ in loops]), max(doubt for _, doubt in loops)
+
+
 def _of_all(loops):
-    """What several lists have in common, in order."""
+    """What several lists of pieces have in common, in order."""
     shared = loops[0] if loops else []
-    for others in loops[1:]:
-        shared = [both for first in shared for second in others if (both := _overlap(first, second)) is not None]
+    for pieces in loops[1:]:
+        shared = [both for first in shared for second in pieces if (both := _overlap(first, second)) is not None]
     return shared
 
 
 def _overlap(first, second):
-    """The values that two elements have in common, each end with its frequency, open if one is; None if there are none."""
-    begins = max(first, second, key=lambda element: element[0])
-    ends = min(first, second, key=lambda element: element[1])
-    if begins[0] >= ends[1]:
+    """The values that two pieces have in common, each end with its frequency, open if one is; None if there are none."""
+    begins = max(first, second, key=lambda piece: piece.low)
+    ends = min(first, second, key=lambda piece: piece.high)
+    if begins.low >= ends.high:
         return None
-    stable = first[5] and second[5]
-    omegas = (begins[2], ends[3]) if stable else (np.nan, np.nan)
-    return begins[0], ends[1], *omegas, max(first[4], second[4]) * stable, stable
+    stable = first.stable and second.stable
+    omegas = (begins.low_omega, ends.high_omega) if stable else (np.nan, np.nan)
+    return _Piece(begins.low, ends.high, *omegas, max(first.residual, second.residual) * stable, stable)

@@ -11,6 +11,7 @@ exact, are left out of the range, and the rest is proved. Between windows no eig
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,6 +50,24 @@ class _Boxes(Rows):
     splits: np.ndarray
 
 
+class _Bounds(NamedTuple):
+    """Bounds on the second derivatives of S by the angle, by both, and by x, and on its rounding."""
+
+    by_angle: np.ndarray
+    by_both: np.ndarray
+    by_x: np.ndarray
+    rounding: np.ndarray
+
+
+class _Crossings(NamedTuple):
+    """Crossings at x of panels, the angles of the eigenvalues there, and how far rounding may move them along x."""
+
+    panel: np.ndarray
+    x: np.ndarray
+    theta: np.ndarray
+    moved: np.ndarray
+
+
 class ReducedEquation:
     """S and its derivatives on panels, for the states that no delay line has: `z - 1 - A - sum_m G_m z^-m`.
 
@@ -72,10 +91,10 @@ class ReducedEquation:
         self.place[np.arange(row.size), row * self.n + column] = 1
         places = (solved[:, None], solved), (entered, solved[column]), (solved[row], read)
         c, error = (
-            [part[..., rows, columns].reshape(*part.shape[:-2], -1) for rows, columns in places]
-            for part in (panels.coefficients, panels.error)
+            [array[..., rows, columns].reshape(*array.shape[:-2], -1) for rows, columns in places]
+            for array in (panels.coefficients, panels.error)
         )
-        self.sizes = np.cumsum([part.shape[-1] for part in error])[:-1]
+        self.sizes = np.cumsum([entries.shape[-1] for entries in error])[:-1]
         c, self.error = np.concatenate(c, -1), np.concatenate(error, -1)
         self.degrees, self.longest = np.arange(c.shape[1]), max(map(len, lines.lines))
         self.varies = np.flatnonzero(c[:, 1:].any((0, 1)))
@@ -91,8 +110,8 @@ class ReducedEquation:
 
     def split(self, flat):
         """A, and the entries of B and of C in each term, of rows of entries."""
-        A, *parts = np.split(flat, self.sizes, axis=-1)
-        return A.reshape(-1, self.n, self.n), *parts
+        A, B, C = np.split(flat, self.sizes, axis=-1)
+        return A.reshape(-1, self.n, self.n), B, C
 
     def summed(self, terms):
         """The sums of terms at their places, `(points, n, n)`."""
@@ -113,7 +132,7 @@ class ReducedEquation:
             slope[at[:, None], self.varies] = sums[:, 1]
         return value, slope
 
-    def bounds(self, panel, value, slope, wide):
+    def bounds(self, panel, value, slope, wide) -> _Bounds:
         """Bounds on the second derivatives and on the rounding of S in parts of panels that are so wide."""
         unit, wide, bends = np.eye(self.n), wide[:, None], self.bends[panel]
         steep = np.abs(slope) + wide * bends
@@ -121,7 +140,7 @@ class ReducedEquation:
         (A2, B2, C2), (dA, dB, dC) = self.split(bends), self.split(self.error[panel])
         rounding = dA + self.summed(dC * (B + dB) + C * dB) + ROUNDED * (2 * unit + A + self.summed((1 + self.lag) * C * B))
         by_angle, both = unit + self.summed(self.lag**2 * C * B), self.summed(self.lag * (C1 * B + C * B1))
-        return by_angle, both, A2 + self.summed(C2 * B + 2 * C1 * B1 + C * B2), rounding
+        return _Bounds(by_angle, both, A2 + self.summed(C2 * B + 2 * C1 * B1 + C * B2), rounding)
 
     def around(self, value, slope, theta, radius=1.0):
         """S at some points of a circle, and its derivatives by the angle and by x."""
@@ -137,30 +156,27 @@ class ReducedEquation:
         """Whether boxes are proved, and whether it is rather x than the angle that keeps them open."""
         good, by_x = np.zeros((2, boxes.x.size), bool)
         for first in range(0, boxes.x.size, self.portion):
-            part = boxes.take(np.arange(first, min(first + self.portion, boxes.x.size)))
-            _, at, of = np.unique(np.stack([part.panel, part.x, part.wide]), axis=1, return_index=True, return_inverse=True)
+            chunk = boxes.take(np.arange(first, min(first + self.portion, boxes.x.size)))
+            _, at, of = np.unique(np.stack([chunk.panel, chunk.x, chunk.wide]), axis=1, return_index=True, return_inverse=True)
             of = of.reshape(-1)
-            value, slope = self.entries(part.panel[at], part.x[at])
-            bounds = self.bounds(part.panel[at], value, slope, part.wide[at])
-            angle, both, number, rounding = (each[of] for each in bounds)
-            S, by_angle, by_number = self.around(value[of], slope[of], part.theta, radius)
-            back, a, b = inverse(S), part.arc[:, None, None], part.wide[:, None, None]
+            value, slope = self.entries(chunk.panel[at], chunk.x[at])
+            bounds = self.bounds(chunk.panel[at], value, slope, chunk.wide[at])
+            angle, both, number, rounding = (bound[of] for bound in bounds)
+            S, by_angle, by_number = self.around(value[of], slope[of], chunk.theta, radius)
+            back, a, b = inverse(S), chunk.arc[:, None, None], chunk.wide[:, None, None]
             turned, moved = a * np.abs(back @ by_angle), b * np.abs(back @ by_number)
             rest = np.abs(back) @ (radius**2 * (a**2 / 2 * angle + a * b * both) + b**2 / 2 * number + rounding)
             change = turned + moved + rest
             # w = (1 - change/s)^-1 1 is positive if the spectral radius is below s, and then change w = s (w - 1) < s w
-            weight = solve(np.eye(self.n) - change / SHRINKS, np.ones((part.x.size, self.n, 1)))
-            rows = slice(first, first + part.x.size)
+            weight = solve(np.eye(self.n) - change / SHRINKS, np.ones((chunk.x.size, self.n, 1)))
+            rows = slice(first, first + chunk.x.size)
             good[rows] = ((weight > 0) & (change @ weight <= SURELY * weight)).all((1, 2))
             weight = np.abs(change) @ np.abs(weight)
             by_x[rows] = (moved @ weight / weight).max((1, 2)) > (turned @ weight / weight).max((1, 2))
         return good, by_x
 
-    def crossings(self, boxes: _Boxes):
-        """The places of crossings to which Newton's method leads from boxes next to them: panel, x and angle.
-
-        Followed by how far rounding may move each of them along x.
-        """
+    def crossings(self, boxes: _Boxes) -> _Crossings:
+        """The crossings to which Newton's method leads from boxes next to them."""
         step = self.newton_step(boxes.panel, boxes.x, boxes.theta)
         boxes = boxes.take((np.abs(step) <= NEXT * np.stack([boxes.arc, boxes.wide])).all(0))
         panel, x, theta = boxes.panel, boxes.x, boxes.theta
@@ -169,13 +185,13 @@ class ReducedEquation:
             theta, x = theta + step[0], np.clip(x + step[1], -1, 1)
         theta, converged = np.abs((theta + np.pi) % (2 * np.pi) - np.pi), (np.abs(step) < CONVERGED).all(0)
         panel, x, theta = panel[converged], x[converged], theta[converged]
-        return panel, x, theta, self.moved(panel, x + BESIDE, theta)
+        return _Crossings(panel, x, theta, self.moved(panel, x + BESIDE, theta))
 
     def moved(self, panel, x, theta):
         """How far rounding of S may move a crossing along x, from a place next to it."""
         value, slope = self.entries(panel, x)
         S, *slopes = self.around(value, slope, theta)
-        back, rounding = inverse(S), self.bounds(panel, value, slope, np.zeros(panel.size))[-1]
+        back, rounding = inverse(S), self.bounds(panel, value, slope, np.zeros(panel.size)).rounding
         a, b = (np.trace(back @ by, axis1=1, axis2=2) for by in slopes)
         off = np.trace(np.abs(back) @ rounding, axis1=1, axis2=2)
         with np.errstate(all="ignore"):
@@ -184,12 +200,12 @@ class ReducedEquation:
     def newton_step(self, panel, x, theta):
         """The steps of angles and of x to where det S is 0, to first order, `(2, points)`; log det S has traces as slopes."""
         step = np.zeros((2, x.size))
-        for part in (slice(first, first + self.portion) for first in range(0, x.size, self.portion)):
-            S, *slopes = self.around(*self.entries(panel[part], x[part]), theta[part])
+        for index in (slice(first, first + self.portion) for first in range(0, x.size, self.portion)):
+            S, *slopes = self.around(*self.entries(panel[index], x[index]), theta[index])
             back = inverse(S)
             a, b = (np.trace(back @ slope, axis1=1, axis2=2) for slope in slopes)
             with np.errstate(all="ignore"):
-                step[:, part] = np.nan_to_num(np.stack([-b.imag, a.imag]) / (a.real * b.imag - a.imag * b.real), nan=np.inf)
+                step[:, index] = np.nan_to_num(np.stack([-b.imag, a.imag]) / (a.real * b.imag - a.imag * b.real), nan=np.inf)
         return step
 
 
@@ -250,7 +266,7 @@ def _around_circle(equation, panel, low, high):
     """Boxes of parts of panels, with arcs of the upper half of the circle each."""
     count = int(np.ceil(np.pi * equation.longest / (2 * TURN)))
     arcs, many = np.pi * np.arange(1, 2 * count, 2) / (2 * count), panel.size * count
-    x, wide, panel = (np.repeat(part, count) for part in ((low + high) / 2, (high - low) / 2, panel))
+    x, wide, panel = (np.repeat(fact, count) for fact in ((low + high) / 2, (high - low) / 2, panel))
     return _Boxes(panel, x, wide, np.tile(arcs, many // count), np.full(many, np.pi / (2 * count)), np.zeros(many, int))
 
 
@@ -285,7 +301,7 @@ def _windows(panels, panel, x, theta, moved, span, slack):
             rows[-1] = (*rows[-1][:2], row[2], *rows[-1][3:])
         else:
             rows.append(row)
-    column, low, high, value, theta = (np.array(part, float) for part in (zip(*rows, strict=True) if rows else [()] * 5))
+    column, low, high, value, theta = (np.array(fact, float) for fact in (zip(*rows, strict=True) if rows else [()] * 5))
     column, doubt = column.astype(int), np.where(high - low > 2 * FIRM * slack(value), ROUNDING, NONE)
     return Tiles(column, low, high, WINDOW + 0 * column, value, theta, EPS * np.abs(value), doubt)
 
@@ -295,13 +311,13 @@ def _without(boxes, panels, column, low, high, pad):
     middle, half = panels.middle[boxes.panel], panels.half[boxes.panel]
     a, b = middle + half * (boxes.x - boxes.wide), middle + half * (boxes.x + boxes.wide)
     meets = (panels.column[boxes.panel] == column) & (a < high) & (b > low)
-    parts = [boxes.take(~meets)]
+    left = [boxes.take(~meets)]
     for start, stop in ((a, np.full(b.size, low)), (np.full(a.size, high), b)):
         at = np.flatnonzero(meets & (stop > start))
-        cut, more = boxes.take(at), pad[boxes.panel[at]]
-        ends = (start[at] - middle[at]) / half[at] - more, (stop[at] - middle[at]) / half[at] + more
-        parts.append(_Boxes(cut.panel, sum(ends) / 2, (ends[1] - ends[0]) / 2, cut.theta, cut.arc, cut.splits))
-    return _Boxes.join(parts)
+        cut, margin = boxes.take(at), pad[boxes.panel[at]]
+        ends = (start[at] - middle[at]) / half[at] - margin, (stop[at] - middle[at]) / half[at] + margin
+        left.append(_Boxes(cut.panel, sum(ends) / 2, (ends[1] - ends[0]) / 2, cut.theta, cut.arc, cut.splits))
+    return _Boxes.join(left)
 
 
 def _stretches(panels, windows):
@@ -319,7 +335,7 @@ def _stretches(panels, windows):
                 at = max(at, high)
             if at < panels.high[run[-1]]:
                 rows.append((column, at, float(panels.high[run[-1]])))
-    return [np.array(part) for part in zip(*rows, strict=True)]
+    return [np.array(fact) for fact in zip(*rows, strict=True)]
 
 
 def _counted(stretches, errors):
@@ -339,8 +355,8 @@ def _labelled(windows, stretches, equation, errors):
     """Windows, those as OVERLAID in which another eigenvalue is outside of a larger circle all the while."""
     panels, label = equation.panels, windows.outside.copy()
     for at, (column, low, high) in enumerate(zip(windows.column, windows.low, windows.high, strict=True)):
-        beside = (stretches.column == column) & ((stretches.high == low) | (stretches.low == high))
-        if not beside.any() or stretches.outside[beside].min() < 1:
+        neighbours = (stretches.column == column) & ((stretches.high == low) | (stretches.low == high))
+        if not neighbours.any() or stretches.outside[neighbours].min() < 1:
             continue
         meeting = np.flatnonzero((panels.column == column) & (panels.low <= high) & (panels.high >= low))
         ends = [(end - panels.middle[meeting]) / panels.half[meeting] for end in (low, high)]
