@@ -154,10 +154,18 @@ def displaced(drawing: Drawing, values: Mapping[str, float]) -> Iterator[tuple[s
         if not numbers.keys() >= {name for tree in (gain, period) for name, _ in names_in(tree)}:
             continue  # a number that has a mistake itself
         runs = finite_value(period, numbers) or 1
-        slow = f"{signal} changes every {runs:g} ticks only" if runs > 1 else ""
-        reason = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
+        reason = _no_position(signal, force, velocities, runs)
         if reason and finite_value(gain, numbers):
             yield f"ports.{side}.displacement", OF_PLANT, reason
+
+
+def _no_position(signal: str, force: str, velocities: list[str], runs: float) -> str:
+    """Why a signal is no position that a plant has in every tick; empty if it may be one. runs: ticks between its changes."""
+    if signal == force:
+        return "the force itself"
+    if signal in velocities:
+        return f"{signal} is a velocity"
+    return f"{signal} changes every {runs:g} ticks only" if runs > 1 else ""
 
 
 def _velocities(drawing: Drawing) -> list[str]:

@@ -56,8 +56,7 @@ class PortReader(KeyReader):
                 self.refuse(place, path, "hand, environment, wall, inputs or outputs", "an unknown port", nearest(side, PORTS))
             elif not rest:
                 if leaf.value != {} or not named:
-                    expected = f"a table, NAME = {NAMED[side]}" if named else f"{{ {', '.join(PORTS[side])} }}"
-                    self.refuse(leaf, path, expected, show(leaf.value))
+                    self.refuse(leaf, path, expected_table(side), show(leaf.value))
             elif named:
                 key = ".".join(rest[1:]) or "signal"
                 if self.mistakes.is_known(key, PORTS[side], leaf, f"{path}.{rest[0]}.{key}"):
@@ -207,6 +206,11 @@ def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) ->
     unit_of_mass = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
     unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if unit_of_mass in ("kg", "kg*m^2") else ""
     return TURNED[unit] if unit and unit_of_mass == "kg*m^2" else unit
+
+
+def expected_table(side: str) -> str:
+    """Return what a table of [ports] has to be."""
+    return f"a table, NAME = {NAMED[side]}" if side in NAMED else f"{{ {', '.join(PORTS[side])} }}"
 
 
 def column_fault(table: str, name: str) -> tuple[str, str]:

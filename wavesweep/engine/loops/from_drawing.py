@@ -36,10 +36,7 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     with np.errstate(all="ignore"):
         rate = values_of(drawing.tick_hz, known_values)
         tick = 1 / numbers(rate)
-        placed = tuple(_placed(block, known_values, tick) for block in drawing.alone if not block.dead_time)
-        placed += tuple(_dead_time(drawing, name, known_values) for name in drawing.dead_times)
-        shares = dead_time.shares(drawing, known_values, rate)
-        placed += tuple(_plant(plant, known_values, tick, shares) for plant in drawing.plants)
+        placed = _blocks(drawing, known_values, rate, tick)
         sums = {port: _gains(terms, known_values) for port, terms in drawing.wires}
         if out:
             placed = _take_out(drawing, placed, sums, known_values, out)
@@ -55,6 +52,14 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", bes
     if drawing.dead_times:
         sums = dead_time.joined(sums, drawing.plants, drawing.inside, PRODUCT, FACTOR)
     return MultirateLoop(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
+
+
+def _blocks(drawing, known, rate, tick):
+    """The blocks, dead times and plants of a drawing, with their numbers."""
+    placed = [_placed(block, known, tick) for block in drawing.alone if not block.dead_time]
+    placed += [_dead_time(drawing, name, known) for name in drawing.dead_times]
+    shares = dead_time.shares(drawing, known, rate)
+    return tuple(placed + [_plant(plant, known, tick, shares) for plant in drawing.plants])
 
 
 def _plant(plant, known, tick, shares):
