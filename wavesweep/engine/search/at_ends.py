@@ -33,10 +33,10 @@ def stiffness_at_ends(question: Question, loops: Loops, opened: Opened | None, p
     if at_rest is not None:
         ends, twice = p.ravel(), np.tile(place, 2)
         both = at_rest.stiffness(twice, ends)
-        if at_rest is opened and opened.loops.second:
-            hidden = np.flatnonzero(np.isnan(both) & ~np.isnan(ends))
+        hidden = np.flatnonzero(np.isnan(both) & ~np.isnan(ends))
+        if hidden.size and at_rest is opened and opened.loops.second:
             columns = different(twice[hidden])
-            for alike in by_zeros(loops, columns) if hidden.size else ():
+            for alike in by_zeros(loops, columns):
                 few = columns[alike]
                 alone = Opened.of_each(loops.some(few), question.number, few.size, felt=True)
                 if alone and alone.loops.at_rest:

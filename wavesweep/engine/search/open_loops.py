@@ -86,8 +86,7 @@ def open_loops(loops: Loops, number: str, second: str = "", *, felt: bool = Fals
     drawing = loops.drawing
     if not scalar_place(drawing, number):
         return None
-    path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(second)]
-    both = dict.fromkeys((path, *([path_of(second)] if second else [])), ANY)
+    read, both = (FACTOR, BESIDE)[: 1 + bool(second)], dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
     closed, loops = drift_of(loops.changed(both)), loops.changed(dict.fromkeys(both, 0.0))
     drift = drift_of(loops, number, read, second)
     if drift.varying:
@@ -99,16 +98,14 @@ def open_loops(loops: Loops, number: str, second: str = "", *, felt: bool = Fals
     conserved = bool(closed.varying)
     if conserved and len(closed.constant) + len(closed.varying) != len(drift.constant):
         return None
-    drawn = loops.drawn(number, second)
-    hand = hand_of(drawing) if felt and feels(drawing) else None
-    if any(seen_by_hand(drawing, name) for name in (number, second)):
-        hand = None
-    if hand:
+    drawn, hand, ports = loops.drawn(number, second), None, ("", ())
+    if felt and feels(drawing) and not any(seen_by_hand(drawing, name) for name in (number, second)):
         from wavesweep.engine.response.resting_frame import shows_at_rest
 
-        hand = hand if shows_at_rest(drawn, hand, read) else None
+        if shows_at_rest(drawn, hand_of(drawing), read):
+            hand = hand_of(drawing)
+            ports = hand.force, (hand.reaction,)
     with named_loops(drawn), np.errstate(all="ignore"):
-        ports = (hand.force, (hand.reaction,)) if hand else ("", ())
         frame = open_frame(drawn, drift, PRODUCT, read, *ports, per_loop=per_loop)
     return frame and OpenLoops(drawn, frame, drift, hand, second, conserved)
 
