@@ -200,6 +200,7 @@ FOR_ALL_MESSAGES = ("zwidth", "stability-region", "check")
 WITH_MESSAGES = (*FOR_ALL_MESSAGES, "design", "simulate")
 OVER_AXES = ("zwidth", "stability-region", "bode", "passivity")  # whose axes are those of [sweep] or [bode], values or not
 WITHOUT_SUMMARY = ("plot", "explore", "init", "report")  # for which --json has no meaning
+WITH_SPECS = ("design",)  # kinds of tables with a folder of specs beside them
 COMMAND_OF_FIGURE = MappingProxyType(  # of a kind of table, or a picture, that has not the name of its command
     {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
 )

@@ -8,6 +8,7 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
+from wavesweep.capabilities import WITH_SPECS
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import is_folder, read_file
 from wavesweep.program.results.package import BEST, PART, packaged_facts
@@ -23,7 +24,7 @@ LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
 
 def names_of(kind: str) -> list[str]:
     """The names of all files that a table may have, its package last."""
-    best = [BEST] if kind == "design" else []
+    best = [BEST] if kind in WITH_SPECS else []
     return [*(f"{kind}{suffix}" for suffix in (".csv", ".parquet", *FIGURES, ".md")), *best, f"{kind}{PACKAGE}"]
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from wavesweep.capabilities import WITH_SPECS
 from wavesweep.program.atomic_files import open_file, write_file
 from wavesweep.program.tables.fields import Field, FieldKind
 
@@ -15,7 +16,7 @@ _MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf", 
 _HASH_BLOCK = 1 << 20
 OF_RUN = ("timings", "warnings", "date", "command")  # facts that do not concern the rows
 OWN_FACTS = (*OF_RUN, "spec_place")  # facts that differ between runs that give the same rows
-BEST = "best"  # the folder of specs beside the table `design`
+BEST = "best"  # the folder of specs beside a table that has them
 LARGEST = 1 << 24  # bytes of a package: that of a table of 10,000 parts has a quarter of it
 MOST_DIFFERENCES = 5  # that are named
 PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
@@ -39,7 +40,7 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
         "title": _title(kind, facts),
         "resources": [
             *_tables(kind, stem, schema),
-            *(_design(kind, design) for design in sorted((stem.parent / BEST).glob("*.toml")) if kind == "design"),
+            *(_spec(kind, spec) for spec in sorted((stem.parent / BEST).glob("*.toml")) if kind in WITH_SPECS),
             *(figure_resource(kind, facts, figure) for figure in figures),
         ],
         "wavesweep": facts,
@@ -70,16 +71,16 @@ def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, 
     ]
 
 
-def _design(kind: str, design: Path) -> dict[str, Any]:
+def _spec(kind: str, spec: Path) -> dict[str, Any]:
     """The entry of a spec in the folder BEST."""
     return {
-        "name": f"{kind}-{design.stem}".lower(),
+        "name": f"{kind}-{spec.stem}".lower(),
         "profile": "data-resource",
         "type": "file",
         "format": "toml",
         "mediatype": "application/toml",
-        **file_facts(design),
-        "path": f"{BEST}/{design.name}",
+        **file_facts(spec),
+        "path": f"{BEST}/{spec.name}",
     }
 
 

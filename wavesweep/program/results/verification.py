@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import WITH_SPECS, modules
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.columns import Columns
 from wavesweep.program.reproducibility import versions
@@ -140,7 +140,7 @@ def _files(package: Path) -> Iterator[str]:
     for name in sorted(present - set(expected_files)):
         yield f"{package}: {name} is not in its list of files"
     for name, (size, digest) in expected_files.items():
-        relative = name.removeprefix(f"{folder.name}/").removeprefix(f"{BEST}/" if stem == "design" else "")
+        relative = name.removeprefix(f"{folder.name}/").removeprefix(f"{BEST}/" if stem in WITH_SPECS else "")
         if relative != Path(relative).name:
             yield f"{package}: {name} in its list of files is in another folder"
             continue

@@ -52,18 +52,24 @@ def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     several = [response_job(spec, spec.bode, spec.frequency_hz, names, route=route) for spec, route in routes]
     jobs = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
     result = run(jobs, Work.of(work))
-    grids = [job.grid for job in jobs.values()]
+    kind = "bode" if routes[0][1] is None else "bode-ports"
+    units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
+    if kind == "bode":
+        units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
+    facts = with_unlike_units(_facts(specs, kind, result), units)
+    return Table(kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows)
+
+
+def _facts(specs: Sequence[Spec], kind: str, result: Run) -> dict:
+    """The facts of a run; a table of responses certifies none."""
+    grids = [job.grid for job in result.jobs.values()]
     computed = sum(grid.loops for grid in grids)
     counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
     notices = [notice for grid in grids for notice in notices_of(grid)]
     swept = [axis.path for spec in specs for axis in spec.bode]
-    methods, kind = (METHODS, "bode") if routes[0][1] is None else (METHODS_PORTS, "bode-ports")
-    facts = facts_of(list(specs), methods, counts, result.timings, notices, swept, nominal=True) | {"warnings": result.warnings}
-    units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
-    if kind == "bode":
-        units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
-    facts = with_unlike_units(facts, units)
-    return Table(kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows)
+    methods = METHODS if kind == "bode" else METHODS_PORTS
+    facts = facts_of(list(specs), methods, counts, result.timings, notices, swept, nominal=True)
+    return facts | {"warnings": result.warnings}
 
 
 def routes_of(spec: Spec) -> tuple:
