@@ -34,7 +34,7 @@ SHRINKS, SURELY = 0.93, 0.95  # of weights, what is wanted to be left of them, a
 ROUNDED = 64 * EPS  # of the terms of a sum, and so much for each state of a line
 ENTRIES = 2**19  # of what delay lines show, at a time
 SAME = 1e-12  # of a link of a delay line, which is 1
-BEYOND = 1e-5  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
+BEYOND = 1e-7  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
 SHARES = (0.5, 0.37, 0.71, 0.13, 0.91)  # of a stretch, where eigenvalues are counted
 
 
