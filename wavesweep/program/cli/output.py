@@ -245,8 +245,7 @@ def prepare_work(options: Options) -> None:
         except OSError as error:
             if error.errno == errno.EBADF:  # and no stream without a number, as a program that calls this one may have
                 raise UsageError("--out -: expected a place to write the table to, found stdout closed") from error
-    fewer = excess(options.jobs, options.backend)
-    if fewer and not options.quiet:
+    if not options.quiet and (fewer := excess(options.jobs, options.backend)):
         say(fewer, warning=True)
 
 
