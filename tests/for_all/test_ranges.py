@@ -228,8 +228,11 @@ def frames_at(kind, box):
 def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
     """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""
     box = np.array([[np.log(300.0), 0.0, 0.0, 0.0], [np.log(1200.0), 0.05, 1.0, 50.0]])
-    found = cover(lambda part: frames_at("pmw", part), box, np.ones((2, 2), bool), 4e9)
+    ends = []
+    found = cover(lambda part: frames_at("pmw", part), box, np.ones((2, 2), bool), 4e9, report=ends.append)
     assert len(found.open)
+    assert ends == sorted({*ends})
+    assert ends[-1] == found.end
     assert found.end < np.log(800.0)
 
 
@@ -299,14 +302,16 @@ sweep = { along = "k", k = { start = 0, stop = 200 } }
 
 
 @pytest.mark.slow
-def test_a_mass_that_is_not_known_beside_two_channels_is_settled(tmp_path):
+def test_a_mass_that_is_not_known_beside_two_channels_is_settled(tmp_path, caplog):
     """The pattern that refutes: the position is sampled every third time, and acts two times later, for three."""
     (tmp_path / "spec.toml").write_text(TWO_CHANNELS)
+    caplog.set_level("INFO", "wavesweep.proof")
     table = intervals(load(tmp_path / "spec.toml"), jobs=1, along="k").columns
     row = {name: column[1] for name, column in table.items()}
     assert row["certified"]
     assert row["settled"]
     assert row["low"] < 0.3
+    assert caplog.messages[-1].endswith(f"to {row['high']:.4g} so far")
 
     def radius(k):
         move = expm(0.01 * np.array([[-2 / 1.5, 0, 1 / 1.5, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]))

@@ -67,12 +67,19 @@ class _Part:
 
 
 def cover(
-    frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage, work: float, up: bool = True, words: Sequence[Word] = ()
+    frames_at: FramesAt,
+    box: Box,
+    follows: np.ndarray | OnAverage,
+    work: float,
+    up: bool = True,
+    words: Sequence[Word] = (),
+    report: Callable[[float], None] | None = None,
 ) -> Covering:
     """Prove that all frames of a box shrink in every order, or on average, except in the parts that are left open.
 
     The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
-    word is met that grows. work: operations after which it ends. words: those that grow fastest beyond the box.
+    word is met that grows. work: operations after which it ends. words: those that grow fastest beyond the box. report: is
+    called with the value of the first side that the proof has reached.
     """
     number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
     divided = set()  # stretches of the first side in whose middle there were no norms: they are divided for all other numbers
@@ -92,6 +99,8 @@ def cover(
         heappop(queue)
         for half in parts:
             heappush(queue, (half.box[0, 0] if up else -half.box[1, 0], -next(number), half))
+        if report and queue and queue[0][-1].box[1 - up, 0] != stretch[1 - up]:
+            report(float(queue[0][-1].box[1 - up, 0]))
     end = float(queue[0][-1].box[1 - up, 0] if queue else box[int(up), 0])
     return Covering(tuple(rest.box for *_, rest in queue), end, used, part.box.mean(0) if word else None, word)
 

@@ -1,6 +1,7 @@
 """Intervals of loops whose frames vary in any order, by what [for_all] says of their lengths, delays and lost results, or whose
 messages may be late or lost, by what their channels say."""
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -45,6 +46,7 @@ FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what beg
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
+LOGGER = logging.getLogger("wavesweep.proof")  # what a proof has reached, which a command shows
 GROW = "second moments that grow"  # of what happens at random, in place of a pattern
 
 
@@ -202,8 +204,9 @@ def bracketed_over(
     """What is proved and refuted about an interval for all numbers of some ranges; None if no start of a proof is found."""
     loops = _over(rules, values, along, ranges, span)
     least = loops.zeros[0] + FROM_ZERO * (about[1] - loops.zeros[0])
+    report = partial(LOGGER.info, "%s proved from %.4g to %.4g so far", name_of(along))
     for share in STARTS:
-        found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least, rules.work)
+        found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least, rules.work, report)
         if np.isfinite(found.low):
             ends = (End(each.x, each.point, each.word, _text_at(loops, each)) for each in (found.below, found.above))
             return Over(found.low, found.high, *ends, found.settled, found.open)

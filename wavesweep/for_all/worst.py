@@ -27,6 +27,8 @@ ROUNDED = 1e-12  # of a side, by which the ends of a proof stay within it
 UNITS = 8.0  # ratio of the ends of the number between which units of the states are found
 ROUNDS = 3  # of the search for refutations, after the proof has met one
 
+Report = Callable[[float, float], None]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Refuted:
@@ -98,10 +100,18 @@ def as_numbers(sides: np.ndarray, zeros: np.ndarray) -> np.ndarray:
         return np.where(np.isnan(zeros), sides, np.exp(sides) + np.nan_to_num(zeros))
 
 
-def bracket_over(loops: LoopsOver, start: float, limits: tuple[float, float], least: float, work: float = WORK) -> WorstBracket:
+def bracket_over(
+    loops: LoopsOver,
+    start: float,
+    limits: tuple[float, float],
+    least: float,
+    work: float = WORK,
+    report: Report | None = None,
+) -> WorstBracket:
     """Return the numbers around a start, within limits, at which all loops of the box decay in every order of frames.
 
-    least: the lowest number that the proof aims at. work: operations of the proofs.
+    least: the lowest number that the proof aims at. work: operations of the proofs. report: is called with the lowest and the
+    highest number that are proved so far.
     """
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, start, limit) for limit in limits)
@@ -110,11 +120,18 @@ def bracket_over(loops: LoopsOver, start: float, limits: tuple[float, float], le
         start = max(start, zero + PART * (above.x - zero))
     high = low = start
 
-    def proved(low, high, most, up):
+    def proved(bottom, top, most, up):
+        def reached(side):
+            end = float(as_numbers(side, zero))
+            report(min(start, end), max(high, end))
+
         ends = (start / UNITS, start) if up else (start / UNITS**2, start / UNITS)
         units = None if zero else units_of(loops.frames_at, _layer(loops, *ends), follows)
         words = [end.word for end in (below, above) if end.word]
-        found = cover(partial(loops.frames_at, units=units), _layer(loops, low, high), follows, most - spent, up, words)
+        layer = _layer(loops, bottom, top)
+        found = cover(
+            partial(loops.frames_at, units=units), layer, follows, most - spent, up, words, reached if report else None
+        )
         return found, float(as_numbers(found.end - ROUNDED if up else found.end + ROUNDED, zero)), spent + found.used
 
     while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:

@@ -108,6 +108,20 @@ def watched(clock, *given):
     return messages.Watch(*given, clock=lambda: clock[0])
 
 
+def test_what_a_proof_has_reached_is_said_until_its_slice_is_done(capsys, clock):
+    watch = watched(clock, "", "")
+    watch.hear(1, 3)
+    watch.note("g proved from 16.5 to 39.76 so far")
+    clock[0] = 6.0
+    watch.look()
+    watch.hear(2, 3)
+    clock[0] = 13.0
+    watch.look()
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("1 of 3 done (33 %) after 6 s; g proved from 16.5 to 39.76 so far")
+    assert said[1].startswith("2 of 3 done (66 %) after 13 s, about")
+
+
 def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys, clock):
     """A report each second for 1000 s, of which a checkpoint had the first 500 of 2000."""
     watch = watched(clock, "", "fewer values take less")

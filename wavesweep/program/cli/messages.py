@@ -64,6 +64,7 @@ def progress(quiet: bool, doing: str = "", less: str = "") -> Iterator[Progress 
             return
         watch, over = Watch(doing, less, _bar(opened, doing) if sys.stderr.isatty() else None), Event()
         watch.look()
+        opened.enter_context(_reached(watch.note))
 
         def keep_looking() -> None:
             while not over.wait(LOOK):
@@ -96,6 +97,28 @@ def _heard(quiet: bool) -> Iterator[None]:
         logger.removeHandler(handler)
 
 
+@contextmanager
+def _reached(note: Callable[[str], None]) -> Iterator[None]:
+    """Take what proofs of this process say that they have reached."""
+    import logging
+
+    class Reached(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            note(record.getMessage())
+
+    handler, logger = Reached(), logging.getLogger("wavesweep.proof")
+    level, passed_on = logger.level, logger.propagate
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    logger.propagate = False
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+        logger.propagate = passed_on
+
+
 class Watch:
     """What is said of work while it is done, also if no report comes.
 
@@ -110,7 +133,7 @@ class Watch:
         self._clock, self._started, self._next = clock, clock(), FIRST_WORD
         self._reports: list[tuple[float, int]] = []  # but those of the first sixth of the time, in which workers start
         self._total, self._certified, self._estimated, self._ended = 0, None, False, False
-        self._lock = Lock()
+        self._lock, self._note = Lock(), ""
 
     def hear(self, done: int, total: int, certified: int | None = None) -> None:
         """Take a report."""
@@ -119,8 +142,13 @@ class Watch:
             self._reports.append((seconds, done))
             while len(self._reports) > 2 and self._reports[1][0] < seconds / 6:
                 del self._reports[0]
-            self._total, self._certified = total, certified
+            self._total, self._certified, self._note = total, certified, ""
         self.look()
+
+    def note(self, text: str) -> None:
+        """Take what the slice that is computed now has reached, for the next line."""
+        with self._lock:
+            self._note = f"; {text}"
 
     def look(self) -> None:
         """Say what is to be said by now."""
@@ -156,7 +184,7 @@ class Watch:
         return max(rest - (seconds - reported), min(rest, seconds_each * step) / 2)
 
     def _line(self, seconds: float, left: float) -> str:
-        after = f"after {_duration(seconds)}"
+        after = f"after {_duration(seconds)}{self._note}"
         if not self._reports:
             return f"still {self._doing or 'at work'} {after}"
         done, total, doing = self._reports[-1][1], self._total, f"{self._doing}: " if self._doing else ""
