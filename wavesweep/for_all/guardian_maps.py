@@ -15,7 +15,7 @@ import numpy as np
 
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse
-from wavesweep.engine.stability.positive import Box, Cover, Resolved, positive
+from wavesweep.engine.stability.positive import Box, Cover, FunctionValues, Resolved, positive
 from wavesweep.engine.stability.sampled_frames import Frames
 
 PAIR, ONE, MINUS_ONE = 0, 1, 2  # the functions: a complex pair, z = 1, z = -1
@@ -256,4 +256,4 @@ class GuardianMaps:
         found = self.frames(x)
         n = found.E.shape[-1]
         of = from_coefficients if n <= MOST_ORDER else from_eigenvalues
-        return *of(found.E, np.broadcast_to(units, (len(x), n))), found.pivots
+        return FunctionValues(*of(found.E, np.broadcast_to(units, (len(x), n))), found.pivots)

@@ -280,19 +280,19 @@ def _begun(model, rows):
     pushed = float(np.std(rows.force))
     starts = [(late, 0.0)]
     if model.friction:  # what friction takes shows as another delay in the rough numbers
-        delays = [late, *(delay for delay in LATE[:5] if model.delay is None and delay != late)]
+        delays = [late] + [delay for delay in LATE[:5] if delay != late] * (model.delay is None)
         starts = [(late, 0.05 * pushed), *((delay, 0.3 * pushed) for delay in delays)]
     best = min((_near(model, numbers, *start, rows) for start in starts), key=itemgetter(0))
     if best[1][1] < 0 and model.delay is None:  # prefer another delay with a positive damping
         delayed = [_near(model, numbers, delay, starts[-1][1], rows) for delay in LATE]
         best = min(best, *delayed, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
-    if model.measured != "position" and model.delay is None and not model.friction:
-        best = _over_delays(model, best, rows)
-    return best[1]
+    return _over_delays(model, best, rows)[1]
 
 
 def _over_delays(model, best, rows):
     """The best of the minima at neighbouring delays, since each tick of delay may have one of its own."""
+    if model.measured == "position" or model.friction or model.delay is not None:
+        return best
     shift = np.array(model.names) == "delay"
     while True:
         shifted = (refined(model, best[1] + sign * shift, rows) for sign in (1, -1))

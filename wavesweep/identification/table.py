@@ -169,7 +169,7 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     constants = given.get("motor_constant")
     log = read_log(path, columns, scales, None if constants is None else sum(constants) / 2)
     step = step_of(log.reading) if resolution is None else resolution
-    if step and np.ptp(log.reading) < 3 * step:
+    if np.ptp(log.reading) < 3 * step:
         moved = np.ptp(log.reading) / step
         raise UsageError(f"{path}: expected a {log.measured} that changes by 3 of its steps at least, found {moved:.2g}")
     model = replace(model, measured=log.measured)

@@ -10,7 +10,7 @@ peak inside. Delays are no factors of a frame: see `Arc`.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.search.open_loops import ANY
 from wavesweep.engine.stability.certificate import NONE, SEARCH
-from wavesweep.engine.stability.positive import Cover, any_positive, positive
+from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive, positive
 from wavesweep.engine.stability.sampled_frames import Frames
 from wavesweep.margins.broken_loops import GAIN, broken_at, with_block, with_gain
 from wavesweep.margins.lifted_margins import margins_of
@@ -82,23 +82,23 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     axes = spec.for_all.unknown
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]
-    combination = product(*map(boxes.values_of_range, listed))
-    fixed = (dict(zip((axis.path for axis in listed), values, strict=True)) for values in combination)
-    cases = [
-        case
-        for fixed_values in fixed
-        for case in _cases(spec.with_values(fixed_values) if fixed_values else spec, cut, ranges, fixed_values)
-    ]
-    unstable = next((point for case in cases for point in case.unstable()), None)
+    paths, cases = [axis.path for axis in listed], []
+    for values in product(*map(boxes.values_of_range, listed)):
+        cases += _cases(spec, cut, ranges, dict(zip(paths, values, strict=True)))
+    unstable = next(chain.from_iterable(case.unstable() for case in cases), None)
     if unstable is not None:
         text = boxes.numbers_in_words(unstable)
         return [BoxMargin(name, np.nan, np.nan, np.nan, text, settled=True, limited=True) for name in cases[0].names]
-    margins = [_for_all_cases([(case, *case.margin(name)) for case in cases], name) for name in cases[0].names]
-    return [row for margin in margins for row in (_with_gain_and_phase(margin) if margin.name == "disk" else [margin])]
+    rows = []
+    for name in cases[0].names:
+        margin = _for_all_cases([(case, *case.margin(name)) for case in cases], name)
+        rows += _with_gain_and_phase(margin) if margin.name == "disk" else [margin]
+    return rows
 
 
 def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
     """Yield the case of a spec, or one for each part of a range in which dead times have the same whole ticks."""
+    spec = spec.with_values(fixed) if fixed else spec
     drawing = with_gain(spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges)), cut)
     timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
     pieces = pieces_of(drawing, spec.values, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
@@ -256,13 +256,13 @@ class _Case:
             functions = boxes.GuardianMaps(lambda x: self.closed(np.exp(turn * x[:, 0]), x[:, 1:]))
         else:
             functions = Turned(self.closed, lambda p, sign: (np.exp(sign * turn * p), np.ones(p.shape)), 1)
-        return positive(functions, *self._beside([[low, high]], FRAMES))
+        return self._cover(positive, functions, [[low, high]], FRAMES)
 
     def _disk(self, radius) -> Cover:
         """The proof of a disk; where the signal comes back within a tick, of all smaller ones too, which may have poles."""
         pivots = np.array([self.closed(np.full(len(self._corners), k), np.array(self._corners)).pivots for k in ANY])
         low = radius if (pivots[0] == pivots[1]).all() else 0.0
-        return positive(Turned(self.closed, _rim, 2), *self._beside([[low, radius], [0.0, np.pi]], FRAMES))
+        return self._cover(positive, Turned(self.closed, _rim, 2), [[low, radius], [0.0, np.pi]], FRAMES)
 
     def _delay(self, frames) -> Cover:
         """The proof that so many frames of delay, and fewer, leave the loop stable."""
@@ -271,19 +271,18 @@ class _Case:
         stretches += [(half, edge, (*Arc.WAYS[:2], "beyond"))] if half < edge else []
         stretches += [(0.0, half, (*Arc.WAYS[:2], "past", "before"))] if half > 0 else []
         for low, high, ways in stretches:
-            covered = any_positive(
-                [Arc(self.closed, frames, arc_way) for arc_way in ways], *self._beside([[low, high]], FRAMES_OF_DELAY)
-            )
+            arcs = [Arc(self.closed, frames, arc_way) for arc_way in ways]
+            covered = self._cover(any_positive, arcs, [[low, high]], FRAMES_OF_DELAY)
             if len(covered.open):
                 break
         return covered
 
-    def _beside(self, sides, most):
-        """The box with further sides before its own, the limits of all, so many frames at most, and the numbers' resolution."""
+    def _cover(self, prove, functions, sides, most) -> Cover:
+        """The proof that functions are positive over the box with further sides before its own, from so many frames at most."""
         sides = np.array(sides, float).T
         free, own_sides = np.full(sides.shape, np.inf) * [[-1.0], [1.0]], [*[Side()] * sides.shape[1], *map(Side, self.ranged)]
         limits = np.column_stack([free, self.limits])
-        return np.column_stack([sides, self.box]), limits, most, Resolution(*self.loop, own_sides)
+        return prove(functions, np.column_stack([sides, self.box]), limits, most, Resolution(*self.loop, own_sides))
 
     def closed(self, k, x) -> Frames:
         """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal, `(n,)`."""
@@ -314,7 +313,7 @@ class Turned:
         k, pole = (np.concatenate(column) for column in zip(*turns, strict=True))
         closed = self.closed(k, np.concatenate([x[:, self.sides :]] * 2))
         pivots = np.multiply(*np.split(closed.pivots * pole[:, None], 2))
-        return *boxes.of_complex_frames(*np.split(closed.E, 2), units), pivots
+        return FunctionValues(*boxes.of_complex_frames(*np.split(closed.E, 2), units), pivots)
 
 
 def _units(frames):
@@ -365,4 +364,4 @@ class Arc:
             value = level * of_D[0] + (N * D[::-1] * turn).sum(0)
             error = np.abs(level) * of_D[1] + (np.abs(turn) * (dN * np.abs(D[::-1]) + np.abs(N) * dD[::-1])).sum(0)
         size = np.abs(value)
-        return (value / size)[None], (np.log(size) + 2 * scale)[None], (error / size)[None], pivots.prod(0)
+        return FunctionValues((value / size)[None], (np.log(size) + 2 * scale)[None], (error / size)[None], pivots.prod(0))

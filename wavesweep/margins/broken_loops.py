@@ -123,15 +123,18 @@ def cuts_of(spec: Spec) -> list[str]:
     """The signals at which the spec's own loop can be broken, first those of controllers that a plant reads and rare ones."""
     loop = own_loop(spec)
     plants = {block.name for block in loop.drawing.blocks if block.plant}
-    wires = [(port.rpartition(".")[0], name) for port, terms in loop.drawing.wires for name, _ in terms]
     joined = [*loop.drawing.wires, *loop.drawing.couplings]
     pairs = {(port.rpartition(".")[0], name.rpartition(".")[0]) for port, terms in joined for name, _ in terms}
-    for through in [block.name for block in loop.drawing.blocks]:  # what depends on what, by S. Warshall's method
-        pairs |= {(reader, source) for reader, a in pairs if a == through for b, source in pairs if b == through}
+    for block in loop.drawing.blocks:  # what depends on what, by S. Warshall's method
+        pairs |= {(reader, source) for reader, a in pairs if a == block.name for b, source in pairs if b == block.name}
     late = {name for plant in loop.drawing.plants for _, name in plant.arriving}
-    acting = {name for reader, name in wires if reader in plants | late}
-    times_of = {name: times for name, times in _times_per_frame(loop).items() if times <= MOST_TIMES}
-    times_of = {name: times for name, times in times_of.items() if (name.rpartition(".")[0],) * 2 in pairs}
+    acting = {name for port, terms in loop.drawing.wires if port.rpartition(".")[0] in plants | late for name, _ in terms}
+    times_of = {
+        name: times
+        for name, times in _times_per_frame(loop).items()
+        if times <= MOST_TIMES
+        if (name.rpartition(".")[0],) * 2 in pairs
+    }
     return sorted(times_of, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, times_of[name]))
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,17 @@ def disk_of(gain: float) -> np.ndarray:
     return -(gain + 1 / gain) / 2 + (gain - 1 / gain) / 2 * _TURN
 
 
+def _margin_rows(columns):
+    """The margins of the spec and those for all of [for_all]: by their names, value, omega (rad/s) and frequency (Hz)."""
+    guarantee = np.asarray(columns.get("guarantee", np.full(len(columns["cut"]), "spec")))
+    names = "margin", "value", "omega", "hz"
+    margins_of = {}
+    for word in ("spec", "for_all"):
+        rows = zip(*(columns[name][guarantee == word].tolist() for name in names), strict=True)
+        margins_of[word] = {name: tuple(sizes) for name, *sizes in rows}
+    return margins_of
+
+
 def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> Any:
     """Draw a `margins` table: L over the frequencies of the frame, the point -1, the circle of the gain 1, and the disk margin.
 
@@ -94,17 +106,13 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     from wavesweep.program.spec import load
 
     spec, cut = load(facts["spec"]), facts["cut"]
-    whose = np.asarray(columns.get("guarantee", np.full(len(columns["cut"]), "spec")))
-    tables = {}
-    for word in ("spec", "for_all"):
-        rows = zip(*(columns[name][whose == word].tolist() for name in ("margin", "value", "omega", "hz")), strict=True)
-        tables[word] = {name: tuple(sizes) for name, *sizes in rows}
+    tables = _margin_rows(columns)
     loop, proved = open_loop(spec, cut, tables["spec"]), () if family else tables["for_all"].get("disk_gain", ())
     family = family or ends_of_ranges(spec)
     other_loops = [
         (open_loop(member, cut, {}), look, name) for (name, member), look in zip(family, family_looks(len(family)), strict=True)
     ]
-    steps = [_closed_step(member, cut) for member in (spec, *(member for _, member in family))]
+    steps = [_closed_step(member, cut) for member in (spec, *map(itemgetter(1), family))]
     left, right = ["nyquist"] + ["step"] * bool(steps[0]), ["gain", "phase"]
     if is_narrow():
         mosaic, ratios, height = [[name] for name in (*left[:1], *right, *left[1:])], [2, 1, 1, *[1] * (len(left) - 1)], 6.0
@@ -113,15 +121,16 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     with figure(TWO_COLUMNS, height + 1.3 * bool(steps[0])) as canvas:
         panels = canvas.subplot_mosaic(mosaic, height_ratios=ratios)
         cut_off = draw_nyquist(panels["nyquist"], loop, cut, other_loops)
-        if proved and proved[0] < np.inf:
+        if (*proved, np.inf)[0] < np.inf:
             rim = disk_of(proved[0])
             said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
             panels["nyquist"].plot(rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said)
         draw_bode(panels["gain"], panels["phase"], loop, other_loops)
         handles, labels = panels["nyquist"].get_legend_handles_labels()
         if steps[0]:
-            marks = draw_step(panels["step"], steps[0], "step response of T")
-            handles, labels = [*handles, *(handle for handle, _ in marks)], [*labels, *(words for _, words in marks)]
+            for handle, words in draw_step(panels["step"], steps[0], "step response of T"):
+                handles.append(handle)
+                labels.append(words)
             draw_others(
                 panels["step"], [(step, look) for step, (_, look, _) in zip(steps[1:], other_loops, strict=True) if step]
             )
@@ -129,7 +138,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         canvas.set_figheight(canvas.get_figheight() + 0.13 * -(-len(labels) // across))
         canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
         slow = "; ".join(name for (name, _), step in zip(family, steps[1:], strict=True) if not step)
-        slow = f"Unstable, or too slow for a step response: {slow}." if slow else ""
+        slow = f"Unstable, or too slow for a step response: {slow}." * bool(slow)
         note_below(canvas, cut_off, slow, assumption(facts))
     return canvas
 

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from wavesweep.engine.response.step import BAND, Step
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.plots.style import GRID, Look, distinct_colour
@@ -36,7 +38,7 @@ def draw_step(axes: Any, step: Step, name: str) -> list[tuple[Any, str]]:
     for kind, (times, words) in points.items():
         style = {"marker": _MARKS[kind][0], "color": MARK, "markersize": 4.5, "linestyle": "none"}
         style |= {"markerfacecolor": "none" if kind == "rise" else MARK}
-        (handle,) = axes.plot([scale * time for time in times], [step.value_at(time) for time in times], zorder=4, **style)
+        (handle,) = axes.plot(np.multiply(scale, times), [step.value_at(time) for time in times], zorder=4, **style)
         marks.append((handle, words))
         if kind == "peak":
             axes.plot([scale * times[0]] * 2, [final, step.value_at(times[0])], color=MARK, linewidth=1.0)

@@ -122,8 +122,11 @@ def _lines(found: Numbers) -> Iterator[Line]:
     yield once if times == 1 else several, False
     for name, margin in found["margins"].items():
         omega, hz = margin["omega"], margin["hz"]
-        at = "" if hz is None else f", at {omega:.5g} rad/s ({hz:.4g} Hz)"
-        if hz is not None and not isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
+        if hz is None:
+            at = ""
+        elif isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
+            at = f", at {omega:.5g} rad/s ({hz:.4g} Hz)"
+        else:
             at = f", at {hz:.4g} Hz within the frame (once a frame {omega / (2 * pi):.4g} Hz)"
         yield _line(name, margin, at)
     if of_all := found.get("for_all"):

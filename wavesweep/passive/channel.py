@@ -1,7 +1,7 @@
 """The norm of the wave channel: the energy that filters, samplers and holds can add to the waves that pass them."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -79,26 +79,28 @@ def channel_of(drawing: Drawing, values) -> WaveChannel | None:
     periods = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
     frame = np.asarray(np.real(drawn.period) * drawn.ticks)
     batch = np.broadcast_shapes(frame.shape, *(block.batch for block in ticks.maps))
-    user = np.array([types[name] == "wave" for name in ends])
-
-    def between(senders, receivers):
-        maps = []
-        for block, ends_of_run in zip(ticks.maps, runs, strict=True):
-            sent, received = ([end for end in ends_of_run if chosen[end]] for chosen in (senders, receivers))
-            weights = np.sqrt(periods[sent]), np.sqrt(periods[received])[:, None]
-            C, D = (rows[..., received, :] * weights[1] for rows in (block.C, block.D))
-            maps.append((block.E, block.B[..., sent] / weights[0], C, D[..., sent] / weights[0]))
-        reachable = read(maps) & reached(maps)
-        return TickMaps.of(
-            [(E[..., reachable, :][..., reachable], B[..., reachable, :], C[..., reachable], D) for E, B, C, D in maps],
-            ticks.kind,
-            batch,
-        )
-
+    user = np.array([*map(types.get, ends)], str) == "wave"
+    between = partial(_between, ticks, runs, periods, batch)
     every = np.ones(len(ends), bool)
     every_way, *ways = (between(*pair) for pair in ((every, every), (user, ~user), (~user, user)))
-    joined = any(np.any(matrix) for side in (user, ~user) for E, B, C, D in between(side, side).maps for matrix in (E, D))
+    joined = any(np.any(E) | np.any(D) for side in (user, ~user) for E, _, _, D in between(side, side).maps)
     return WaveChannel(every_way, *ways, joined, np.broadcast_to(frame, batch))
+
+
+def _between(ticks, runs, periods, batch, senders, receivers):
+    """The maps from the waves that some ends send to those that some ends receive, masks `(ends,)`, in units of their power."""
+    maps = []
+    for block, ends_of_run in zip(ticks.maps, runs, strict=True):
+        sent, received = ([end for end in ends_of_run if chosen[end]] for chosen in (senders, receivers))
+        weights = np.sqrt(periods[sent]), np.sqrt(periods[received])[:, None]
+        C, D = (rows[..., received, :] * weights[1] for rows in (block.C, block.D))
+        maps.append((block.E, block.B[..., sent] / weights[0], C, D[..., sent] / weights[0]))
+    reachable = read(maps) & reached(maps)
+    return TickMaps.of(
+        [(E[..., reachable, :][..., reachable], B[..., reachable, :], C[..., reachable], D) for E, B, C, D in maps],
+        ticks.kind,
+        batch,
+    )
 
 
 def _index(drawn, name):

@@ -69,14 +69,20 @@ def _draw_lines(columns: Columns, roles: Mapping[str, Sequence[float]], left_out
     return canvas
 
 
-def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
+def _row_names(columns: Columns, facts: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """What the rows differ by: their names and, if these would leave no room for the panels, one name for all of their axes."""
     count = len(columns["channel_norm"])
-    places, axes = np.arange(count), ""
     swept = [name for name in axes_of(columns, "channel_norm") if len(np.unique(columns[name])) > 1]
     names = [", ".join(valued(name, columns[name][row], facts) for name in swept) for row in range(count)]
-    if max(map(len, names), default=0) > _NAME:  # their values alone, which leave room for the panels
-        axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
-        names = [", ".join(assignment.partition(" = ")[2] for assignment in name.split(", ")) for name in names]
+    if max(map(len, names), default=0) <= _NAME:
+        return "", names
+    axes = "\n".join(wrap(", ".join(symbol(name) for name in swept), 12 * (2 + count // 3)))
+    return axes, [", ".join(assignment.partition(" = ")[2] for assignment in name.split(", ")) for name in names]
+
+
+def _draw_dots(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
+    count = len(columns["channel_norm"])
+    places, (axes, names) = np.arange(count), _row_names(columns, facts)
     with figure(TWO_COLUMNS, (1.5 + 0.2 * count) * (2 if is_narrow() and _has_channel(columns) else 1)) as canvas:
         channel, port = _panels(canvas, columns, sharey=True)
         panels = (channel, _excess(columns["channel_norm"]), "channel_passive"), (port, columns["port_margin"], "port_passive")

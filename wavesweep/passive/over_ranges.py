@@ -27,6 +27,7 @@ from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine.response.port import port_of
+from wavesweep.engine.stability.positive import FunctionValues
 from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of
 
@@ -78,15 +79,15 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
         drawn = at.drawn()
         with np.errstate(all="ignore"):
             ticks, x = reaction(at, drawn, p.shape)
-            return at, drawn, ticks.lifted(measured=False), x
+            return (at, drawn), ticks.lifted(measured=False), x
 
-    _, _, lifted, x = reactions(np.linspace(*inner_numbers(span), 3))
+    _, lifted, x = reactions(np.linspace(*inner_numbers(span), 3))
     rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
     slowest = np.abs(np.linalg.eigvals(np.nan_to_num(lifted.E[:, rest][..., rest]))).min(-1, initial=np.inf)
     drifts = (slowest <= DRIFT * np.abs(lifted.E).max((-1, -2), initial=0.0)).all()
 
     def maps(p):
-        at, drawn, lifted, x = reactions(p)
+        (at, drawn), lifted, x = reactions(p)
         with np.errstate(all="ignore"):
             lifted = lifted if drifts else settled(lifted, x)
         paid = np.broadcast_to(device_keys(at)[1] / drawn.period, p.shape)
@@ -198,7 +199,7 @@ class Determinant:
         turned, grown = np.linalg.slogdet(at)
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
         error = (np.abs(np.swapaxes(inverse(at), -1, -2)) * size[place]).sum((-1, -2))
-        return (phase[place] * turned)[None], (log[place] + grown)[None], error[None], pivots[place]
+        return FunctionValues((phase[place] * turned)[None], (log[place] + grown)[None], error[None], pivots[place])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,7 +220,7 @@ class Witness:
         hermitian, size, pivots = self.hermitian(x[:, 0])
         value = -units.conj() @ hermitian @ units
         error = TERMS * np.abs(units) @ size @ np.abs(units) / np.abs(value)
-        return (value / np.abs(value))[None], np.log(np.abs(value))[None], error[None], pivots
+        return FunctionValues((value / np.abs(value))[None], np.log(np.abs(value))[None], error[None], pivots)
 
     def hermitian(self, numbers):
         """The Hermitian part at the angle, continued to complex numbers, the sizes of its terms, and the pivots."""

@@ -150,7 +150,18 @@ class _Ranges:
     stable: list[tuple[float, float]]
 
     def answered(self, known: bool) -> PassiveRanges:
-        """The intervals with their proofs; known: whether all intervals of stability are.
+        """The intervals with their proofs; known: whether all intervals of stability are."""
+        ends, proofs, gaps = self._searched(known)
+        intervals = [proved for proved, _ in proofs]
+        near = [interval is not None and self._close(interval, pair) for interval, pair in zip(intervals, ends, strict=True)]
+        both_refuted = [below and above for (below, _), (above, _) in pairwise(gaps)]
+        certified = [known and below and above for below, above in zip(near, both_refuted, strict=True)]
+        low, high = np.array([interval or pair for interval, pair in zip(intervals, ends, strict=True)]).reshape(-1, 2).T
+        complete = known and all(near) and all(refuted for refuted, _ in gaps)
+        return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
+
+    def _searched(self, known: bool):
+        """The ends of the intervals, their proofs, and what is refuted between them.
 
         Values at which a proof finds the opposite of what it is to prove are looked at as well, and the search begins again.
         """
@@ -164,13 +175,7 @@ class _Ranges:
             if not known or not against or set(against) <= set(searched):
                 break
             searched += against
-        intervals = [proved for proved, _ in proofs]
-        near = [interval is not None and self._close(interval, pair) for interval, pair in zip(intervals, ends, strict=True)]
-        both_refuted = [below and above for (below, _), (above, _) in pairwise(gaps)]
-        certified = [known and below and above for below, above in zip(near, both_refuted, strict=True)]
-        low, high = np.array([interval or pair for interval, pair in zip(intervals, ends, strict=True)]).reshape(-1, 2).T
-        complete = known and all(near) and all(refuted for refuted, _ in gaps)
-        return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
+        return ends, proofs, gaps
 
     def _passive(self, p):
         low, high = np.array(self.stable).reshape(-1, 2, 1).swapaxes(0, 1)

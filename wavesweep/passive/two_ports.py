@@ -16,6 +16,7 @@ matrices and structured singular values J. E. Colgate, IEEE Transactions on Robo
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from wavesweep.engine.loops.from_drawing import OUTPUT, POSITION
 from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine.response.port import port_of
+from wavesweep.engine.stability.positive import FunctionValues
 from wavesweep.engine.stability.spectrum import eigenvalues, is_stable
 from wavesweep.passive.over_ranges import ANGLES, TERMS, Covering, away_from_0, inner_numbers, pivots_of, remembered, with_sizes
 
@@ -225,10 +227,8 @@ class Pair:
             shunts, functions = self._weighted(box)
             if functions is None:
                 return p
-            if shunts.min() > 0 and functions.positive(p, theta):
-                covered = cover(functions, [[first, below or -above / 2], [last, above]], MOST)
-                if covered is not None and not len(covered.open) and not len(covered.unstable):
-                    continue
+            if shunts.min() > 0 and functions.positive(p, theta) and functions.covered(box, cover):
+                continue
             drops = shunts[1, 1] - shunts[[0, 2], 1].min(), shunts[1, 1] - shunts[1, [0, 2]].min()
             if drops[0] > drops[1] and last - first > FINEST * (high - low):
                 queue += [(first, p, below, above), (p, last, below, above)]
@@ -257,6 +257,19 @@ def weights(log_w: np.ndarray, ratio: np.ndarray) -> np.ndarray:
     return broadcast
 
 
+class HermitianPart(NamedTuple):
+    """The Hermitian part at points and the sizes of its terms.
+
+    lifted: the maps at the points. loops: those of different numbers; place: the index of each point in them.
+    """
+
+    matrix: np.ndarray
+    size: np.ndarray
+    lifted: Any
+    loops: Any
+    place: np.ndarray
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PairDeterminant:
     """`det He(R H R^-1) |det(w - E)|^2` over number and angle, for the same weights; see `Functions` in `robust.boxes`.
@@ -273,26 +286,31 @@ class PairDeterminant:
 
     def values(self, x, units):  # noqa: ARG002
         """Phase, logarithm, error and pivots at points `(n, 2)`."""
-        hermitian, size, lifted, at, place = self.hermitian(x[:, 0], x[:, 1])
+        part = self.hermitian(x[:, 0], x[:, 1])
         steps = on_circle(np.stack([x[:, 1], -x[:, 1]]))
-        matrices = [(hermitian, size)] + [
-            (A, np.abs(A)) for A in steps[..., None, None] * np.eye(lifted.E.shape[-1]) - lifted.E
-        ]
+        E = part.lifted.E
+        matrices = [(part.matrix, part.size), *((A, np.abs(A)) for A in steps[..., None, None] * np.eye(E.shape[-1]) - E)]
         determinants = [np.linalg.slogdet(matrix) for matrix, _ in matrices]
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
         error = sum(TERMS * (np.abs(np.swapaxes(inverse(matrix), -1, -2)) * terms).sum((-1, -2)) for matrix, terms in matrices)
-        zeros = (steps[0] * steps[1]) ** (self.rest * at.zeros)
+        zeros = (steps[0] * steps[1]) ** (self.rest * part.loops.zeros)
         phase = np.prod([sign for sign, _ in determinants], axis=0) * np.abs(zeros) / zeros
-        return phase[None], (sum(log for _, log in determinants) - np.log(np.abs(zeros)))[None], error[None], at.pivots[place]
+        log = sum(log for _, log in determinants) - np.log(np.abs(zeros))
+        return FunctionValues(phase[None], log[None], error[None], part.loops.pivots[part.place])
 
     def positive(self, p: float, theta: float) -> bool:
         """Whether all eigenvalues of the Hermitian part are positive at a point."""
-        hermitian, size, *_ = self.hermitian(np.array([p]), np.array([theta]))
-        return bool(np.linalg.eigvalsh(hermitian[0])[0] > 1e-12 * size.max())
+        part = self.hermitian(np.array([p]), np.array([theta]))
+        return bool(np.linalg.eigvalsh(part.matrix[0])[0] > 1e-12 * part.size.max())
 
-    def hermitian(self, numbers, theta):
-        """The Hermitian part, continued to complex numbers and angles, the sizes of its terms, the maps at the points, and the
-        loops of different numbers with the index of each point in them."""
+    def covered(self, box: tuple[float, float, float, float], cover: Covering) -> bool:
+        """Whether a proof covers all of a box of the number and the angle."""
+        first, last, below, above = box
+        covered = cover(self, [[first, below or -above / 2], [last, above]], MOST)
+        return covered is not None and not len(covered.open) and not len(covered.unstable)
+
+    def hermitian(self, numbers, theta) -> HermitianPart:
+        """The Hermitian part, continued to complex numbers and angles."""
         unique, place = np.unique(numbers, return_inverse=True)
         at = self.pairs(unique if unique.imag.any() else unique.real)
         ratio = at.ratio if self.rest else np.full(unique.shape, np.nan)
@@ -301,7 +319,7 @@ class PairDeterminant:
         (hermitian, size), (back, size_back) = (components_with_sizes(lifted, theta, sign) for sign in (1, -1))
         hermitian, size = scale * hermitian + np.swapaxes(scale * back, -1, -2), np.abs(scale) * size
         size += np.swapaxes(np.abs(scale) * size_back, -1, -2)
-        return hermitian / 2, size / 2, lifted, at, place
+        return HermitianPart(hermitian / 2, size / 2, lifted, at, place)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -335,4 +353,4 @@ class PairWitness:
         (f, y, size, rough), (g, v, *_) = components
         value = -(g * y + f * v)[..., 0].T / 2
         error = TERMS * (np.abs(f) * rough + np.abs(y) * size)[..., 0].T / np.abs(value)
-        return value / np.abs(value), np.log(np.abs(value)), error, at.pivots
+        return FunctionValues(value / np.abs(value), np.log(np.abs(value)), error, at.pivots)

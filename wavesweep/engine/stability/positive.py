@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import comb
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -34,15 +34,26 @@ Box = np.ndarray
 """Low and high ends of some numbers, `(2, numbers)`."""
 
 
+class FunctionValues(NamedTuple):
+    """Values of functions, `(functions, n)`: phase, logarithm of the size, and relative error in units of EPS.
+
+    pivots: `(n, k)`, see `Frames`.
+    """
+
+    phase: np.ndarray
+    log: np.ndarray
+    error: np.ndarray
+    pivots: np.ndarray
+
+
 class Functions(Protocol):
     """Functions of the numbers of a box, real at real points and analytic within the bounds."""
 
     def units(self, middle: np.ndarray) -> np.ndarray:
         """What makes values near a point well known; `values` is given it."""
 
-    def values(self, x: np.ndarray, units: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Phase, logarithm of the size, and relative error in units of EPS of each function, `(functions, n)`, and the pivots
-        `(n, k)` (see `Frames`), at points `(n, numbers)`, real or complex."""
+    def values(self, x: np.ndarray, units: np.ndarray) -> FunctionValues:
+        """Values at points `(n, numbers)`, real or complex."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
