@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
+from typing import Any
 
 from wavesweep.engine.drawing.drawing import name_of, path_of, scalars
 from wavesweep.engine.drawing.expressions import names_in, text_of, value_of
@@ -51,8 +52,8 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, r
         order = f"{'' if alone else 'in any order, or '}at random (mean_square)"
     if spec.drawing:
         said = [*_continuous(spec), *(f"{name_of(path)} is {how} {order}" for path, how in varied.items())]
-        said += [in_run.frames, in_run.messages * bool(spec.drawing.channels)] if in_run else []
-        said += [] if in_run else [*_unknown(spec, swept), *_messages(spec, swept)]
+        of_run = [in_run.frames, in_run.messages * bool(spec.drawing.channels)] if in_run else []
+        said += of_run if in_run else [*_unknown(spec, swept), *_messages(spec, swept)]
         if limits := ", ".join(_limits(spec, swept)):
             said.append(f"kept to its limits, {limits}" if run else f"linear while {limits}; simulate goes beyond")
         return "; ".join(filter(None, said))
@@ -61,25 +62,35 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, r
     phrases = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order, run.frames if run else "")]
     phrases += _lost(ranges)
     if DELAY in read and not varies:
-        delay, ratio = values[DELAY], values["rates.ratio"]
-        within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
-        ticks = "tick" if delay == 1 and not within else "ticks"
-        phrases.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
+        phrases.append(_delay(values, swept))
     if VELOCITY in read:
         phrases.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
     phrases += [] if in_run else _unknown(spec, swept)
-    late, dead = values["device.delay"], values["device.dead_time"]
-    if {"device.delay", "device.dead_time"} & set(swept):
-        phrases.append("amplifier's delay swept")
-    elif late or dead:
-        ticks = f"{late} tick{'s' * (late > 1)}" if late else ""
-        phrases.append(f"amplifier late by {ticks}{' and ' * bool(late and dead)}{f'{1e3 * dead:g} ms' if dead else ''}")
+    phrases += _amplifier(values, swept)
     by_default = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in {*spec.given, *swept}]
     if not by_default:
         return ", ".join(phrases)
     usual = {INTEGRATION: '"explicit"', DELAY: str(longest_delay(values["rates.ratio"])), VELOCITY: '"difference"'}
     defaults = f"{FAVOURABLE}{'s' * (len(by_default) > 1)} of {_listed(by_default)}"
     return f"{', '.join(phrases)}; {defaults}: engines usually have {_listed([usual[path] for path in by_default])}"
+
+
+def _delay(values: Mapping[str, Any], swept: Collection[str]) -> str:
+    """The delay of the environment's results."""
+    if DELAY in swept:
+        return "delay swept"
+    delay, ratio = values[DELAY], values["rates.ratio"]
+    within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
+    return f"delay of {delay}{within} {'tick' if delay == 1 and not within else 'ticks'}" if delay else "no delay"
+
+
+def _amplifier(values: Mapping[str, Any], swept: Collection[str]) -> list[str]:
+    """How late the amplifier is, if it is at all."""
+    late, dead = values["device.delay"], values["device.dead_time"]
+    if {"device.delay", "device.dead_time"} & set(swept):
+        return ["amplifier's delay swept"]
+    times = [f"{late} tick{'s' * (late > 1)}"] * bool(late) + [f"{1e3 * dead:g} ms"] * bool(dead)
+    return [f"amplifier late by {' and '.join(times)}"] if times else []
 
 
 def losses(spec: Spec) -> list[str]:

@@ -93,19 +93,32 @@ def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the numbers of a run's drawn loops, in [numbers] and in blocks, by their names as axes."""
     numbers: dict[str, Field] = {}
     specs = [(facts or {}).get("spec", {}), *(facts or {}).get("specs", {}).values()]
-    for name, block in ((name, block) for spec in specs for name, block in spec.get("block", {}).items()):
+    for read in (_numbers_of_blocks, _numbers_of_table):
+        for axis, number in (pair for spec in specs for pair in read(spec).items()):
+            numbers.setdefault(axis, number)
+    rate = Field("rates.tick_hz", "number", "Hz", "common tick of the blocks")
+    numbers |= {name: replace(numbers[name], unit="") for name in unlike_units(facts) if name in numbers}
+    return numbers | {rate.name: rate} if numbers else numbers
+
+
+def _numbers_of_blocks(spec: Mapping[str, Any]) -> dict[str, Field]:
+    numbers = {}
+    for name, block in spec.get("block", {}).items():
         for key in keys_of_block(block["type"]).values():
             axis = f"block.{name}.{key.path}"
             if key.type in ("number", "integer"):
                 kind: FieldKind = "integer" if key.type == "integer" else "number"
-                numbers.setdefault(axis, Field(axis, kind, key.unit, f"{key.description}, of {name}"))
-    for name, number in ((name, number) for spec in specs for name, number in spec.get("numbers", {}).items()):
-        kind = "integer" if isinstance(number["value"], int) else "number"
+                numbers[axis] = Field(axis, kind, key.unit, f"{key.description}, of {name}")
+    return numbers
+
+
+def _numbers_of_table(spec: Mapping[str, Any]) -> dict[str, Field]:
+    numbers = {}
+    for name, number in spec.get("numbers", {}).items():
+        kind: FieldKind = "integer" if isinstance(number["value"], int) else "number"
         for axis in (name, f"numbers.{name}"):
-            numbers.setdefault(axis, Field(axis, kind, number["unit"], number["description"]))
-    rate = Field("rates.tick_hz", "number", "Hz", "common tick of the blocks")
-    numbers |= {name: replace(numbers[name], unit="") for name in unlike_units(facts) if name in numbers}
-    return numbers | {rate.name: rate} if numbers else numbers
+            numbers[axis] = Field(axis, kind, number["unit"], number["description"])
+    return numbers
 
 
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:

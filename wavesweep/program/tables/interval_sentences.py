@@ -169,13 +169,7 @@ class Sentences:
 def interval_lines(numbers: Numbers) -> Iterator[Line]:
     """Yield the summary of a table of intervals as lines, each with a flag that is true for a warning."""
     if "along" in numbers:
-        sentences = Sentences(numbers)
-        texts = (sentences.counts(numbers["slices"]), *sentences.few_slices(), *sentences.extremes(), sentences.stiffest_felt())
-        yield from ((text, False) for text in texts if text)
-        yield sentences.certified()
-        for number, word in enumerate(numbers["doubts"]):
-            hint = "" if number else where_explained(word)
-            yield f"  {word}: {DOUBTS[word].meaning}{f' ({hint})' if hint else ''}", True
+        yield from _lines_of_loop(numbers)
         return
     for spec, of_spec in numbers.get("specs", {}).items():
         yield f"{spec}: {Sentences(of_spec).one_line()}", bool(of_spec["doubts"])
@@ -187,3 +181,14 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
             yield kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)), True
         elif kind.settled:
             yield kind.settled, False
+
+
+def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:
+    """Yield the lines of a table whose rows are all of the spec's own loop."""
+    sentences = Sentences(numbers)
+    texts = (sentences.counts(numbers["slices"]), *sentences.few_slices(), *sentences.extremes(), sentences.stiffest_felt())
+    yield from ((text, False) for text in texts if text)
+    yield sentences.certified()
+    for number, word in enumerate(numbers["doubts"]):
+        hint = "" if number else where_explained(word)
+        yield f"  {word}: {DOUBTS[word].meaning}{f' ({hint})' if hint else ''}", True

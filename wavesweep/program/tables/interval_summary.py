@@ -222,15 +222,18 @@ class IntervalSummary:
             if len(words) > 1:
                 rows = {name: column[columns[whose] == word] for name, column in rows.items()}
             if whose == "spec":
-                axes = {name: np.unique(rows[name]).tolist() for name in axes_of(rows)}
-                specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
-                self._summaries[word] = LoopSummary(axes=axes, facts={"spec": specs[word]})
+                self._summaries[word] = self._of_spec(word, rows)
             elif word not in self._summaries:
                 self._summaries[word] = LoopSummary(word, self._axes, self._facts)
             summary = self._summaries[word]
             summary.add(rows)
             if "settled" in rows and summary.kind.guaranteed:
                 self._unsettled += int((~rows["settled"]).sum())
+
+    def _of_spec(self, name: str, rows: Columns) -> LoopSummary:
+        axes = {axis: np.unique(rows[axis]).tolist() for axis in axes_of(rows)}
+        specs = self._facts.get("specs") or {self._facts["spec_name"]: self._facts["spec"]}
+        return LoopSummary(axes=axes, facts={"spec": specs[name]})
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold, of each hand, guarantee or spec if there are several."""
