@@ -60,14 +60,19 @@ def wiring(loop: Wiring, title: str) -> Any:
             axes.add_patch(_rectangle(0.02, y - 0.06, 0.2, 0.12, colours[every]))
             axes.text(0.3, y, text, fontsize=SMALL, va="center")
         axes.text(0, 0.26 + 0.2 * len(legend) - head, note, fontsize=SMALL, va="center")
-        wires = {signal: colours[box.every] for box in loop.parts for _, signal in box.outputs}
-        for net, a, b, c, d in routes.lines:
-            axes.plot([a, c], [b, d], color=wires[net], linewidth=1.0, solid_capstyle="projecting", zorder=1)
-        for net, x, y in dots(routes.lines):
-            axes.plot([x], [y], "o", color=wires[net], markersize=3.2, zorder=2)
-        for number, box in enumerate(loop.parts):
-            _draw(axes, box, boxes[number], routes, number, wires, colours[box.every])
+        _draw_loop(axes, loop, boxes, routes, colours)
     return canvas
+
+
+def _draw_loop(axes, loop, boxes, routes, colours):
+    """Draw wires, their branches and the boxes in the colours of their rates."""
+    wires = {signal: colours[box.every] for box in loop.parts for _, signal in box.outputs}
+    for net, a, b, c, d in routes.lines:
+        axes.plot([a, c], [b, d], color=wires[net], linewidth=1.0, solid_capstyle="projecting", zorder=1)
+    for net, x, y in dots(routes.lines):
+        axes.plot([x], [y], "o", color=wires[net], markersize=3.2, zorder=2)
+    for number, box in enumerate(loop.parts):
+        _draw(axes, box, boxes[number], routes, number, wires, colours[box.every])
 
 
 def placed(loop: Wiring) -> tuple[list[Box], Routes]:

@@ -92,12 +92,9 @@ def _bands(boxes, width):
     return bands
 
 
-def _layers(boxes):
-    """The column of each box: one behind the last box that it reads; what reads nothing stands before its first reader."""
-    maker = {net: i for i, box in enumerate(boxes) for _, net in box.outputs}
-    reads = [{maker[net] for _, net, _ in box.inputs} for box in boxes]
-    readers = [[j for j, read in enumerate(reads) if i in read] for i in range(len(boxes))]
-    forward, state, layer = [], [0] * len(boxes), [0] * len(boxes)
+def _forward(readers, order):
+    """The pairs of a box and a reader of it that close no loop, by depth-first search; order: in which boxes are begun with."""
+    forward, state = [], [0] * len(readers)
 
     def visit(i):
         state[i] = 1
@@ -108,10 +105,19 @@ def _layers(boxes):
                 visit(j)
         state[i] = 2
 
-    for i in sorted(range(len(boxes)), key=lambda i: bool(boxes[i].inputs)):
+    for i in order:
         if state[i] == 0:
             visit(i)
-    for i, j in forward * len(boxes):
+    return forward
+
+
+def _layers(boxes):
+    """The column of each box: one behind the last box that it reads; what reads nothing stands before its first reader."""
+    maker = {net: i for i, box in enumerate(boxes) for _, net in box.outputs}
+    reads = [{maker[net] for _, net, _ in box.inputs} for box in boxes]
+    readers = [[j for j, read in enumerate(reads) if i in read] for i in range(len(boxes))]
+    layer = [0] * len(boxes)
+    for i, j in _forward(readers, sorted(range(len(boxes)), key=lambda i: bool(boxes[i].inputs))) * len(boxes):
         layer[j] = max(layer[j], layer[i] + 1)
     return [
         layer[i] if box.inputs else min((layer[j] - 1 for j in readers[i]), default=layer[i]) for i, box in enumerate(boxes)
@@ -124,30 +130,39 @@ def _rows(boxes, columns):
     In turns to the right and to the left each column follows the last one: a box wants the median of the rows at which one of
     its wires is straight, and boxes that would overlap share a mean.
     """
-    from scipy.optimize import isotonic_regression
-
     top, links = {}, []
     for column in columns:
-        top |= dict(zip(column, np.cumsum([0, *(boxes[i].rows + 1 for i in column)]).tolist(), strict=False))
+        top |= dict(zip(column, _stacked(boxes, column).tolist(), strict=True))
     for left, right in pairwise(columns):
         made = {net: (i, row) for i in left for row, net in boxes[i].outputs}
         links.append([(*made[net], j, row) for j in right for row, net, _ in boxes[j].inputs if net in made])
     for turn in range(SWEEPS):
         rightward = turn % 2 == 0
-        steps = zip(columns[1:] if rightward else columns[:-1], links, strict=True)
-        for column, wires in steps if rightward else reversed([*steps]):
-            wanted = {}
-            for i, a, j, b in wires:
-                near, row = (j, top[i] + a - b) if rightward else (i, top[j] + b - a)
-                wanted.setdefault(near, []).append(row)
-            goals = {i: float(np.median(wanted.get(i, top[i]))) for i in column}
-            column.sort(key=lambda i, goals=goals: goals[i] + boxes[i].rows / 2)
-            above = np.cumsum([0, *(boxes[i].rows + 1 for i in column)])[: len(column)]
-            weights = [1.0 if i in wanted else 0.1 for i in column]
-            rows = isotonic_regression(np.array([goals[i] for i in column]) - above, weights=weights).x if column else above
-            top |= dict(zip(column, (np.floor(rows + 0.5) + above).astype(int).tolist(), strict=True))
+        for step in range(len(links)) if rightward else reversed(range(len(links))):
+            _straighten(boxes, columns[step + rightward], links[step], top, rightward)
     least = min(top.values(), default=0)
     return {i: row - least for i, row in top.items()}
+
+
+def _stacked(boxes, column):
+    """The rows at which boxes begin that stand closely below each other."""
+    return np.cumsum([0, *(boxes[i].rows + 1 for i in column)])[: len(column)]
+
+
+def _straighten(boxes, column, wires, top, rightward):
+    """Put a column in order, and its rows in `top`, so that wires from its left, or else to its right, are nearly straight."""
+    from scipy.optimize import isotonic_regression
+
+    wanted = {}
+    for i, a, j, b in wires:
+        near, row = (j, top[i] + a - b) if rightward else (i, top[j] + b - a)
+        wanted.setdefault(near, []).append(row)
+    goals = {i: float(np.median(wanted.get(i, top[i]))) for i in column}
+    column.sort(key=lambda i: goals[i] + boxes[i].rows / 2)
+    above = _stacked(boxes, column)
+    weights = [1.0 if i in wanted else 0.1 for i in column]
+    rows = isotonic_regression(np.array([goals[i] for i in column]) - above, weights=weights).x if column else above
+    top |= dict(zip(column, (np.floor(rows + 0.5) + above).astype(int).tolist(), strict=True))
 
 
 def _between(boxes, before, after):

@@ -42,20 +42,8 @@ class Wiring:
 
 
 def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
-    """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers.
-
-    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant, and
-    those of what acts continuously with CONTINUOUS, if they are not 1.
-    """
-    numbers, boxes, ticks = scalars(values), [], []
-    plants = {block.name for block in drawing.blocks if block.plant}
-    members = {block.name for plant in drawing.plants if plant.couplings for block in plant.members}
-    wires = {port: _texts(terms) for port, terms in drawing.wires}
-    for port in (port for port in wires if port.rpartition(".")[0] in members):
-        wires[port] = tuple((name, HELD * (name.rpartition(".")[0] in plants) + gain) for name, gain in wires[port])
-    for port, terms in drawing.couplings:
-        texts = _texts(terms)
-        wires[port] += tuple((name, CONTINUOUS * (gain not in ("1", "-1")) + gain) for name, gain in texts)
+    """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers."""
+    numbers, boxes, ticks, wires = scalars(values), [], [], _wires(drawing)
     for block in drawing.blocks:
         every, phase = (int(evaluate(tree, numbers)) for tree in (block.every, block.phase))
         inputs, outputs = block.ports
@@ -81,6 +69,23 @@ def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     boxes[:0] = [WiringPart(name, "port", (), (("", signal),)) for name, signal, _ in drawing.inputs if signal != force]
     boxes += [WiringPart(name, "port", (("", _texts(terms)),), ()) for name, terms, _ in drawing.outputs]
     return _read(boxes, 1 / drawing.rate(values), lcm(*ticks))
+
+
+def _wires(drawing: Drawing) -> dict[str, tuple[tuple[str, str], ...]]:
+    """What each port of a block reads: signals and gains.
+
+    If a plant is a member of a larger one, the gains of what is held at its ports begin with HELD, though it reads a plant, and
+    those of what acts continuously with CONTINUOUS, if they are not 1.
+    """
+    plants = {block.name for block in drawing.blocks if block.plant}
+    members = {block.name for plant in drawing.plants if plant.couplings for block in plant.members}
+    wires = {port: _texts(terms) for port, terms in drawing.wires}
+    for port in (port for port in wires if port.rpartition(".")[0] in members):
+        wires[port] = tuple((name, HELD * (name.rpartition(".")[0] in plants) + gain) for name, gain in wires[port])
+    for port, terms in drawing.couplings:
+        texts = _texts(terms)
+        wires[port] += tuple((name, CONTINUOUS * (gain not in ("1", "-1")) + gain) for name, gain in texts)
+    return wires
 
 
 def _texts(terms) -> Terms:
