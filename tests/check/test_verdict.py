@@ -332,7 +332,8 @@ def test_it_is_said_what_of_the_sweep_and_of_for_all_the_lines_are_for():
 def test_a_number_that_a_pose_depends_on_is_searched_next_to_its_value(name, half):
     """A command for all of its range would be refused: with other values of [sweep] the pose ends elsewhere."""
     spec = load(ROOT / "sweeps/templates/five-bar.toml")
-    limit = judging._limit(spec, name, spec.names.find(name).path)
+    path = spec.names.find(name).path
+    limit = judging._limit(spec, name, path, judging.searched(spec, name, path))
     assert limit["stable"]
     assert limit["certified"]
     assert (limit["value"] - limit["from"], limit["to"] - limit["value"]) == pytest.approx((half, half), rel=1e-6)
