@@ -111,6 +111,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield "the length of a frame does not depend on that of the frame before, as far as this run shows", False
     elif len(rows) > 1:
         yield "the length of a frame depends on that of the frame before: shares alone do not describe this run", False
+    if len(rows) > SHOWN:
+        yield f"few of {len(rows)} lengths decide: the summary of zwidth says which, and which may be left out", False
     if every > 1:
         fewer = f"{found['measured_lengths']} lengths become {len(rows)}, multiples of {every} ticks"
         yield f"{fewer}: this assumes a loop that looks for a result in every {every} ticks and not in each", True
