@@ -61,9 +61,6 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     around a change of contact, if possible after the run has settled; without contact around the start of a step or a
     pulse, or at the end.
     """
-    from matplotlib.ticker import ScalarFormatter
-    from matplotlib.transforms import blended_transform_factory
-
     spans = _spans(columns, facts)
     frames = _frames(facts)
     rows = [*_ports(columns, facts), *_at_the_hand(columns, facts), *frames, *_messages(columns, facts)]
@@ -72,13 +69,8 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
         for row, (title, signals) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
-                for signal in signals:
-                    _draw_signal(axes, {name: column[span] for name, column in columns.items()}, *signal, len(signals) == 1)
-                if title.startswith("position") and "wall" in facts["spec"]["simulate"]:
-                    wall = 1e3 * facts["spec"]["simulate"]["wall"]
-                    axes.axhline(wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
-                axes.grid(**GRID)
-                axes.margins(x=0)
+                wall = facts["spec"]["simulate"].get("wall") if title.startswith("position") else None
+                _draw_panel(axes, {name: column[span] for name, column in columns.items()}, signals, wall)
             row[0].set_ylabel(title)
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
@@ -88,24 +80,42 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
                 grid[-1, 1].set_xlabel("shaded time (s)")
             else:
                 grid[0, 1].set_title("the shaded stretch in detail")
-        for row in grid:  # legends are outside of the panels: a signal that fills its panel leaves no corner free
-            handles, labels = row[-1].get_legend_handles_labels()
-            place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 1.2, "borderpad": 0.2}
-            if is_narrow():
-                across = fitting(labels, wide(TWO_COLUMNS), 7)
-                row[0].set_title("\n".join([" "] * -(-len(labels) // across)))  # room for the legend
-                left = blended_transform_factory(canvas.transFigure, row[0].transAxes)
-                place |= {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": across, "columnspacing": 0.8}
-                place |= {"bbox_transform": left}
-                for axes in row:  # no power of ten above the panel, where the legend is
-                    if isinstance(axes.yaxis.get_major_formatter(), ScalarFormatter):
-                        axes.yaxis.set_major_formatter("{x:g}")
-            if handles:
-                row[0 if is_narrow() else -1].legend(handles, labels, fontsize=7, **place).set_in_layout(not is_narrow())
+        for row in grid:
+            _draw_legend(canvas, row)
         warn_above(canvas, _unstable(facts))
         note_below(canvas, _in_turn(facts), assumption(facts))
         canvas.align_ylabels()
     return canvas
+
+
+def _draw_panel(axes: Any, columns: Columns, signals: Sequence[tuple], wall: float | None) -> None:
+    """Draw some signals in a panel, and a wall (m) as a line."""
+    for signal in signals:
+        _draw_signal(axes, columns, *signal, len(signals) == 1)
+    if wall is not None:
+        axes.axhline(1e3 * wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
+    axes.grid(**GRID)
+    axes.margins(x=0)
+
+
+def _draw_legend(canvas: Any, row: Any) -> None:
+    """Draw the legend of a row outside of its panels: a signal that fills its panel leaves no corner free."""
+    from matplotlib.ticker import ScalarFormatter
+    from matplotlib.transforms import blended_transform_factory
+
+    handles, labels = row[-1].get_legend_handles_labels()
+    place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "handlelength": 1.2, "borderpad": 0.2}
+    if is_narrow():
+        across = fitting(labels, wide(TWO_COLUMNS), 7)
+        row[0].set_title("\n".join([" "] * -(-len(labels) // across)))  # room for the legend
+        left = blended_transform_factory(canvas.transFigure, row[0].transAxes)
+        place |= {"loc": "lower left", "bbox_to_anchor": (0.0, 0.98), "ncols": across, "columnspacing": 0.8}
+        place |= {"bbox_transform": left}
+        for axes in row:  # no power of ten above the panel, where the legend is
+            if isinstance(axes.yaxis.get_major_formatter(), ScalarFormatter):
+                axes.yaxis.set_major_formatter("{x:g}")
+    if handles:
+        row[0 if is_narrow() else -1].legend(handles, labels, fontsize=7, **place).set_in_layout(not is_narrow())
 
 
 def _at_the_hand(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Panel]:
@@ -246,7 +256,7 @@ def _draw_signal(axes: Any, columns: Columns, name: str, label: str, colour: str
     if name == "late":
         axes.plot(*extremes(columns["time_s"], values), ".", color=colour, markersize=2.5, label=label)
         most = max(int(values.max()), 0)
-        ticks = [*([-1] if (values < 0).any() else []), *range(0, most + 1, max(1, round(most / 4)))]
+        ticks = [*[-1] * bool((values < 0).any()), *range(0, most + 1, max(1, round(most / 4)))]
         axes.set_yticks(ticks, ["lost" if tick < 0 else f"{tick}" for tick in ticks])
         return
     style |= {"linestyle": LINES[before % len(LINES)], "linewidth": 1.8 if below else 0.9}

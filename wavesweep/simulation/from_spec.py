@@ -1,7 +1,7 @@
 """The experiment of a spec's [simulate] table."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -76,20 +76,27 @@ MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
 
 def run_in_words(spec: Spec) -> RunWords:
     """Return the frames and the messages of the spec's experiment in words."""
-    frame_list, patterns, messages = spec.simulate["frames"] or (), spec.simulate["messages"] or {}, []
-    lengths = ", ".join(f"{frame.ticks}" for frame in frame_list[:MOST_SHOWN]) if not isinstance(frame_list, str) else ""
-    frames = f"frames of {lengths}{', ...' * (len(frame_list) > MOST_SHOWN)} ticks in turn" if lengths else ""
-    if isinstance(frame_list, str):
-        frames = f"frames at random, seed {spec.simulate['seed']}" if frame_list == RANDOM else f"the frames of {frame_list}"
-    elif any(frame.lost or frame.delay is not None for frame in frame_list):
-        frames += ", some with results that are lost or have a delay of their own"
+    patterns, messages = spec.simulate["messages"] or {}, []
     for block in spec.drawing.channels if spec.drawing else ():
         if turns := written_messages(patterns.get(block.name, ())[:MOST_SHOWN]):
             rest = ", ..." * (len(patterns[block.name]) > MOST_SHOWN)
             messages.append(f"messages of {block.name} late by {', '.join(map(str, turns))}{rest} ticks in turn")
         elif block.loses_at_random:
             messages.append(f"messages of {block.name} lost at random, seed {spec.simulate['seed']}")
-    return RunWords(frames, "; ".join(messages) or IN_TIME.messages)
+    return RunWords(_frames_in_words(spec.simulate), "; ".join(messages) or IN_TIME.messages)
+
+
+def _frames_in_words(experiment: Mapping[str, Any]) -> str:
+    """The frames of an experiment in words; empty if they are those of the rates."""
+    frames = experiment["frames"] or ()
+    if isinstance(frames, str):
+        return f"frames at random, seed {experiment['seed']}" if frames == RANDOM else f"the frames of {frames}"
+    if not frames:
+        return ""
+    lengths = ", ".join(f"{frame.ticks}" for frame in frames[:MOST_SHOWN])
+    irregular = any(frame.lost or frame.delay is not None for frame in frames)
+    rest = ", some with results that are lost or have a delay of their own" if irregular else ""
+    return f"frames of {lengths}{', ...' * (len(frames) > MOST_SHOWN)} ticks in turn{rest}"
 
 
 def lengths_at(spec: Spec, axis: Axis) -> list[int]:

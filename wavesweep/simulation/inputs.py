@@ -155,11 +155,11 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         # A spec may name any file, whose text is not for everybody: only that of a table of numbers is shown.
         cells = lines[0].split(",") if file.names else []
         table = len(cells) == len(file.names) and all(map(_is_number, cells))
-        problem = file.listed if table or not file.names else "text that is no table of numbers"
+        problem = file.listed if table else "text that is no table of numbers"
         raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {problem}")
     if len(lines) > MOST_TICKS:
         raise UsageError(f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more")
-    names = ["force_N", *(["time_s"] if "time_s" in file.names else [])]
+    names = ["force_N", *["time_s"] * ("time_s" in file.names)]
     if blank := [number for number, line in enumerate(lines, start=2) if not line.strip() and len(lines) > 1]:
         raise UsageError(f"{path}:{blank[0]}: force_N: expected a number, found nothing")
     force, *times = file.numbers(names).T

@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import groupby
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.drawing.block_types import MOST_LATE
@@ -152,11 +153,11 @@ class Frame:
 
 def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | None:
     """Return the frames of a list, RANDOM or the name of a file, or None and add its mistakes."""
-    if isinstance(leaf.value, str) and leaf.value:
-        return leaf.value
-    if not isinstance(leaf.value, list) or not leaf.value:
+    if not isinstance(leaf.value, (str, list)) or not leaf.value:
         expected = 'a list of frames, each a whole number of ticks, "random", or a CSV file'
         return mistakes.refuse(leaf, FRAMES, expected, show(leaf.value), of_key=False)
+    if isinstance(leaf.value, str):
+        return leaf.value
     frames, before = [], len(mistakes)
     for index, item in enumerate(leaf.value):
         path = f"{FRAMES}[{index}]"
@@ -171,7 +172,7 @@ def build_frames(leaf: Leaf, mistakes: Mistakes) -> tuple[Frame, ...] | str | No
             if frame_keys.get("delay", 0) > frame_keys["ticks"]:
                 expected = f"a whole number <= {frame_keys['ticks']}, the ticks of the frame"
                 mistakes.refuse(leaf, f"{path}.delay", expected, show(frame_keys["delay"]), of_key=False)
-    ticks = sum(frame.ticks for frame in frames)
+    ticks = sum(map(attrgetter("ticks"), frames))
     if ticks > LONGEST_FRAME:
         mistakes.refuse(leaf, FRAMES, f"at most {LONGEST_FRAME} ticks in all", str(ticks), of_key=False)
     return tuple(frames) if len(mistakes) == before else None

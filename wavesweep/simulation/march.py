@@ -9,9 +9,9 @@ messages of channels to all blocks.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle, islice, repeat
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -78,6 +78,15 @@ def simulate(
     )
 
 
+class MarchedRows(NamedTuple):
+    """A row of numbers per tick, whether the wall was touched in it, the last position, and why the rows ended early."""
+
+    rows: list[tuple[float, ...]]
+    touched: list[bool]
+    last: float
+    stopped: str
+
+
 @dataclass
 class Results:
     """Slow results that arrive together: their signals, and the blocks on their way.
@@ -123,15 +132,18 @@ class Results:
 
 def results_of(loop: MarchedLoop) -> list[Results]:
     """The messages of channels, and the slow results that blocks of every tick read; the wall's force if no block is slow."""
-    zero = {name: keys["missing"] == "zero" for name, keys in loop.channels.items()}
-    sent = [block for block in loop.blocks if block.name in zero]
-    messages = [Results(((block.rhythm, 0),), False, block.name, zero[block.name], [f"{block.name}.y"]) for block in sent]
+    channels = loop.channels
+    messages = [
+        Results(((block.rhythm, 0),), False, block.name, channels[block.name]["missing"] == "zero", [f"{block.name}.y"])
+        for block in loop.blocks
+        if block.name in channels
+    ]
     slow = {f"{block.name}.{port}": block for block in loop.blocks if block.rhythm.slow for port in block.outputs}
     if not slow and loop.wall:
         return [*messages, Results(((Rhythm(), 0),), touches=True, signals=[FORCE])]
     alone, groups = {((1.0, name),): block for name, block in slow.items()}, {}
     for signal, block in slow.items():
-        if block.name in zero or all(rhythm.slow for rhythm in loop.readers(signal)):
+        if block.name in channels or all(map(attrgetter("slow"), loop.readers(signal))):
             continue
         chain, at = [], block
         while at.runs_late is not None and (terms := loop.wires.get(f"{at.name}.u")) and terms in alone:
@@ -172,7 +184,7 @@ class March:
         loop, count = self.loop, len(force)
         lengths = tick_lengths(self.effects, loop.tick, count)
         late, results = self._lateness(count)
-        names = {**loop.shown, **{name: name for name in self.watched}}
+        names = {**loop.shown, **dict(zip(self.watched, self.watched, strict=True))}
         rows, touched, last, stopped = self._rows(names.values(), force.tolist(), lengths, x, units)
         signals = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[: len(rows)]}
         entries = {**dict(loop.entries), **({"f_h": loop.hand} if loop.hand else {})}
@@ -183,7 +195,7 @@ class March:
             most = self.effects.max_force
             signals["f_device"] = signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
         signals["touching"] = np.array(touched, dtype=bool)
-        moved = np.diff(signals["x"], append=last) if rows and loop.hand else np.zeros(len(rows))
+        moved = np.diff(signals["x"], append=last) if loop.hand else np.zeros(len(rows))
         late = np.array(late, int)
         signals["late"] = late[results[: len(rows)]]  # the last of all, 0, before the first
         late = late[: results[len(rows) - 1] + 1] if rows else late[:0]
@@ -219,15 +231,24 @@ class March:
                 drawn[origin] = [None if delay is None else late for late, delay in pairs]
             pairs = zip(drawn[origin], cycle(self.loop.delays), strict=False)
             result.late = [None if late is None else late + delay for late, delay in pairs]
+        return self._first_lateness(count, drawn)
+
+    def _first_lateness(self, count: int, drawn: Mapping[Rhythm, list[int | None]]) -> tuple[list[int], np.ndarray]:
+        """The ticks by which results of the first slow blocks are late, and which is last in each tick."""
         first = next(iter(self.results), None)
         origin = first.origin if first else Rhythm(self.loop.frame)
         frames, ticks = np.divmod(np.arange(count), origin.every)
         numbers = frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
-        late = [0] * (origin.count(count) + 1) if first is None else first.late if first.channel else drawn[origin]
+        if first is None:
+            late = [0] * (origin.count(count) + 1)
+        elif first.channel:
+            late = first.late
+        else:
+            late = drawn[origin]
         return [-1 if ticks is None else ticks for ticks in late], numbers
 
-    def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]):
-        """A row of numbers per tick, whether the wall was touched in it, the last position, and why it ended early."""
+    def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]) -> MarchedRows:
+        """Run the ticks under these forces."""
         loop, ticks, device = self.loop, self.ticks, self.loop.device
         shown = itemgetter(*(ticks.at(name) for name in names), ticks.at(POSITION))
         hand, position, pull, net = (ticks.at(name) for name in (self.entry, POSITION, REACTION, besides(f"{device}.f")))
@@ -253,7 +274,7 @@ class March:
             far = not abs(z[position]) <= FARTHEST  # also if it is NaN
             if far or not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
                 said = f"the hand's position exceeds {FARTHEST:g} {units[0]}", f"a force exceeds {STRONGEST:g} {units[1]}"
-                return rows, touched, z[position], said[not far]
+                return MarchedRows(rows, touched, z[position], said[not far])
             rows.append(shown(z)[:-1])
             touched.append(running.touching)
             if device:
@@ -266,7 +287,7 @@ class March:
             z[hand], z[own_x] = 0.0, x
             running.tick(len(force))
             x = z[position]
-        return rows, touched, x, ""
+        return MarchedRows(rows, touched, x, "")
 
 
 class Running:
@@ -280,8 +301,9 @@ class Running:
         self.results = results if one_sided or late else ()
         self.shown = [[result for result in self.results if result.shown(k)] for k in range(loop.frame)]
         self.wall = [self.place(name) for name in (DEPTH, SPEED, FORCE)]
-        late_signals = [signal for result in results for signal in result.signals] if late else []
-        self.places = {signal: (self.place(signal), self.place(arrived(signal))) for signal in late_signals}
+        self.places = {
+            signal: (self.place(signal), self.place(arrived(signal))) for result in results if late for signal in result.signals
+        }
         self.touching, self.gated = loop.walled and not (one_sided and wall >= 0.0), one_sided and loop.gated
         self.contacts: list[bool] = []  # of each force of the wall that was computed
         self.at_once = not any(result.touches for result in self.results)
@@ -311,19 +333,23 @@ class Running:
     def _arriving(self, k: int, shown: list[tuple[Results, int]]) -> frozenset[str]:
         """Put late results in place that are there by now; the signals that are shown in this tick and not late."""
         for result in self.results:
-            arrived = result.due(k) if result.waiting else None
-            if arrived is None and result.zero and result.shown(k):
-                self.z[self.places[result.signals[0]][1]] = 0.0
-            if arrived:
-                numbers, touched = arrived
-                for signal, number in zip(result.signals, numbers, strict=True):
-                    self.z[self.places[signal][1]] = number
-                self.touching = touched if result.touches else self.touching
+            self._receive(result, k)
         in_time = [(result, number) for result, number in shown if number < 0 or result.late[number] == 0]
         for result, number in in_time:
             if result.touches and 0 <= number < len(self.contacts):  # computed in a tick before
                 self.touching = self.contacts[number]
         return frozenset(signal for result, _ in in_time for signal in result.signals if self.late)
+
+    def _receive(self, result: Results, k: int) -> None:
+        """Put what arrives of a result by tick k in place."""
+        arrived = result.due(k) if result.waiting else None
+        if arrived is None and result.zero and result.shown(k):
+            self.z[self.places[result.signals[0]][1]] = 0.0
+        if arrived:
+            numbers, touched = arrived
+            for signal, number in zip(result.signals, numbers, strict=True):
+                self.z[self.places[signal][1]] = number
+            self.touching = touched if result.touches else self.touching
 
     def _send(self, k: int, each: Results, number: int) -> None:
         """A result that was computed by now: it is in use if it is not late, and overtakes those under way."""

@@ -100,7 +100,6 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     signals, frame = simulation.signals, simulation.frame
     ticks = np.arange(len(signals["time"]))
     missing = np.full(len(ticks), np.nan)
-    energies = {f"energy_{name}": getattr(simulation.energy, name) for name in _ENERGIES}
     starts = np.array(simulation.starts)
     begun = np.searchsorted(starts, ticks % frame, side="right")
     number, phase = ticks // frame * len(starts) + begun - 1, ticks % frame - starts[begun - 1]
@@ -110,7 +109,9 @@ def recorded(simulation: Simulation) -> dict[str, np.ndarray]:
     columns["touching"] = signals["touching"]
     columns["late"] = signals["late"]
     columns |= {name: signals.get(name, missing) for name in _WAVES}
-    columns |= {name: missing if column is None else column for name, column in energies.items()}
+    for name in _ENERGIES:
+        energy = getattr(simulation.energy, name)
+        columns[f"energy_{name}"] = missing if energy is None else energy
     if simulation.lacking is not None:
         columns = {k: column for k, column in columns.items() if column is not missing and k not in simulation.lacking}
     finite = np.all([np.isfinite(column) for column in columns.values() if column is not missing], axis=0)

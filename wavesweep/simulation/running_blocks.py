@@ -315,7 +315,8 @@ def _refuse(frames, schedules):
             raise UsageError(f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}")
     if not slow:
         raise UsageError("simulate.frames: expected a slow environment, or blocks with `every` above 1, found none")
-    everys, latest = sorted({every for _, every, _ in slow}), max(phases[-1] for *_, phases in slow)
+    _, everys, phases = zip(*slow, strict=True)
+    everys, latest = sorted(set(everys)), max(phase[-1] for phase in phases)
     if len(everys) > 1:
         raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
     if latest >= min(frames.ticks):

@@ -217,6 +217,11 @@ def _run_lines(found: Numbers) -> Iterator[Line]:
     if found["contact"]:
         made, share = found["contact"]["times"], 100 * found["contact"]["share"]
         yield f"contact made {'once' if made == 1 else f'{made} times'}, felt for {share:.3g} % of the time", False
+    yield from _result_lines(found)
+
+
+def _result_lines(found: Numbers) -> Iterator[Line]:
+    """Yield rest, saturation, frames, late results, outputs and energies."""
     if found["rest_s"] is not None and not found["stopped"]:
         yield f"came to rest at {found['rest_s']:.4g} s, and friction holds it to the end", False
     if found["share_at_max_force"] is not None:

@@ -252,7 +252,8 @@ def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
 def _around(sums: Sums, wall: Wall):
     """The lines up to the wall, how it is met, and the lines after it."""
     before = _closure((DEPTH, SPEED), {name: [s for _, s in terms] for name, terms in sums.items()})
-    up, torn = straight({name: terms for name, terms in sums.items() if name in before})
+    upwards = {name: terms for name, terms in sums.items() if name in before}
+    up, torn = straight(upwards)
     gains, alone = evaluated(up, {FORCE: 1.0}), evaluated(up, {FORCE: 1.0}, torn)
     yields, slows, open_ = gains[DEPTH], gains[SPEED], alone[DEPTH]
     shares = 1.0, wall.K * yields, wall.B * slows
@@ -267,11 +268,10 @@ def _around(sums: Sums, wall: Wall):
             if several
             else "what the wall's force moves within the tick comes back as this force: it has no single value"
         )
-    changed = _closure((FORCE,), _readers({name: terms for name, terms in sums.items() if name in before}))
-    again = {
-        name: terms for name, terms in sums.items() if name not in before or (name in changed and name not in (DEPTH, SPEED))
-    }
-    zero = [(FORCE, ())] if len(changed) > 1 else []
+    changed = _closure((FORCE,), _readers(upwards))
+    settled = before - (changed - {DEPTH, SPEED})
+    again = {name: terms for name, terms in sums.items() if name not in settled}
+    zero = [(FORCE, ())] * (len(changed) > 1)
     return [*zero, *up], Meeting(wall.K, wall.B, yields, slows, wall.position), straight(again)[0]
 
 

@@ -6,7 +6,8 @@ The device consists of the blocks whose inputs are always held over a tick: mass
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
+from operator import itemgetter
 from textwrap import fill
 from typing import Any, NamedTuple
 
@@ -176,22 +177,26 @@ def _refuse(loop: MarchedLoop, plants: Sequence[RunningBlock]) -> None:
         raise UsageError(
             f"export: expected delays of whole steps, or none where the network or the motor is what is late, found {problem}"
         )
-    read = {name for terms in loop.wires.values() for _, name in terms}
+    read = set(map(itemgetter(1), chain.from_iterable(loop.wires.values())))
     for block in plants:
-        shown = [port for port in block.outputs if f"{block.name}.{port}" in read]
-        if any(factor and name in block.inputs for port in shown for factor, name in block.law.gives[port]):
+        if any(
+            factor and name in block.inputs
+            for port in block.outputs
+            if f"{block.name}.{port}" in read
+            for factor, name in block.law.gives[port]
+        ):
             problem = f"block.{block.name} with direct terms"
             raise UsageError(f"export: expected a device whose outputs follow its inputs a tick later, found {problem}")
 
 
 def _programs(ticks: TickSums, results: Sequence[Results], gated: bool) -> tuple[list[Program], list[int]]:
     """The programs, and which of them belongs to each kind of tick, results in time and contact."""
-    firsts = [ticks.kinds.index(kind) for kind in range(len(ticks.sets))]
+    firsts = map(ticks.kinds.index, range(len(ticks.sets)))
     number: dict[tuple, int] = {}
     programs, table = [], []
     for k, mask, touching in product(firsts, range(2 ** len(results)), (False, True)):
         in_time = [result for g, result in enumerate(results) if mask >> g & 1 and result.shown(k)]
-        key = k, frozenset(signal for each in in_time for signal in each.signals), touching or not gated
+        key = k, frozenset(chain.from_iterable(result.signals for result in in_time)), touching or not gated
         if key not in number and len(number) < MOST_PROGRAMS:
             programs.append(ticks.program(*key))
         table.append(number.setdefault(key, len(number)))
@@ -345,7 +350,7 @@ def _signals(own: ExportedController, members: Mapping[str, str]) -> dict[str, s
         for name, ports in terms_besides.items()
         if ports
     }
-    outside = {signal for _, signal in own.loop.entries}
+    outside = set(dict(own.loop.entries).values())
     lines = {
         "inputs": [f"    double {members[name]}; /* {name}{notes.get(name, '') * (name in outside)} */" for name in own.inputs],
         "outputs": [f"    double {members[name]}; /* {_port(name)} */" for name in own.outputs],
@@ -398,6 +403,18 @@ def _function(number: int, program: Program, own: ExportedController) -> str:
     if program.wall:
         lines.append(f"    meet(s, {factor(program.wall.yields)}, {factor(program.wall.slows)});")
         lines += summed(program.second)
+    writes = _kept(program, names)
+    for source, first, last in program.moves:
+        writes += [f"    for (i = {last - 1}; i > {first}; i--)", "        z[i] = z[i - 1];"] if last - first > 1 else []
+        writes.append(f"    z[{first}] = z[{names[source]}];")
+    head = ["    double *const z = s->z;", *(["    int i;"] * any(last - first > 1 for _, first, last in program.moves))]
+    inner = [f"    {line}" for line in writes]
+    body = [*head, *lines, *(["    { /* what is kept */", *inner, "    }"] if writes else [])]
+    return f"static void tick_{number}(ws_state *s)\n{{\n" + "\n".join(body) + "\n}\n"
+
+
+def _kept(program: Program, names: Sequence[str]) -> list[str]:
+    """The lines of a program that compute all that is kept for the next tick, and then write it."""
     stops = {line: [f"z[{names[place]}]" for place in (*sources, program.keeps[line][0])] for line, *sources in program.stops}
     writes = []
     for i, (_, terms) in enumerate(program.keeps):
@@ -407,14 +424,7 @@ def _function(number: int, program: Program, own: ExportedController) -> str:
             up, down = f"({free} > {limited} && {driven} > 0.0)", f"({free} < {limited} && {driven} < 0.0)"
             total = f"{up} || {down} ? {still} : {total}"
         writes.append(f"    const double kept_{i} = {total};")
-    writes += [f"    z[{names[target]}] = kept_{i};" for i, (target, _) in enumerate(program.keeps)]
-    for source, first, last in program.moves:
-        writes += [f"    for (i = {last - 1}; i > {first}; i--)", "        z[i] = z[i - 1];"] if last - first > 1 else []
-        writes.append(f"    z[{first}] = z[{names[source]}];")
-    head = ["    double *const z = s->z;", *(["    int i;"] * any(last - first > 1 for _, first, last in program.moves))]
-    inner = [f"    {line}" for line in writes]
-    body = [*head, *lines, *(["    { /* what is kept */", *inner, "    }"] if writes else [])]
-    return f"static void tick_{number}(ws_state *s)\n{{\n" + "\n".join(body) + "\n}\n"
+    return writes + [f"    z[{names[target]}] = kept_{i};" for i, (target, _) in enumerate(program.keeps)]
 
 
 def _sum(terms: Iterable[tuple[float, int]], names: Sequence[str]) -> str:
