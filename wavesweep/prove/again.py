@@ -33,9 +33,10 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
 
     loop = search.groups[0][1].one(0)
     drawing = in_whole_ticks(*loop, search.along)
-    if search.bound or drawing is None:
-        why = "[sweep] require asks for more than stability" if search.bound else "ball arithmetic has no such dead time"
-        return ProvedAgain("unsettled", why)
+    if search.bound:
+        return ProvedAgain("unsettled", "[sweep] require asks for more than stability")
+    if drawing is None:
+        return ProvedAgain("unsettled", "ball arithmetic has no such dead time")
     loop = Loops(drawing, loop.values)
     span = search.span
     if not all(span[0] <= low < high <= span[1] for low, high, *_ in claims):

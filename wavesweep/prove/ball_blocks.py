@@ -6,7 +6,7 @@ entry is 0 exactly if it is 0 for every number in the balls of its keys.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import acb_mat, arb, arb_mat
 
@@ -14,25 +14,32 @@ from wavesweep.engine.drawing.drawn_block import DELTA
 from wavesweep.engine.loops import definitions
 from wavesweep.engine.loops.definitions import Rows
 
-Matrices = tuple[Rows, Rows, Rows, Rows]
+
+class BallMatrices(NamedTuple):
+    """A, B, C and D of a block."""
+
+    A: Rows
+    B: Rows
+    C: Rows
+    D: Rows
 
 
-def matrices(kind: str, T: Any, keys: dict[str, Any]) -> Matrices:
+def matrices(kind: str, T: Any, keys: dict[str, Any]) -> BallMatrices:
     """A, B, C and D of a block of a type; T: its period (s), an arb or an acb, as are the numbers among its keys."""
     if kind == "butterworth":
         return _butterworth(keys["order"], keys["cutoff_hz"], keys["pass"] != "low", T)  # noqa: S105 - the side that passes
     if kind in ("mass", "inertia", "mass_matrix", "spring", "ss", "tf"):
         A, B, C, D = continuous(kind, keys)
         if keys.get("discrete"):
-            return (_in_z(A) if keys["discrete"] == DELTA else A), B, C, D
-        return (*held(A, B, T), C, D) if A else (A, B, C, D)
+            return BallMatrices(_in_z(A) if keys["discrete"] == DELTA else A, B, C, D)
+        return BallMatrices(*(held(A, B, T) if A else (A, B)), C, D)
     _, E, B, C, D = definitions.running(kind, T, keys, _root)
-    return _in_z(E), B, C, D
+    return BallMatrices(_in_z(E), B, C, D)
 
 
-def continuous(kind: str, keys: dict[str, Any]) -> Matrices:
+def continuous(kind: str, keys: dict[str, Any]) -> BallMatrices:
     """A, B, C and D of a continuous block, `x' = A x + B u`; of a discrete one they are those of a run."""
-    return definitions.continuous(kind, keys)[1:]
+    return BallMatrices(*definitions.continuous(kind, keys)[1:])
 
 
 def _in_z(E):
@@ -54,7 +61,7 @@ def held(A, B, T):
 
 def _butterworth(order, cutoff_hz, high, T):
     """Sections `(b0 + b1 z^-1 + b2 z^-2)/(1 + a1 z^-1 + a2 z^-2)` in series, from the bilinear transform."""
-    series = [], [], [[]], [[1]]
+    series = BallMatrices([], [], [[]], [[1]])
     w, far = (type(T).pi() * cutoff_hz * T).tan() if order else T, -1 if high else 1
     for k in range(order // 2):
         sine = (arb.pi() * (2 * k + 1) / (2 * order)).sin()
@@ -71,7 +78,7 @@ def _in_series(first, second):
     """A block of one signal after another one."""
     (A, B, C, D), (a, b, c, d) = first, second
     below = [[b[i][0] * entry for entry in C[0]] + a[i] for i in range(len(a))]
-    return (
+    return BallMatrices(
         [row + [0] * len(a) for row in A] + below,
         B + [[row[0] * D[0][0]] for row in b],
         [[d[0][0] * entry for entry in C[0]] + c[0]],

@@ -183,15 +183,7 @@ def _contracted(U, V):
     """
     n, m = U.nrows() - 1, U.ncols() - 1
     box_range = [(arb(0), arb(1)), (arb(0), arb(1))]
-    (ux, uk), (vx, vk) = (_slopes(polynomial, n, m) for polynomial in (U, V))
-    if n == 0:
-        pairs = [(1, [(1 / uk, U)])] if uk != 0 else []
-    else:
-        det = (ux * vk - uk * vx).mid()
-        if det == 0 or not det.is_finite():
-            return box_range
-        pairs = [(0, [(vk / det, U), (-uk / det, V)]), (1, [(-vx / det, U), (ux / det, V)])]
-    for row, terms in pairs:
+    for row, terms in _preconditioned(U, V):
         G = sum((polynomial * factor.mid() for factor, polynomial in terms[1:]), terms[0][1] * terms[0][0].mid())
         rest = [G[i, j] - (arb(i) / n if row == 0 else arb(j) / m) for i in range(n + 1) for j in range(m + 1)]
         low, high = -max(c.upper() for c in rest), -min(c.lower() for c in rest)
@@ -202,6 +194,18 @@ def _contracted(U, V):
             return None
         box_range[row] = low, high
     return box_range
+
+
+def _preconditioned(U, V):
+    """For each variable that U and V settle, the terms of what is nearly that variable; none where their slopes do not."""
+    n, m = U.nrows() - 1, U.ncols() - 1
+    (ux, uk), (vx, vk) = (_slopes(polynomial, n, m) for polynomial in (U, V))
+    if n == 0:
+        return [(1, [(1 / uk, U)])] if uk != 0 else []
+    det = (ux * vk - uk * vx).mid()
+    if det == 0 or not det.is_finite():
+        return []
+    return [(0, [(vk / det, U), (-uk / det, V)]), (1, [(-vx / det, U), (ux / det, V)])]
 
 
 def _slopes(U, n, m):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import nan
 from typing import Any
 
@@ -81,10 +81,10 @@ def _proof(loop, span, integrators, budget):
         return Proof((), ctx.prec, proof_way)
     if ones > integrators:
         return Proof((), ctx.prec, proof_way)
-    crossings_found = [crossing for family_part in family.over_range() for crossing in crossings(family_part, budget)]
-    ends = _merged([Crossing(end, arb("nan")) for end in map(arb, span)] + crossings_found)
+    inner = chain.from_iterable(crossings(stretch, budget) for stretch in family.over_range())
+    ends = _merged([*(Crossing(end, arb("nan")) for end in map(arb, span)), *inner])
     stable = [_is_stable(family, a.value.upper(), b.value.lower()) for a, b in pairwise(ends)]
-    if any(before and after for before, after in pairwise(stable)):
+    if any(map(all, pairwise(stable))):
         raise UndecidedError  # a root that may only touch the circle
     intervals = [_rounded(loop, a, b, span) for (a, b), inside in zip(pairwise(ends), stable, strict=True) if inside]
     return Proof(tuple(row for row in intervals if row[0] < row[1]), ctx.prec, proof_way)

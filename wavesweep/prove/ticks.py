@@ -85,19 +85,20 @@ class BallLoop:
     def tick_maps(self, number: Any) -> dict[tuple[int, ...], tuple[Any, Any]]:
         """The map of each kind of tick, and the determinant of its algebraic loops."""
         blocks = [self._block(i, block, number) for i, block in enumerate(self.blocks)]
+        matrix = arb_mat if isinstance(number, arb) else acb_mat
+        owners, wires = [i for i, block in enumerate(blocks) for _ in block[0]], self._wire_gains(matrix, number)
+        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.blocks]
+        A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
+        return {kind: self._tick(set(kind), matrix, owners, wires, A, B, C, D) for kind in set(self.kinds)}
+
+    def _wire_gains(self, matrix, number):
+        """The gains from outputs to inputs as a matrix."""
         W = [[0] * len(self.outputs) for _ in self.inputs]
         for row, (_, port) in zip(W, self.inputs, strict=True):
             for signal, gain in self.wires.get(port, ()):
                 key = "wire", port, signal
                 row[self.at[signal]] = self._once(key, (gain,), number, lambda g=gain: self._value(g, number))
-        matrix, owners = (
-            arb_mat if isinstance(number, arb) else acb_mat,
-            [i for i, block in enumerate(blocks) for _ in block[0]],
-        )
-        wires = matrix(len(W), len(self.outputs), [gain for row in W for gain in row])  # a list of no rows has no columns
-        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.blocks]
-        A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
-        return {kind: self._tick(set(kind), matrix, owners, wires, A, B, C, D) for kind in set(self.kinds)}
+        return matrix(len(W), len(self.outputs), [gain for row in W for gain in row])  # a list of no rows has no columns
 
     def _tick(self, running, matrix, owners, W, A, B, C, D):
         states, size = len(owners), len(owners) + len(self.held)

@@ -57,6 +57,15 @@ def mass_matrix(period: float, axes: Sequence[str], **keys) -> Law:
     return ss(period, *matrices, forces, [*axes, *velocities], discrete=False)
 
 
+class LawMatrices(NamedTuple):
+    """A, B, C and D of a continuous block: rows of numbers, or arrays."""
+
+    A: Sequence
+    B: Sequence
+    C: Sequence
+    D: Sequence
+
+
 def _of_axes(axes, mass, damping, stiffness, through):
     n, axes_at_port = len(axes), np.array(through) if through else np.eye(len(axes))
 
@@ -66,7 +75,7 @@ def _of_axes(axes, mass, damping, stiffness, through):
 
     slowed = np.linalg.solve(at_axes(mass), np.hstack([-at_axes(stiffness), -at_axes(damping), np.eye(n)]))
     still = np.zeros((n, n))
-    return (
+    return LawMatrices(
         np.vstack([np.hstack([still, np.eye(n)]), slowed[:, : 2 * n]]),
         np.vstack([still, slowed[:, 2 * n :]]),
         np.eye(2 * n),
@@ -179,7 +188,7 @@ def _controllable(num, den):
     b = [0.0] * (len(den) - len(num)) + [coefficient / den[0] for coefficient in num]
     A = [[-coefficient for coefficient in a[1:]], *([1.0 * (i == j) for j in range(n)] for i in range(n - 1))][:n]
     C = [coefficient - factor * b[0] for coefficient, factor in zip(b[1:], a[1:], strict=True)]
-    return A, [[1.0 * (i == 0)] for i in range(n)], [C], [[b[0]]]
+    return LawMatrices(A, [[1.0 * (i == 0)] for i in range(n)], [C], [[b[0]]])
 
 
 def gain(period: float, k: float) -> Law:
@@ -287,6 +296,15 @@ def butterworth(period: float, order: int, cutoff_hz: float, passes: str) -> Law
     return Law(gives, keeps) if order else hold(period)
 
 
+class FilterSection(NamedTuple):
+    """A section of a filter: its pole, the gains into its state and out of it, and the direct term."""
+
+    pole: complex
+    gain_in: float
+    gain_out: complex
+    direct: float
+
+
 def _section(passes, s, *, real):
     """The section of the analogue pole s, by partial fractions of `d (z +- 1)^n/(z - p)`."""
     s = s.real if real else s
@@ -296,9 +314,9 @@ def _section(passes, s, *, real):
     g = abs(to_one) ** 0.5  # input and output of like size: the state stays of the size of the signal
     if real:
         d = at_gain / 2
-        return p, g, d * at_zero / g, d
+        return FilterSection(p, g, d * at_zero / g, d)
     d = abs(at_gain) ** 2 / 4
-    return p, g, d * at_zero**2 / (1j * p.imag) / g, d
+    return FilterSection(p, g, d * at_zero**2 / (1j * p.imag) / g, d)
 
 
 def lowpass(period: float, a: float = 0.0, cutoff_hz: float = 0.0) -> Law:

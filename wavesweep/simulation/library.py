@@ -104,12 +104,8 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
 
         drawn, arrays = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
         rows = {name: row.astype(float) for name, row in arrays.items() if row is not None and row.ndim == 1}
-        ports = {
-            f"{placed_block.block.name}.{port}"
-            for placed_block in drawn.placed
-            for port in (*placed_block.block.inputs, *placed_block.block.outputs)
-        }
-        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
+        names = _signal_names(drawn)
+        unknown = [name for name in signals if name not in names]
         if drawn_loop.is_batch(drawn):
             raise UsageError("simulate: expected a single loop, found a batch")
         if unknown or sorted(arrays) != sorted(drawn.inputs):
@@ -117,13 +113,22 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
             raise UsageError(
                 f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {problem}"
             )
-        if len(rows) < len(arrays) or len({row.size for row in rows.values()}) > 1:
+        if len(rows) < len(arrays) or len(set(map(len, rows.values()))) > 1:
             raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
         with named_loops(drawn):
             closed_frame(drawn, self.drift)
         marched = run_drawn(drawn, rows, tuple(signals))
         count = len(next(iter(marched.values()), ()))
         return DataFrame({"time_s": np.arange(count) * float(np.asarray(drawn.period))} | marched)
+
+
+def _signal_names(drawn) -> set[str]:
+    """The names of the ports, junctions and inputs of a drawn loop."""
+    names = {*drawn.sums, *drawn.inputs}
+    for placed_block in drawn.placed:
+        block = placed_block.block
+        names |= {f"{block.name}.{port}" for port in (*block.inputs, *block.outputs)}
+    return names
 
 
 def simulate(source: Source) -> list[DataFrame]:
