@@ -307,10 +307,8 @@ def _square(model, theta, rows):
     return float(np.sum(rows.residual(model, theta) ** 2))
 
 
-def _begun_with_load(model, rows):
-    """The best of the least squares from resonances that explain most of what one mass leaves, see `of_modes`."""
-    alone = replace(model, load=False)
-    numbers = dict(zip(alone.names, _first(alone, rows), strict=True))
+def _resonances(model, alone, rows, numbers):
+    """The resonances that explain most of what one mass with these numbers leaves, apart from each other."""
     rate, pairs = numbers["damping"] / np.exp(numbers["log_mass"]), []
     changes = np.diff(rows.reading[rows.skip :])  # in which slow motion, that is not known well, weighs less
     for late in LATE[:-2] if model.delay is None else (model.delay,):
@@ -334,11 +332,19 @@ def _begun_with_load(model, rows):
                         (left_over, late, tone, ratio, np.exp(-numbers["log_mass"]), share * np.exp(numbers["log_mass"]))
                     )
     pairs.sort()
-    starts, fits = [], []
+    starts = []
     for pair in pairs:
         if all(abs(np.log(pair[2] / chosen_start[2])) > 3 * APART for chosen_start in starts) and len(starts) < STARTS:
             starts.append(pair)
-    for _, late, tone, ratio, total, load in starts:
+    return starts
+
+
+def _begun_with_load(model, rows):
+    """The best of the least squares from resonances that explain most of what one mass leaves, see `of_modes`."""
+    alone, fits = replace(model, load=False), []
+    numbers = dict(zip(alone.names, _first(alone, rows), strict=True))
+    rate = numbers["damping"] / np.exp(numbers["log_mass"])
+    for _, late, tone, ratio, total, load in _resonances(model, alone, rows, numbers):
         begun = of_modes(1 / total, rate, tone, ratio, load)
         begun |= model.numbers(np.array([(begun | {"delay": late}).get(name, 0.0) for name in model.names]))
         begun |= _own(model, begun, rows)
@@ -352,7 +358,7 @@ def _begun_with_load(model, rows):
     other_errors = [error for error, theta in fits if np.abs(theta - fits[0][1])[at].max() > APART]
     single = refined(alone, np.array([numbers[name] for name in alone.names]), rows)
     other_errors.append(_square(alone, single, rows))
-    if not fits or min(other_errors) < fits[0][0] * (1 + UNLIKELY / len(changes)):
+    if not fits or min(other_errors) < fits[0][0] * (1 + UNLIKELY / (len(rows.reading) - rows.skip - 1)):
         raise UsageError(NO_RESONANCE)
     return fits[0][1]
 

@@ -287,8 +287,8 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
     return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
 
 
-def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
-    """Return the experiment and add its mistakes; usual: the input that is taken by default."""
+def _checked(belongs: Sorted, mistakes: Mistakes) -> tuple[dict[str, Leaf], dict[str, Any]]:
+    """The leaves of [simulate] without those of messages, and the values of all; adds their mistakes."""
     leaves = {f"simulate.{name}": leaf for name, leaf in belongs.below("simulate").items()}
     of_messages = {path: leaves.pop(path) for path in list(leaves) if path.startswith(MESSAGES)}
     checked = mistakes.read(KEYS, {path: leaf for path, leaf in leaves.items() if path not in (FRAMES, SHOW)})
@@ -299,17 +299,27 @@ def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experim
         checked[SHOW] = names_in_list(leaves[SHOW]) or None
         if not checked[SHOW]:
             mistakes.refuse(leaves[SHOW], SHOW, "a list of signals, BLOCK.PORT", show(leaves[SHOW].value), of_key=False)
+    return leaves, checked
+
+
+def _input_axis(leaves: dict[str, Leaf], kind: str, mistakes: Mistakes) -> Axis | None:
+    """The axis of frequencies that is given for an input, None without; a single number becomes a list in its leaf."""
+    if "" in leaves and isinstance(leaves[""].value, (int, float)):
+        leaves[""] = replace(leaves[""], value=[leaves[""].value])
+    nothing = "" in leaves and leaves[""].value == [] and kind not in INPUT_FREQUENCIES  # as `Experiment.written` has it
+    if not leaves or nothing:
+        return None
+    return build_axis("simulate", "frequency_hz", leaves, mistakes)
+
+
+def build_experiment(belongs: Sorted, usual: str, mistakes: Mistakes) -> Experiment:
+    """Return the experiment and add its mistakes; usual: the input that is taken by default."""
+    leaves, checked = _checked(belongs, mistakes)
     defaults = {path: key.default for path, key in KEYS.items()} | {"simulate.input": usual}
     values = {path.removeprefix("simulate."): value for path, value in (defaults | checked).items()}
-    kind, axis = values["input"], None
-    frequency_leaves, before = dict(belongs.axes["simulate"].get("frequency_hz", {})), len(mistakes)
-    if "" in frequency_leaves and isinstance(frequency_leaves[""].value, (int, float)):
-        frequency_leaves[""] = replace(frequency_leaves[""], value=[frequency_leaves[""].value])
-    nothing = (
-        "" in frequency_leaves and frequency_leaves[""].value == [] and kind not in INPUT_FREQUENCIES
-    )  # as `Experiment.written` has it
-    if frequency_leaves and not nothing:
-        axis = build_axis("simulate", "frequency_hz", frequency_leaves, mistakes)
+    kind, before = values["input"], len(mistakes)
+    frequency_leaves = dict(belongs.axes["simulate"].get("frequency_hz", {}))
+    axis = _input_axis(frequency_leaves, kind, mistakes)
     if len(mistakes) == before and ("simulate.input" in checked or "simulate.input" not in leaves):
         axis = axis or INPUT_FREQUENCIES.get(kind)
         values["frequency_hz"] = _frequencies(kind, axis, frequency_leaves, mistakes)

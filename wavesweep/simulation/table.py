@@ -54,17 +54,15 @@ def simulate(spec: Spec) -> list[Table]:
     late = simulation.late
     facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     if isinstance(spec.simulate["frames"], str):
-        begun = int(columns["frame"][-1]) + 1 if rows else 0
+        begun = int(columns["frame"].max(initial=-1)) + 1
         lengths = np.diff([*simulation.starts, simulation.frame])[np.arange(begun) % len(simulation.starts)]
         values, counts = np.unique(lengths, return_counts=True)
         facts["frames"] = dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     at_random = spec.drawing is not None and spec.drawing.at_random
     alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
-    facts["settles_at"] = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
-    if not alike:  # what is at rest is so whatever messages do, if the run comes to it
-        last = {name: columns[name][-1] if rows else np.nan for name in facts["settles_at"]}
-        facts["settles_at"] = {n: end for n, end in facts["settles_at"].items() if abs(last[n] - end) <= WITHIN * abs(end)}
+    ends = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
+    facts["settles_at"] = ends if alike else _reached(ends, columns)
     tables = [Table.of("simulate", columns, facts)]
     of_hand = spec.drawing is None or entry_of(spec) == (spec.drawing.hand or ("",))[0]
     tones = [tone for tone in hand.tones if tone.last <= rows and of_hand and alike]
@@ -75,6 +73,16 @@ def simulate(spec: Spec) -> list[Table]:
         facts = _facts(spec, RESPONSE_METHODS, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
+
+
+def _reached(ends: Mapping[str, float], columns: Columns) -> dict[str, float]:
+    """The ends to which a run comes: what is at rest in the linear loop is so whatever messages do."""
+    reached = {}
+    for name, end in ends.items():
+        last = columns[name][-1] if len(columns[name]) else np.nan
+        if abs(last - end) <= WITHIN * abs(end):
+            reached[name] = end
+    return reached
 
 
 def _unmeasured(spec, tones):

@@ -210,25 +210,37 @@ def _refuse_limits_on_circles(limits, sums):
             )
 
 
+def _torn(sums: Sums) -> tuple[list[str], list[str], dict[str, list[str]]]:
+    """The numbers whose equations are to be solved, the order of all others, and what these read of each other."""
+    torn: list[str] = []
+    while True:
+        graph = {name: [s for _, s in terms if s in sums and s not in torn] for name, terms in sums.items() if name not in torn}
+        try:
+            return torn, list(TopologicalSorter(graph).static_order()), graph
+        except CycleError as error:
+            rank = {name: i for i, name in enumerate(sums)}
+            torn.append(min(error.args[1], key=rank.get))
+
+
 def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
     """Return the sums in an order in which they can be computed, and the numbers for which an equation is solved.
 
     Errors: IllPosedLoopError if it has no solution.
     """
-    torn: list[str] = []
-    while True:
-        graph = {name: [s for _, s in terms if s in sums and s not in torn] for name, terms in sums.items() if name not in torn}
-        try:
-            order = list(TopologicalSorter(graph).static_order())
-            break
-        except CycleError as error:
-            rank = {name: i for i, name in enumerate(sums)}
-            torn.append(min(error.args[1], key=rank.get))
+    torn, order, graph = _torn(sums)
     if not torn:
         return [(name, sums[name]) for name in order], torn
     needed = _closure({s for name in torn for _, s in sums[name]}, graph)
     once = [(name, sums[name]) for name in order if name in needed]
     alone = [(f"{name} alone", sums[name]) for name in torn]
+    solved = _solved(torn, once, alone)
+    moved = _closure(torn, _readers(sums))
+    again = [(name, sums[name]) for name in order if name not in needed or name in moved]
+    return [*((name, ()) for name in torn), *once, *alone, *solved, *again], torn
+
+
+def _solved(torn, once, alone) -> list[tuple[str, Sum]]:
+    """The sums that solve the equations of what is torn. Errors: IllPosedLoopError if they have no solution."""
     shares = [
         [values.get(name, 0.0) for name, _ in alone] for values in (evaluated([*once, *alone], {name: 1.0}) for name in torn)
     ]
@@ -241,12 +253,7 @@ def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
         )
     # A single one may be made from numbers with names.
     inverse = np.linalg.inv(rest).tolist() if len(torn) > 1 else [[1.0 / (1.0 - shares[0][0])]]
-    solved = [
-        (name, tuple(zip(row, (gain for gain, _ in alone), strict=True))) for name, row in zip(torn, inverse, strict=True)
-    ]
-    moved = _closure(torn, _readers(sums))
-    again = [(name, sums[name]) for name in order if name not in needed or name in moved]
-    return [*((name, ()) for name in torn), *once, *alone, *solved, *again], torn
+    return [(name, tuple(zip(row, (gain for gain, _ in alone), strict=True))) for name, row in zip(torn, inverse, strict=True)]
 
 
 def _around(sums: Sums, wall: Wall):
