@@ -160,23 +160,12 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
 
     plan: the lines about all commands. whole: whether all that is known has been said.
     """
-    from wavesweep.check.verdict import distance
-
-    possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") and ": not possible" not in line}
-    doubts = [limit["doubt"] for limit in verdict["limits"] if limit["doubt"] and limit["doubt"] in DOUBTS]
+    possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") if ": not possible" not in line}
     name, stable, drawing = shlex.quote(spec.source or spec.name), verdict["stable"], spec.drawing
     region = next((name for name in ("zwidth", "stability-region") if name in possible), "")
-    steps = [(f"explain {doubts[0]}", "what this doubt means, and what helps")] if doubts else []
-    if region and stable and not spec.require and len(verdict["limits"]) > 1:
-        steps.append((f"why {name}", "what sets each limit"))
-    if region:
-        subject = "all stable walls" if region == "zwidth" else "all stable intervals"
-        members = "of [for_all]" if not drawing or (spec.for_all and spec.for_all.axes) else "that messages may do"
-        steps.append((f"{region} {name}", f"{subject}, for all {members}" if spec.for_all else subject))
-    elif limits := [limit for limit in verdict["limits"] if limit["stable"] is not None]:
-        axis = min(limits, key=distance)
-        span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"
-        steps.append((f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""))
+    helps, explained = "what this doubt means, and what helps", DOUBTS.keys() - {""}
+    steps = [(f"explain {limit['doubt']}", helps) for limit in verdict["limits"] if limit["doubt"] in explained][:1]
+    steps += _interval_steps(spec, verdict, region, name)
     if "design" in possible:
         steps.append((f"design {name}", "designs that meet the wishes of [design]"))
     if not stable and (not drawing or drawing.hand or drawing.inputs):
@@ -186,7 +175,23 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
     steps = [step for step in steps if step[0].split()[0] in COMMANDS]
-    return [*steps[:STEPS], *([] if whole else [(f"check {name} --all", "the rest: states, methods, times")])]
+    return [*steps[:STEPS], *[(f"check {name} --all", "the rest: states, methods, times")] * (not whole)]
+
+
+def _interval_steps(spec: Spec, verdict: Facts, region: str, name: str) -> Iterator[tuple[str, str]]:
+    """Yield the commands for stable intervals; region: the possible one, empty without. name: of the spec, quoted."""
+    from wavesweep.check.verdict import distance
+
+    if region and verdict["stable"] and not spec.require and len(verdict["limits"]) > 1:
+        yield f"why {name}", "what sets each limit"
+    if region:
+        subject = "all stable walls" if region == "zwidth" else "all stable intervals"
+        members = "of [for_all]" if not spec.drawing or (spec.for_all and spec.for_all.axes) else "that messages may do"
+        yield f"{region} {name}", f"{subject}, for all {members}" if spec.for_all else subject
+    elif limits := [limit for limit in verdict["limits"] if limit["stable"] is not None]:
+        axis = min(limits, key=distance)
+        span = f"'sweep.{axis['name']}={{start={axis['from']:g}, stop={axis['to']:g}}}'"
+        yield f"stability-region {name} --set sweep.along={axis['name']} --set {span}", ""
 
 
 def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iterator[str]:

@@ -103,6 +103,12 @@ def ss(period: float, A, B, C, D, inputs: Sequence[str], outputs: Sequence[str],
     return Law({name: _sum([*c, *d], names) for name, c, d in zip(outputs, C or [[]] * len(D), D, strict=True)}, keeps)
 
 
+def _numbered(members, side):
+    """The numbers of all input ports (side -2) or output ports (-1) of the members, by their names."""
+    ports = [f"{member[0]}.{port}" for member in members for port in member[side]]
+    return {port: i for i, port in enumerate(ports)}
+
+
 def continuous(period: float, members, gains: Mapping[tuple[str, str], float], inputs, outputs, arriving=(), sensed=()) -> Law:
     """Blocks whose inputs are sums of their outputs at every instant, and of inputs from outside that are held: exact.
 
@@ -114,8 +120,7 @@ def continuous(period: float, members, gains: Mapping[tuple[str, str], float], i
 
     models = [_matrices(kind, keys, len(into), len(out)) for _, kind, keys, into, out in members]
     A, B, C, D = (block_diag(*blocks) for blocks in zip(*models, strict=True))
-    ports = {port: i for i, port in enumerate(f"{name}.{port}" for name, *_, into, _ in members for port in into)}
-    shown = {port: i for i, port in enumerate(f"{name}.{port}" for name, *_, out in members for port in out)}
+    ports, shown = _numbered(members, -2), _numbered(members, -1)
     order = len(A)
     K = np.zeros((len(ports), len(shown)))
     for (port, name), gain in gains.items():
