@@ -89,3 +89,11 @@ def test_energies_for_less_damping_than_a_pattern_needs_are_refused(monkeypatch)
 def test_a_program_that_would_take_long_is_refused():
     with pytest.raises(UsageError, match="unknown numbers of stored energies"):
         needed("pmw-lm", FramesInAnyOrder(tuple(range(16, 34))), **{"controller.Kp": 20.0})
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])
+def test_frames_of_a_single_tick_are_among_others(kind):
+    """There a slow block runs in every tick, and nothing of it is held."""
+    found, alone = (needed(kind, FramesInAnyOrder(lengths, (0,))) for lengths in ((1, 3), (3,)))
+    assert alone.refuted <= found.refuted <= found.proved
+    assert found.proved == pytest.approx(alone.proved, rel=1e-6)  # as prompt results need no more than the longest frame

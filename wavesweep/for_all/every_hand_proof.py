@@ -236,10 +236,12 @@ def _ticks(plan: Plan):
     index, maps, balls = {}, {}, next(modules("ticks"), None)
     if balls is None:
         raise UsageError("hand passive while frames vary: expected the capability prove, found that it is not there")
-    for step in plan.steps:
-        loop = balls.BallLoop(with_ruler(plan.schedule.with_period(plan.drawing, step)), plan.values, "")
+    at_steps = [with_ruler(plan.schedule.with_period(plan.drawing, step)) for step in plan.steps]
+    loops = [balls.BallLoop(drawing, plan.values, "") for drawing in at_steps]
+    held = sorted({output for loop in loops for output in loop.held})  # at one step perhaps, where a block runs in every tick
+    for step, loop in zip(plan.steps, loops, strict=True):
         running = plan.schedule.running([block.name for block in loop.blocks])
-        loop.kinds = tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running)
+        loop.kinds, loop.held = tuple(tuple(np.flatnonzero(tick).tolist()) for tick in running), held
         tick_maps = loop.tick_maps(arb(0))
         for kind, places in zip(plan.schedule.kinds, loop.kinds, strict=True):
             matrix = tick_maps[places][0]
