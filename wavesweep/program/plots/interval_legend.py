@@ -46,15 +46,8 @@ def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> t
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    members, layout, entries = shown.members(shown.columns), shown.layout, []
-    plane = layout.x is not None
-    if plane and (shown.whose or layout.family is not None):  # bars have their names
-        names = [member.name for member in members]
-        if not shown.whose:  # the first has name and unit, the others the value
-            values = layout.members
-            names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
-        names = [name + _extent(shown, member) for name, member in zip(names, members, strict=True)]
-        entries = handles_of(names, [member.look for member in members], [member.at_values for member in members])
+    members = shown.members(shown.columns)
+    entries = _member_entries(shown, members)
     artists = [artist for axes in drawn for artist in (*axes.lines, *axes.patches, *axes.collections)]
     ladders = [artist for artist in artists if artist.get_label() == LADDER]
     if ladders or any(artist.get_hatch() == UNKNOWN["hatch"] for artist in artists if hasattr(artist, "get_hatch")):
@@ -65,6 +58,19 @@ def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> t
     if carets:
         entries.append(Line2D([], [], marker=carets[-1], **CARET, label=REFUTED))
     return entries, _marks(shown, members, panels, artists)
+
+
+def _member_entries(shown: Shown, members: Sequence[Member]) -> list[Any]:
+    """The entries of the members; bars have none, since their names stand beside them."""
+    layout = shown.layout
+    if layout.x is None or not (shown.whose or layout.family is not None):
+        return []
+    names = [member.name for member in members]
+    if not shown.whose:  # the first has name and unit, the others the value
+        values = layout.members
+        names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
+    names = [name + _extent(shown, member) for name, member in zip(names, members, strict=True)]
+    return handles_of(names, [member.look for member in members], [member.at_values for member in members])
 
 
 def _extent(shown: Shown, member: Member) -> str:
@@ -79,10 +85,8 @@ def _extent(shown: Shown, member: Member) -> str:
 def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]) -> list[Any]:
     """The entries of the legend for single points and for lines that no member has alone; artists: what is drawn."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     certain = all(member.rows["certified"].all() for member in members)
-    hatches = {artist.get_hatch() for artist in artists if hasattr(artist, "get_hatch")}
     handles = []
     if any(artist.get_label() == FELT for artist in artists):
         alone = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
@@ -91,6 +95,21 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], art
         handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
     if shown.own_design(panels)[0]:
         handles.append(Line2D([], [], **OWN, label="nominal design"))
+    handles += _area_marks(artists)
+    limits = [LIMITS[name] for name in shown.limits_of_walls()]
+    handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
+    for walls in shown.walls:
+        handles += walls.handles(shown.layout.points, shown.view)
+    return handles
+
+
+def _area_marks(artists: Sequence[Any]) -> list[Any]:
+    """The entries for what is not certified, and for what lies beyond the swept range."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = []
+    hatches = {artist.get_hatch() for artist in artists if hasattr(artist, "get_hatch")}
     dashed = {"linestyle": "--", "label": "not certified"}
     if UNPROVED["hatch"] in hatches:
         handles.append(Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed))
@@ -98,10 +117,6 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], art
         handles.append(Line2D([], [], color=DOUBTFUL, **dashed))
     if BEYOND["hatch"] in hatches:
         handles.append(Patch(**BEYOND, label="beyond the swept range"))
-    limits = [LIMITS[name] for name in shown.limits_of_walls()]
-    handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
-    for walls in shown.walls:
-        handles += walls.handles(shown.layout.points, shown.view)
     return handles
 
 

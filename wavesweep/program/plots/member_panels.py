@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from textwrap import fill
 from typing import Any
 
@@ -51,28 +52,37 @@ def members_of(
     """
     whose = whose_column(columns)
     if whose == "spec":
-        tables = specs_of(facts)
-        rows = {name: where(columns, columns["spec"] == name) for name in specs}
-        return [
-            Member(shortened(name), distinct_look(at), rows[name], {"spec": tables.get(name, {})})
-            for at, name in enumerate(specs)
-            if len(rows[name]["spec"])
-        ]
+        return _members_of_specs(columns, specs_of(facts), specs)
     if whose:
-        words = dict.fromkeys([*row_kinds(), *sorted(set(columns[whose].tolist()))])
-        rows = {word: where(columns, columns[whose] == word) for word in words}
-        present = {word: row_kind(word).as_drawn(block) for word, block in rows.items() if len(block["along"])}
-        return [
-            Member(kind.name_beside(present, block), look_of(kind), block, facts, word)
-            for word, block in present.items()
-            for kind in [row_kind(word)]
-        ]
+        return _members_of_hands(columns, facts, columns[whose])
     members = []
     for look, values in zip(family_looks(len(bars)), bars, strict=True):
         name = ", ".join(valued(name, value, facts) for name, value in values.items())
         name = name if len(values) > 1 else "".join(f"{value:g}" for value in values.values())
         members.append(Member(name, look, rows_with(columns, values), facts))
     return members
+
+
+def _members_of_specs(columns: Columns, tables: Mapping[str, Mapping[str, Any]], specs: Sequence[str]) -> list[Member]:
+    """The specs of a comparison that have rows here."""
+    rows = {name: where(columns, columns["spec"] == name) for name in specs}
+    return [
+        Member(shortened(name), distinct_look(at), rows[name], {"spec": tables.get(name, {})})
+        for at, name in enumerate(specs)
+        if len(rows[name]["spec"])
+    ]
+
+
+def _members_of_hands(columns: Columns, facts: Mapping[str, Any], kinds: np.ndarray) -> list[Member]:
+    """The hands, or the guarantees, that have rows here; kinds: the word of each row."""
+    words = dict.fromkeys([*row_kinds(), *sorted(set(kinds.tolist()))])
+    rows = {word: where(columns, kinds == word) for word in words}
+    present = {word: row_kind(word).as_drawn(block) for word, block in rows.items() if len(block["along"])}
+    return [
+        Member(kind.name_beside(present, block), look_of(kind), block, facts, word)
+        for word, block in present.items()
+        for kind in [row_kind(word)]
+    ]
 
 
 def look_of(kind: RowKind) -> Look:
@@ -121,10 +131,35 @@ def member_curves(members: Sequence[Member], view: View, span: tuple[float, floa
             (column,) = columns_of(rows, np.zeros(len(x))).values()
             curves.append(PlaneCurve(dict.fromkeys(span, column), {span: KNOWN}))
         else:
-            x_of_spec = (damping_of(member.facts.get("spec", {})) or "B_VE") if view.x in dampings else view.x
-            renamed = {x_of_spec if name == view.x else name: column for name, column in rows.items()}
-            curves += curves_of([renamed], replace(view, x=x_of_spec), member.facts)
+            curves += _curves_over_damping(member, view) if view.x in dampings else curves_of([rows], view, member.facts)
     return curves
+
+
+def _curves_over_damping(member: Member, view: View) -> list[PlaneCurve]:
+    """The curve of a member over the damping of its wall, for which its spec may have another name than the figure."""
+    damping = damping_of(member.facts.get("spec", {})) or "B_VE"
+    renamed = {damping if name == view.x else name: column for name, column in member.rows.items()}
+    return curves_of([renamed], replace(view, x=damping), member.facts)
+
+
+def _draw_unknown_bars(axes: Any, place: int, spans: Sequence[tuple[float, float]]) -> None:
+    """Draw what is not known in a line of bars, over the whole width if nothing is."""
+    for low, high in spans:
+        if np.isinf(low):
+            axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
+        else:
+            axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **UNKNOWN | {"zorder": 3})
+
+
+def _draw_stable_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> None:
+    """Draw the bar of a stable interval, with strokes at the ends that are ends of the stable set."""
+    low, high = row["low"], row["high"]
+    area = {"facecolor": paler(colour, 0.25), "linewidth": 0} if row["certified"] else {**UNPROVED, "edgecolor": colour}
+    axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **area)
+    edge, style = (colour, "-") if row["certified"] else (DOUBTFUL, "--")
+    ends = [row[end] for end in ("low", "high") if not np.isnan(row[f"{end}_omega"])]
+    if ends:
+        axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, colors=edge, linestyles=style)
 
 
 def draw_bars(axes: Any, members: Sequence[Member]) -> None:
@@ -135,26 +170,16 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
     family = family_looks(1)[0].colour
     for place, member in enumerate(members):
         rows, colour = member.rows, member.look.colour if member.guarantee or "spec" in member.rows else family
-        stable, unknown = np.flatnonzero(rows["intervals"] > 0), [span for spans in open_spans(rows) for span in spans]
-        for low, high in unknown:
-            if np.isinf(low):
-                axes.axhspan(place - HALF_BAR, place + HALF_BAR, **UNKNOWN)
-            else:
-                axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **UNKNOWN | {"zorder": 3})
+        stable, unknown = np.flatnonzero(rows["intervals"] > 0), list(chain.from_iterable(open_spans(rows)))
+        _draw_unknown_bars(axes, place, unknown)
         if not stable.size:
             nothing = "nothing known to be stable" if unknown else "nowhere stable"
             said = "nothing proved" if member.proved else nothing
             at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
-            low, high = rows["low"][row], rows["high"][row]
-            certified = rows["certified"][row]
-            area = {"facecolor": paler(colour, 0.25), "linewidth": 0} if certified else {**UNPROVED, "edgecolor": colour}
-            axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **area)
-            edge, style = (colour, "-") if certified else (DOUBTFUL, "--")
-            ends = [rows[end][row] for end in ("low", "high") if not np.isnan(rows[f"{end}_omega"][row])]
-            if ends:
-                axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, colors=edge, linestyles=style)
+            _draw_stable_bar(axes, place, where(rows, row), colour)
     names = [fill(member.name, 14) if member.guarantee else member.name for member in members]
-    axes.set_yticks(range(len(members)) if any(names) else [], names if any(names) else [])
+    names = names if any(names) else []
+    axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))
