@@ -369,7 +369,7 @@ class Loop:
         """
         import control
 
-        from wavesweep.engine.response.lifted import held_over_frame, over_frame
+        from wavesweep.engine.response.lifted import over_frame
         from wavesweep.program.analyses.spec_loops import loop_at_hand
 
         drawing = self.spec.drawing
@@ -378,19 +378,28 @@ class Loop:
         if output not in ("position", "displacement", "outputs"):
             raise UsageError(f'output: expected "position", "displacement" or "outputs", found {output!r}')
         if output == "outputs":
-            if not (drawing and drawing.inputs and drawing.outputs):
-                expected = "inputs and outputs of a drawn loop, or a hand"
-                raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
-            drawn, names = own_loop(self.spec).drawn(), [name for name, _, _ in drawing.inputs]
-            shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
-            matrices = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
-            period = float(np.asarray(drawn.period)) * drawn.ticks
-            return control.ss(*matrices, period, inputs=names, outputs=list(shown.values()))
+            return self._outputs_to_control()
         port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
         ticks = ratio if isinstance(ratio, int) else port.kind.size
         E, B, C, D = over_frame(port, ticks, positions=output == "position")
         inputs, outputs = ([f"{name}[{i}]" for i in range(ticks)] for name in ("f_h", "x" if output == "position" else "dx"))
         return control.ss(np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs)
+
+    def _outputs_to_control(self) -> StateSpace:
+        """The system from the inputs to the outputs of [ports]."""
+        import control
+
+        from wavesweep.engine.response.lifted import held_over_frame
+
+        drawing = self.spec.drawing
+        if not (drawing and drawing.inputs and drawing.outputs):
+            expected = "inputs and outputs of a drawn loop, or a hand"
+            raise SpecError([self.spec.mistake("ports", expected, "none of these, or not both")])
+        drawn, names = own_loop(self.spec).drawn(), [name for name, _, _ in drawing.inputs]
+        shown = {OUTPUT + name: name for name, _, _ in drawing.outputs}
+        matrices = held_over_frame(drawn, [signal for _, signal, _ in drawing.inputs], tuple(shown))
+        period = float(np.asarray(drawn.period)) * drawn.ticks
+        return control.ss(*matrices, period, inputs=names, outputs=list(shown.values()))
 
     def _frame(self, kind: str, columns: Columns) -> DataFrame:
         columns = kind_named(kind).completed(columns)

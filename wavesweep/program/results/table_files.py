@@ -261,20 +261,10 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         If it cannot be read.
     """
     path = Path(path)
-    if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
-        tables = sorted(package.with_suffix("").with_suffix(".parquet").name for package in path.glob("*.datapackage.json"))
-        problem = f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
-        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {problem}")
+    _refuse_other_paths(path)
     package = path.with_suffix(".datapackage.json")
     try:
-        fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
-        if fault:
-            raise UsageError(f"{path}: {fault}")
-        names, facts = _names_in(path), packaged_facts(package) if path.suffix == ".csv" else schema_facts(path)
-        if not facts:
-            raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
-        if not all(isinstance(facts.get(name, {}), Mapping) for name in ("spec", "linear_loop", "ticks", "unlike_units")):
-            raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
+        names, facts = _names_and_facts(path, package)
         command = packaged_facts(package).get("command", "")  # which a Parquet file does not have
         kind = kind_of(names, path.stem, {"command": command})
         if kind in kinds() and (missing := set(kind_named(kind).names) - set(names)):
@@ -290,6 +280,27 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     if not len(next(iter(columns.values()), ())):
         raise UsageError(f"{path}: expected the rows of a table, found none")
     return kind, columns, facts if kind in kinds() else {**facts, "command": command}
+
+
+def _refuse_other_paths(path: Path) -> None:
+    """Raise UsageError for a path that is neither a file nor a folder of Parquet parts."""
+    if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
+        tables = sorted(package.with_suffix("").with_suffix(".parquet").name for package in path.glob("*.datapackage.json"))
+        problem = f"a folder, with {', '.join(tables) or 'no table'}" if path.is_dir() else "no such file"
+        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {problem}")
+
+
+def _names_and_facts(path: Path, package: Path) -> tuple[list[str], dict[str, Any]]:
+    """The names of a table's columns, and the facts of its run. Raises UsageError for facts that are missing or damaged."""
+    fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
+    if fault:
+        raise UsageError(f"{path}: {fault}")
+    names, facts = _names_in(path), packaged_facts(package) if path.suffix == ".csv" else schema_facts(path)
+    if not facts:
+        raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
+    if not all(isinstance(facts.get(name, {}), Mapping) for name in ("spec", "linear_loop", "ticks", "unlike_units")):
+        raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
+    return names, facts
 
 
 def _names_in(path: Path) -> list[str]:

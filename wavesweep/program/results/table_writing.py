@@ -93,13 +93,7 @@ def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
             sync(file)
         sync(folder / name)
     for name in sorted(files, key=lambda name: not name.endswith(".parquet")):  # it has the facts of the run as well
-        new, place = folder / name, directory / name
-        if is_folder(place) or (is_folder(new) and place.exists()):  # a rename cannot take its place
-            place.rename(folder / f"{REPLACED}-{name}")
-        if is_folder(new):
-            new.rename(place)
-        else:
-            put(new, place)
+        _replace(folder / name, directory / name, folder / f"{REPLACED}-{name}")
     listed = packaged_files(folder / package)
     for suffix in (".csv", *FIGURES):
         if f"{kind}{suffix}" not in listed:
@@ -109,6 +103,16 @@ def put_in_place(kind: str, folder: Path, directory: Path) -> list[Path]:
         (folder / package).replace(directory / package)
         sync(directory)
     return [directory / name for name in (*files, package) if name != BEST]
+
+
+def _replace(new: Path, place: Path, old: Path) -> None:
+    """Move a file or folder to its place; a folder in the way goes to `old`."""
+    if is_folder(place) or (is_folder(new) and place.exists()):  # a rename cannot take its place
+        place.rename(old)
+    if is_folder(new):
+        new.rename(place)
+    else:
+        put(new, place)
 
 
 def _of_folder(error: OSError, directory: Path) -> OSError:
@@ -144,6 +148,13 @@ def _write_all(
                 csv.write(csv_rows(group))
             if written:
                 written.result()
+    _draw_all(stem, table, formats)
+    if table.text is not None and not only:
+        stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
+
+
+def _draw_all(stem: Path, table: Table, formats) -> None:
+    """Draw the figure of a table, if it has one, in each format."""
     draw: Any = table.figure
     for form in formats if draw else ():
         try:
@@ -152,8 +163,6 @@ def _write_all(
             if not isinstance(error, OSError):
                 error.add_note("This happened in the figure; --no-plot writes the table without it.")
             raise
-    if table.text is not None and not only:
-        stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
 
 
 def save(table: Table, path: Path) -> Path:

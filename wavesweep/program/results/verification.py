@@ -100,8 +100,10 @@ def _of_package(
         yield f"{package}: cannot be read as a data package of this program", True
         return
     damaged = list(_files(package)) or list(_described(package))
-    if not package.with_name(package.name.replace(PACKAGE, ".parquet")).is_dir():
-        damaged += _between(*(package.with_name(package.name.replace(PACKAGE, suffix)) for suffix in (".csv", ".parquet")))
+    csv = package.with_name(package.name.replace(PACKAGE, ".csv"))
+    parquet = csv.with_suffix(".parquet")
+    if not parquet.is_dir():
+        damaged += _between(csv, parquet)
     yield from ((text, True) for text in damaged)
     if not damaged:
         yield f"{package}: the files have the bytes and hashes of the package", False
@@ -120,7 +122,7 @@ def _of_package(
         yield f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…", True
     yield from _rows(package, facts, again, rows, seed, progress)
     if prove and again.provable:
-        yield from _proved_again(package.with_name(package.name.replace(PACKAGE, ".parquet")), again, prove, proved, progress)
+        yield from _proved_again(parquet, again, prove, proved, progress)
 
 
 def _files(package: Path) -> Iterator[str]:
