@@ -164,27 +164,32 @@ def _answer(spec: Spec, intervals: ReportSection | None, own: Line, certified: b
     """
     yield html.element("h2", "Answer")
     assumed = [MODEL, *([VARYING] if spec.for_all else [])]
-    if intervals is None:
-        title = "Certified stable." if certified else "Computed in double precision, not certified."
-        yield html.verdict(not own[1], title, "The ranges of its numbers follow below.", [own])
-    else:
-        rows, doubtful = interval_rows(intervals.table), any(warning for _, warning in intervals.lines)
-        lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
-        of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
-        how = "with its own numbers, certified" if certified else "with its own numbers, computed in double precision"
-        said = ("Certified.", CERTIFIED * of_one)
-        if doubtful and intervals.table.columns["certified"].all():
-            said = "Certified, but not known everywhere.", "A line below says where."
-        elif doubtful:
-            said = "Not all of this is certified.", ""
-        yield html.verdict(not doubtful, *said, [*lines, (f"{how}: {own[0]}", own[1])])
-        yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
-        yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
+    if intervals:
+        yield from _sweep_answer(spec, intervals, own, certified)
         facts = intervals.table.facts
         assumed += [f"The model has {facts['assumes']}."] if facts["assumes"] else []
         assumed += [f"Method: {method}." for method in facts["methods"].values()]
+    else:
+        title = "Certified stable." if certified else "Computed in double precision, not certified."
+        yield html.verdict(not own[1], title, "The ranges of its numbers follow below.", [own])
     yield html.element("h2", "What the proof assumes")
     yield html.listing((line, False) for line in assumed)
+
+
+def _sweep_answer(spec: Spec, intervals: ReportSection, own: Line, certified: bool) -> Iterator[str]:
+    """The certified intervals of the sweep; own and certified: see `_answer`."""
+    rows, doubtful = interval_rows(intervals.table), any(warning for _, warning in intervals.lines)
+    lines = [(text, warning) for text, warning in intervals.lines if warning or not (rows and text.startswith("  "))]
+    of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
+    how = "with its own numbers, certified" if certified else "with its own numbers, computed in double precision"
+    said = ("Certified.", CERTIFIED * of_one)
+    if doubtful and intervals.table.columns["certified"].all():
+        said = "Certified, but not known everywhere.", "A line below says where."
+    elif doubtful:
+        said = "Not all of this is certified.", ""
+    yield html.verdict(not doubtful, *said, [*lines, (f"{how}: {own[0]}", own[1])])
+    yield html.table(*rows) if rows else html.element("p", f"All rows: {intervals.command}", "small")
+    yield html.figure(intervals.svg, 1, f"{intervals.title}: {intervals.command}")
 
 
 def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[str]:

@@ -83,14 +83,7 @@ def verdict(certified: bool, title: str, text: str, lines: Iterable[tuple[str, b
 
 def listing(lines: Iterable[tuple[str, bool]]) -> str:
     """Lines, each with a flag that is true for a warning; one that is indented is below the line before, or part of it."""
-    headings: list[tuple[int, str, bool]] = []
-    for text, warning in lines:
-        depth = len(text) - len(text.lstrip())
-        if headings and depth >= headings[-1][0] + 4:  # what a terminal has in two lines
-            depth, before, doubt = headings.pop()
-            headings.append((depth, f"{before} {text.strip()}", doubt or warning))
-        else:
-            headings.append((min(depth, 2), text.strip(), warning))
+    headings = _headings(lines)
     items = ""
     for at, (depth, text, warning) in enumerate(headings):
         below = depth > min(heading[0] for heading in headings)
@@ -100,6 +93,19 @@ def listing(lines: Iterable[tuple[str, bool]]) -> str:
         if below and (at + 1 == len(headings) or headings[at + 1][0] < depth):
             items += "</ul>\n</li>\n"
     return f"<ul>\n{items}</ul>" if items else ""
+
+
+def _headings(lines: Iterable[tuple[str, bool]]) -> list[tuple[int, str, bool]]:
+    """The depth of every line, its text with its continuations, and whether one of them is a warning."""
+    headings: list[tuple[int, str, bool]] = []
+    for text, warning in lines:
+        depth = len(text) - len(text.lstrip())
+        if headings and depth >= headings[-1][0] + 4:  # what a terminal has in two lines
+            depth, before, doubt = headings.pop()
+            headings.append((depth, f"{before} {text.strip()}", doubt or warning))
+        else:
+            headings.append((min(depth, 2), text.strip(), warning))
+    return headings
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -101,7 +101,7 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
     refuted = [name for name in ("fails_below", "fails_from") if name in columns and not np.isnan(columns[name]).all()]
     shown = [*axes, *([whose] if whose else []), "low", "high", "low_hz", "high_hz", *refuted]
     said = dict(HEADS, low=f"{columns['along'][0]} from")
-    head = [f"{said.get(name, name)}{f' ({units[name]})' if units.get(name, '1') not in ('', '1') else ''}" for name in shown]
+    head = [_with_unit(said.get(name, name), units.get(name, "1")) for name in shown]
     kinds = row_kinds()
     rows = [
         [*(kinds[row[name]].legend if name == whose else _text(row[name]) for name in shown), _proof(row)]
@@ -110,6 +110,11 @@ def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | Non
     for row, number in zip(rows, columns["intervals"].tolist(), strict=True):
         row[shown.index("low")] = row[shown.index("low")] if number else "none"
     return (*head, "proof"), rows
+
+
+def _with_unit(text: str, unit: str) -> str:
+    """A heading with its unit, if it has one."""
+    return text if unit in ("", "1") else f"{text} ({unit})"
 
 
 def _proof(row: Columns) -> str:

@@ -49,10 +49,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
     columns = KINDS[0].completed(elasticities(job.grid, axis, found, KINDS[0].names))
     certified = int(found["certified"].all())
     notices = [f"{other_axis.name} is not swept here, {held(spec, other_axis.path)}" for other_axis in other_axes]
-    if not any(swept.path == axis.path and not swept.values for swept in spec.sweep) and axis.path not in spec.wall[:1]:
-        listed = any(swept.path == axis.path and swept.start < swept.stop for swept in spec.sweep)
-        said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
-        notices.append(f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}")
+    notices += _span_notices(spec, axis)
     if left_out := without_derivatives(spec):
         notices.append(
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
@@ -70,6 +67,15 @@ def why(spec: Spec, along: str | None = None) -> Table:
     open_ = [*filter(None, (open_places(found, row) for row in range(len(found["intervals"]))))]
     facts |= {"along": searched, "intervals": spans, "open": open_, "doubts": doubts}
     return Table.of("why", columns, facts)
+
+
+def _span_notices(spec: Spec, axis: Axis) -> list[str]:
+    """Between which values an axis is searched that has no span in [sweep]."""
+    if any(swept.path == axis.path and not swept.values for swept in spec.sweep) or axis.path in spec.wall[:1]:
+        return []
+    listed = any(swept.path == axis.path and swept.start < swept.stop for swept in spec.sweep)
+    said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
+    return [f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}"]
 
 
 def sensitivities(grid: Grid, axis: Axis) -> Columns:
