@@ -52,15 +52,18 @@ def sliders_of(spec: Spec) -> list[Slider]:
     return [_slider(spec, spec.names.keys[path]) for path in _paths(spec)]
 
 
-def _paths(spec):
-    if spec.drawing:
-        return [path for path in spec.names.numeric if path in spec.values]
+def _keys_read(spec):
+    """The keys that the loop reads, also where a gain is raised from zero."""
     # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.
     raised = {path: 1.0 if value == 0 and isinstance(value, float) else value for path, value in spec.values.items()}
     read = keys_of_page(spec.values) | keys_of_page(raised)
-    if spec.uneven:
-        read = (read - {"rates.ratio"}) | {"rates.slow_hz"}
-    paths = []
+    return (read - {"rates.ratio"}) | {"rates.slow_hz"} if spec.uneven else read
+
+
+def _paths(spec):
+    if spec.drawing:
+        return [path for path in spec.names.numeric if path in spec.values]
+    read, paths = _keys_read(spec), []
     for path in spec.names.numeric:
         stem, _, last = path.rpartition(".")
         by_edges = f"{stem}.passband_hz" in spec.given

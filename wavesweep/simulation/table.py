@@ -32,6 +32,19 @@ RESPONSE_METHODS = {
 }
 
 
+def _at_hand(spec):
+    """Whether the input enters where the hand does."""
+    return spec.drawing is None or entry_of(spec) == (spec.drawing.hand or ("",))[0]
+
+
+def _frame_lengths(simulation, columns):
+    """How many of the frames begun have each length, ticks."""
+    begun = int(columns["frame"].max(initial=-1)) + 1
+    lengths = np.diff([*simulation.starts, simulation.frame])[np.arange(begun) % len(simulation.starts)]
+    values, counts = np.unique(lengths, return_counts=True)
+    return dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
+
+
 def simulate(spec: Spec) -> list[Table]:
     """The time series of the simulated spec and, for settled sines, the response estimated from it."""
     from wavesweep.simulation.experiment import linear_loop, seen_response, settled_values, simulation_of
@@ -54,19 +67,14 @@ def simulate(spec: Spec) -> list[Table]:
     late = simulation.late
     facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     if isinstance(spec.simulate["frames"], str):
-        begun = int(columns["frame"].max(initial=-1)) + 1
-        lengths = np.diff([*simulation.starts, simulation.frame])[np.arange(begun) % len(simulation.starts)]
-        values, counts = np.unique(lengths, return_counts=True)
-        facts["frames"] = dict(zip(map(str, values.tolist()), counts.tolist(), strict=True))
+        facts["frames"] = _frame_lengths(simulation, columns)
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     at_random = spec.drawing is not None and spec.drawing.at_random
     alike = not (spec.simulate["frames"] or spec.simulate["messages"] or at_random)  # as those of the linear loop
     ends = settled_values(spec, linear) if spec.simulate["input"] == "step" else {}
     facts["settles_at"] = ends if alike else _reached(ends, columns)
     tables = [Table.of("simulate", columns, facts)]
-    of_hand = spec.drawing is None or entry_of(spec) == (spec.drawing.hand or ("",))[0]
-    tones = [tone for tone in hand.tones if tone.last <= rows and of_hand and alike]
-    if tones:
+    if tones := [tone for tone in hand.tones if tone.last <= rows and alike and _at_hand(spec)]:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
         notices = [*_unlike_the_linear(spec, linear, tones, simulation.frame)]

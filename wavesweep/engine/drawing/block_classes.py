@@ -7,6 +7,7 @@ signals `left.PORT`, which wires feed and read like those of any block.
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.keys.checking import Mistakes, nearest, show
@@ -84,6 +85,12 @@ def numbers_of_blocks(leaves: Mapping[Path, Leaf]) -> dict[str, str]:
     }
 
 
+def _ascending(runs: list[Any]) -> bool:
+    """Whether there are runs, and those that are numbers are in ascending order."""
+    numbers = [run for run in runs if isinstance(run, (int, float))]
+    return bool(runs) and numbers == sorted(numbers)
+
+
 def _in_series(name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
     """Return the leaves with delays from tap to tap, tap1, tap2 and so on, in place of a delay that has taps."""
     keys_of_delay = {
@@ -93,9 +100,7 @@ def _in_series(name: str, kind: Leaf, taps: Leaf, leaves: Mapping[Path, Leaf], m
     }
     placed = {path: leaf for path, leaf in leaves.items() if path[:2] != ("block", name)}
     runs, place = taps.value if isinstance(taps.value, list) else [], taps.place
-    numbers = [run for run in runs if isinstance(run, (int, float))]
-    wrong = not runs or numbers != sorted(numbers)
-    if wrong:
+    if wrong := not _ascending(runs):
         expected, text = "a list of runs of the block in ascending order, such as [2, 5]", ", ".join(map(str, runs))
         mistakes.refuse(taps, f"block.{name}.taps", expected, text or show(taps.value), of_key=False)
     for key in keys_of_delay.keys() & {("steps",), ("seconds",)}:

@@ -77,19 +77,24 @@ def _springs(
     return springs
 
 
-def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
-    """Return wires and couplings in which terms that act on a plant that nothing reads are wires: nothing shows how they act.
-
-    A block that nothing reads itself does not count as a reader. What such a plant does to itself stays a coupling. seen:
-    signals at the hand's port.
-    """
+def _blocks_read(wires: Wires, couplings: Wires, seen: Terms) -> set[str]:
+    """Return the blocks that the hand's port reads, by itself or through other blocks."""
     read, before = {port.rpartition(".")[0] for port, _ in wires}, None
     while read != before:
         before, read = read, {signal.rpartition(".")[0] for signal, _ in seen}
         for port, terms in (*wires, *couplings):
             if (block := port.rpartition(".")[0]) in before:
                 read |= {signal.rpartition(".")[0] for signal, _ in terms} - {block}
-    held, continuous = {}, []
+    return read
+
+
+def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
+    """Return wires and couplings in which terms that act on a plant that nothing reads are wires: nothing shows how they act.
+
+    A block that nothing reads itself does not count as a reader. What such a plant does to itself stays a coupling. seen:
+    signals at the hand's port.
+    """
+    read, held, continuous = _blocks_read(wires, couplings, seen), {}, []
     for port, terms in couplings:
         block = port.rpartition(".")[0]
         inside = tuple(term for term in terms if block in read or term[0].rpartition(".")[0] == block)

@@ -131,10 +131,8 @@ def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
     return _product(tree, sums)
 
 
-def _product(tree: Tree, sums: list[dict[str, Tree]]) -> dict[str, Tree]:
-    """`_linear` of an operation other than a sum. sums: of its operands."""
-    operation, at = tree[0], tree[-1]
-    left, right = ([name for name in gains if name] for gains in (sums[0], sums[-1]))
+def _refuse_nonlinear(operation: str, at: int, left: list[str], right: list[str]) -> None:
+    """Raise Fault if an operation is not linear in the signals that its operands, left and right, read."""
     fault = {
         **dict.fromkeys(FUNCTIONS, left and f"{'a root' if operation == 'sqrt' else operation} of a signal"),
         "**": (left or right) and "a power of a signal, or with a signal",
@@ -143,6 +141,13 @@ def _product(tree: Tree, sums: list[dict[str, Tree]]) -> dict[str, Tree]:
     }[operation]
     if fault:
         raise Fault(at, "arithmetic that is linear in the signals", fault)
+
+
+def _product(tree: Tree, sums: list[dict[str, Tree]]) -> dict[str, Tree]:
+    """`_linear` of an operation other than a sum. sums: of its operands."""
+    operation, at = tree[0], tree[-1]
+    left, right = ([name for name in gains if name] for gains in (sums[0], sums[-1]))
+    _refuse_nonlinear(operation, at, left, right)
     if not left and not right:
         return {"": tree}
     factor, of_signals = (sums[0][""], sums[1]) if right else (sums[1][""], sums[0])

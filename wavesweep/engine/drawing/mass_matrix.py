@@ -6,7 +6,7 @@ With `J = through` a mass m of further coordinates, such as joints and links, is
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import Any
 
@@ -61,6 +61,11 @@ def is_mass(keys: Mapping[str, Any], *entries: Any) -> Any:
     return reduce(operator.and_, good + [determinant([row[:n] for row in M[:n]]) > 0 for n in range(1, len(M) + 1)])
 
 
+def _has_shape(rows: Sequence[Sequence[Any]], height: int, width: int) -> bool:
+    """Whether a matrix has as many rows, and each of them as many numbers."""
+    return len(rows) == height and all(len(row) == width for row in rows)
+
+
 def shape_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
     """Return key, expected and found text if the matrices do not fit together."""
     n = len(keys["axes"])
@@ -69,7 +74,7 @@ def shape_fault(keys: Mapping[str, Any]) -> tuple[str, str, str] | None:
     many = len(keys["through"]) or n
     for name in ("through", *MATRICES):
         rows, shapes = keys[name], [(many, n)] if name == "through" else [(many, many), (1, many)]
-        if (rows or name == "mass") and not any(len(rows) == h and all(len(row) == w for row in rows) for h, w in shapes):
+        if (rows or name == "mass") and not any(_has_shape(rows, *shape) for shape in shapes):
             expected = " or ".join(f"{h} row{'s' * (h > 1)} of {w} numbers" for h, w in shapes)
             return name, expected, f"{len(rows)} of {', '.join(dict.fromkeys(str(len(row)) for row in rows)) or '0'}"
     return None

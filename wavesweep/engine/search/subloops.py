@@ -65,6 +65,16 @@ def _drift_alike(question, loops, drawings):
 
 
 @lru_cache(maxsize=64)
+def _feeds(drawing: Drawing, silent: frozenset[tuple[str, str]]) -> dict[str, set[str]]:
+    """Return the blocks that read the outputs of each block."""
+    feeds = {block.name: set() for block in drawing.blocks}
+    for port, terms in (*drawing.wires, *drawing.couplings):
+        for source in (signal.rpartition(".")[0] for signal, _ in terms if (port, signal) not in silent):
+            if source in feeds:
+                feeds[source].add(port.rpartition(".")[0])
+    return feeds
+
+
 def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(), *, every: bool = False) -> tuple[Drawing, ...]:
     """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
 
@@ -76,11 +86,7 @@ def subloops(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset(),
     value of a gain, which looks like one that only touches it; by themselves they are simple crossings. A block that is no
     part of a loop and comes to rest with any numbers is in no part, unless there is no other.
     """
-    feeds = {block.name: set() for block in drawing.blocks}
-    for port, terms in (*drawing.wires, *drawing.couplings):
-        for source in (signal.rpartition(".")[0] for signal, _ in terms if (port, signal) not in silent):
-            if source in feeds:
-                feeds[source].add(port.rpartition(".")[0])
+    feeds = _feeds(drawing, silent)
     reached = {name: _reached(feeds, name) for name in feeds}
     parts = dict.fromkeys(frozenset({name, *(other for other in reached[name] if name in reached[other])}) for name in feeds)
     alone = [block for block in drawing.blocks if block.name not in reached[block.name]]
