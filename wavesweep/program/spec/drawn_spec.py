@@ -1,6 +1,6 @@
 """What a spec has beside a drawn loop: the names of its tables, and what these ask of the drawing."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from wavesweep.engine.drawing.drawing_tables import TABLES, Surroundings
 from wavesweep.engine.keys.checking import Mistakes, nearest
@@ -49,7 +49,7 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
     """
     tables, tops, meant = ("type", *TABLES, *study_tables()), dict.fromkeys(path[0] for path in leaves), {}
     expected = f"one of the tables {', '.join(tables)}"
-    numbers = list(dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1))
+    numbers = _names_under("numbers", leaves)
     for (name, *rest), leaf in leaves.items():
         if name in tables or name in meant:
             continue
@@ -62,10 +62,15 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
             or_number = f"{', '.join(numbers)} of [numbers], or {expected}"
             mistakes.refuse(place, name, or_number, "an unknown name", near or nearest(name, numbers))
         else:
-            blocks = {path[1] for path in leaves if path[0] == "block" and len(path) > 1}
+            blocks = _names_under("block", leaves)
             mistakes.refuse(place, name, expected, "an unknown table", f"block.{name}" if name in blocks else near)
     named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
     return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
+
+
+def _names_under(table: str, leaves: Iterable[Path]) -> list[str]:
+    """The names in a table, in the order of the spec."""
+    return list(dict.fromkeys(path[1] for path in leaves if path[0] == table and len(path) > 1))
 
 
 def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:

@@ -143,10 +143,8 @@ def _override(leaves: dict[Path, Leaf], replaced: Path, value: object, where: Pl
     return {**result, **new}
 
 
-def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
-    tables = {table_field[0] for table_field in leaves}
-    drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
-    names, drawing, wrong = BUILT_IN, None, True
+def _without_missing_tables(leaves: dict[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:
+    """Return the leaves without the tables of capabilities that are not installed, and add a mistake for each of these."""
     for table, capability in missing().items():
         path_of_table = tuple(table.split("."))
         if inside := [path_below for path_below in leaves if path_below[: len(path_of_table)] == path_of_table]:
@@ -154,6 +152,14 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
             place_of_table = leaves[inside[0]].place.under(path_of_table)
             mistakes.refuse(place_of_table, f"[{table}]", "only tables of what is installed", reason)
             leaves = {path_below: leaf for path_below, leaf in leaves.items() if path_below not in inside}
+    return leaves
+
+
+def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: Mistakes) -> Spec:
+    tables = {table_field[0] for table_field in leaves}
+    drawn = tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves)
+    names, drawing, wrong = BUILT_IN, None, True
+    leaves = _without_missing_tables(leaves, mistakes)
     if drawn:
         from wavesweep.engine.drawing.block_classes import expanded
         from wavesweep.engine.drawing.drawing_tables import read_drawing

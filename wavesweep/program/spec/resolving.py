@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from wavesweep.engine.drawing.block_types import LONGEST_DELAY
@@ -57,14 +57,7 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
     device = given.device()
     given_values = (device.loop() if device else {}) | checked
     values = {path: given_values.get(path, KEYS[path].default) for path in VALUE_PATHS}
-    for key in KEYS.values():
-        if key.required and key.path not in given.leaves:
-            mistakes.refuse(given.leaf(key.path), key.path, expectation(key), "nothing (it has no default)", of_key=False)
-    for path in device.unknown() if device else ():
-        if path not in given.leaves:
-            leaf = given.leaf("device.preset")
-            expected = f"{expectation(KEYS[path])} in {KEYS[path].unit} (none is published for {leaf.value})"
-            mistakes.refuse(leaf, path, expected, "nothing")
+    _refuse_missing_keys(given, device.unknown() if device else (), mistakes)
     rate_known = not ("rates.fast_hz" in given.leaves and "rates.fast_hz" not in checked)
     _resolve_rates(given, checked, values, rate_known, mistakes)
     if of_frame:
@@ -72,14 +65,30 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], Mistakes]:
     for name in FILTERS:
         _resolve_filter(name, given, checked, values, rate_known, mistakes)
     # A limit is not applied where the value that sets it is itself a mistake.
-    wrong |= {mistake.key for mistake in mistakes}
+    _refuse_beyond_limits(given, values, wrong | {mistake.key for mistake in mistakes}, mistakes)
+    return values, mistakes
+
+
+def _refuse_missing_keys(given: Given, unpublished: Iterable[str], mistakes: Mistakes) -> None:
+    """Add a mistake for each key without a default that is missing. unpublished: those that the preset has no number for."""
+    for key in KEYS.values():
+        if key.required and key.path not in given.leaves:
+            mistakes.refuse(given.leaf(key.path), key.path, expectation(key), "nothing (it has no default)", of_key=False)
+    for path in unpublished:
+        if path not in given.leaves:
+            leaf = given.leaf("device.preset")
+            expected = f"{expectation(KEYS[path])} in {KEYS[path].unit} (none is published for {leaf.value})"
+            mistakes.refuse(leaf, path, expected, "nothing")
+
+
+def _refuse_beyond_limits(given: Given, values: Mapping, wrong: set[str], mistakes: Mistakes) -> None:
+    """Add a mistake for each value beyond its limit. wrong: keys with mistakes, which limit nothing."""
     for path, limiting in LIMITS.items():
         if wrong & {path, *limiting} or not _is_read(path, values):
             continue
         if expected := exceeds_limit(path, values[path], values):
             default = "" if path in given.leaves else " (the default)"
             mistakes.refuse(given.leaf(path), path, expected, show(values[path]) + default, of_key=False)
-    return values, mistakes
 
 
 def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given: Given) -> tuple[dict[str, float], Mistakes]:

@@ -136,15 +136,13 @@ def build_studies(request: Request) -> Studies:
     for axis in axes["bode"]:
         if not axis.values:
             mistakes.refuse(axis.place, f"bode.{axis.name}", "num with start and stop, or a list", "only a span")
-    frequencies = next((axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path), DEFAULT_FREQUENCIES)
-    if request.stepped and request.hz and frequencies is DEFAULT_FREQUENCIES:
-        start, stop = (share * request.hz for share in OF_PORTS)
-        frequencies = replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
+    frequencies = _frequencies(request, axes["bode"])
     bode = tuple(axis for axis in axes["bode"] if axis.path != DEFAULT_FREQUENCIES.path)
     if request.hz and frequencies.place != Place():  # defaults are not checked, since `bode` may never run
         refuse_beyond_half(frequencies, bode, request.hz, request.rate, mistakes)
-    for name, ports in (("from", "inputs"), ("to", "outputs")):
-        request.refuse_unknown_ends(f"bode.{name}", [keys[f"bode.{name}"].value] if f"bode.{name}" in keys else (), ports)
+    route = {name: keys[f"bode.{name}"].value for name in ("from", "to") if f"bode.{name}" in keys}
+    for name, value in route.items():
+        request.refuse_unknown_ends(f"bode.{name}", [value], "inputs" if name == "from" else "outputs")
     along = _along(request, axes["sweep"])
     request = replace(request, sweep=tuple(axes["sweep"]))
     for study, swept_axes in (("sweep", request.sweep), ("bode", bode)):
@@ -156,9 +154,18 @@ def build_studies(request: Request) -> Studies:
         sweep=request.sweep,
         bode=bode,
         frequencies=frequencies,
-        route={name: str(keys[f"bode.{name}"].value) for name in ("from", "to") if f"bode.{name}" in keys},
+        route={name: str(value) for name, value in route.items()},
         asked=dict.fromkeys(path.rpartition(".")[2] for path in missing()) | request.asked,
     )
+
+
+def _frequencies(request: Request, axes: Iterable[Axis]) -> Axis:
+    """The axis of frequencies of [bode], or the default one; axes: of [bode]."""
+    given = next((axis for axis in axes if axis.path == DEFAULT_FREQUENCIES.path), None)
+    if given or not (request.stepped and request.hz):
+        return given or DEFAULT_FREQUENCIES
+    start, stop = (share * request.hz for share in OF_PORTS)
+    return replace(DEFAULT_FREQUENCIES, values=logarithmic(start, stop, 400), start=start, stop=stop)
 
 
 def _along(request: Request, axes: Iterable[Axis]) -> str:
