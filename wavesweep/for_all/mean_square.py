@@ -400,21 +400,22 @@ def _chain(family, first, second):
                 for name, burst in zip(channels, bursts, strict=True)
             ]
             for then in product(*choices):
-                both = np.array(
-                    [
-                        [
-                            factor
-                            for name, *change in zip(channels, bursts, then, strict=True)
-                            for factor in (end[name].factors(*change, late[name]) if name in late else (1.0, 1.0))
-                        ]
-                        for end in (first, second)
-                    ]
-                ).T
+                changes = list(zip(channels, bursts, then, strict=True))
+                both = np.array([_factors(losses, changes, late) for losses in (first, second)]).T
                 if not (both == 0).all(-1).any():
                     edges.append((node(moment, bursts), symbol, node(family.symbols[after].moment, then)))
                     factors.append(both)
     source, symbol, target = (np.array(column) for column in zip(*edges, strict=True))
     return Graph(source, symbol, target), np.array(factors)
+
+
+def _factors(losses, changes, late):
+    """The factors of the probability that the bursts of the channels change in this way."""
+    return [
+        factor
+        for name, *change in changes
+        for factor in (losses[name].factors(*change, late[name]) if name in late else (1.0, 1.0))
+    ]
 
 
 def decays(loop: Chances) -> str:

@@ -4,7 +4,7 @@ They are computed by the way of constant rates, which shares neither the plan of
 fault of the one or of the other.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -33,21 +33,25 @@ def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None
         return []
     for axis in (each for each in case.ranges if each.path not in (changes or {})):
         values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
+    constant = _at_constant_frames(rules, values)
+    return [Loops(rules.drawing or loop_drawing(numbers, (case.along,)), numbers) for numbers in constant]
+
+
+def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
+    """Yield the numbers of the members: combinations of a few values of the numbers that vary from frame to frame."""
     varied = [axis for axis in rules.for_all.changing if not rules.messages]
-    some = []
+    choices = []
     for axis in varied:
         tried = values_of_range(axis)
-        some.append([tried[i] for i in sorted({*np.linspace(0, len(tried) - 1, MOST).astype(int).tolist()})])
-    found = []
-    for each in product(*some):
-        own = values | dict(zip((axis.path for axis in varied), each, strict=True))
-        frames_differ = any(own[axis.path] != values[axis.path] and axis.path != DELAY for axis in varied)
+        choices.append([tried[i] for i in sorted({*np.linspace(0, len(tried) - 1, MOST).astype(int).tolist()})])
+    for combination in product(*choices):
+        numbers = values | dict(zip((axis.path for axis in varied), combination, strict=True))
+        frames_differ = any(numbers[axis.path] != values[axis.path] and axis.path != DELAY for axis in varied)
         if frames_differ and not rules.elapsed:
             continue
         if rules.drawing is None and rules.with_frame:
-            own[DELAY] = own[RATIO]
-        found.append(Loops(rules.drawing or loop_drawing(own, (case.along,)), own))
-    return found
+            numbers[DELAY] = numbers[RATIO]
+        yield numbers
 
 
 def agree(loops: Sequence[Loops], along: str, span: tuple[float, float], rows: Sequence) -> bool:

@@ -90,9 +90,7 @@ def find_norms(
     The matrices grow from a small multiple of themselves; when the growth stalls below the factor `enough`, nodes of the graph
     are split. start: forms to begin with, such as those of similar matrices. work: operations after which the search ends.
     """
-    centre, factor = (replace(start, work=0.0), _largest_factor(start, A)) if start else (None, 0.0)
-    if not factor:
-        centre, factor = first_centre(A, follows)
+    centre, factor = _started(A, follows, start)
     centre = recentred(centre, factor * A, 8)
     try:
         while factor < 1 and centre.work < work:
@@ -113,6 +111,12 @@ def find_norms(
         if start and factor < 1:
             return find_norms(A, follows, None, work - centre.work, enough)
     return centre, factor
+
+
+def _started(A, follows, start):
+    """The forms that a search begins with, and its factor: `start`, unless there is none or it is too far from the matrices."""
+    factor = _largest_factor(start, A) if start else 0.0
+    return (replace(start, work=0.0), factor) if factor else first_centre(A, follows)
 
 
 def _largest_factor(centre, A):

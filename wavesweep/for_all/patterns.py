@@ -152,24 +152,29 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
     """
     rate = growth(A, word) ** (1 / len(word))
     while len(word) < LONGEST_IMPROVED:
-        n, length = A.shape[-1], len(word)
-        before, after = [np.eye(n)], [np.eye(n)]
-        for i in range(length):
-            before.append(A[word[i]] @ before[-1])
-            after.append(after[-1] @ A[word[-1 - i]])
-        after.reverse()  # after[i]: of the matrices from the i-th on
-        changed = [(*word[:i], j, *word[i + 1 :]) for i in range(length) for j in range(len(A))]
-        added = [(*word[:i], j, *word[i:]) for i in range(length) for j in range(len(A))]
-        less = [word[:i] + word[i + 1 :] for i in range(length)] if length > 1 else []
-        products = [after[i + 1] @ A @ before[i] for i in range(length)] + [after[i] @ A @ before[i] for i in range(length)]
-        products = np.concatenate([*products, np.array([after[i + 1] @ before[i] for i in range(len(less))]).reshape(-1, n, n)])
-        words = changed + added + less
+        words, products = _neighbours(A, word)
         radius = np.abs(np.linalg.eigvals(products)).max(-1) ** (1 / np.array([len(each) for each in words]))
         best = next((i for i in np.argsort(-radius).tolist() if _allowed(follows, words[i])), None)
         if best is None or radius[best] <= rate * (1 + 1e-12):
             break
         word, rate = words[best], radius[best]
     return _least(word)
+
+
+def _neighbours(A, word):
+    """The words with one matrix changed, added or removed, and their products."""
+    n, length = A.shape[-1], len(word)
+    before, after = [np.eye(n)], [np.eye(n)]
+    for i in range(length):
+        before.append(A[word[i]] @ before[-1])
+        after.append(after[-1] @ A[word[-1 - i]])
+    after.reverse()  # after[i]: of the matrices from the i-th on
+    changed = [(*word[:i], j, *word[i + 1 :]) for i in range(length) for j in range(len(A))]
+    added = [(*word[:i], j, *word[i:]) for i in range(length) for j in range(len(A))]
+    less = [word[:i] + word[i + 1 :] for i in range(length)] if length > 1 else []
+    products = [after[i + 1] @ A @ before[i] for i in range(length)] + [after[i] @ A @ before[i] for i in range(length)]
+    products = np.concatenate([*products, np.array([after[i + 1] @ before[i] for i in range(len(less))]).reshape(-1, n, n)])
+    return changed + added + less, products
 
 
 def _allowed(follows, word):

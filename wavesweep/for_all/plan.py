@@ -173,8 +173,12 @@ class Plan:
             symbols = list(dict.fromkeys(replace(symbol, step=None) for symbol in symbols))
         rows = [tuple(index[kind, symbol.step or steps[0]] for kind in self.rest(symbol)) for symbol in symbols]
         samples = [index[self.sample(symbol), symbol.ticks if self.schedule.elapsed else steps[0]] for symbol in symbols]
-        follows = np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
-        return tuple(rows), tuple(samples), tuple(symbols), follows
+        return tuple(rows), tuple(samples), tuple(symbols), _follows(symbols)
+
+
+def _follows(symbols):
+    """Which symbols (columns) may follow which (rows)."""
+    return np.array([[_may_follow(before, after) for after in symbols] for before in symbols])
 
 
 def _may_follow(before, after):

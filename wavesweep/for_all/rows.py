@@ -358,29 +358,31 @@ def _verdict(spec, rules):
     decided = True
     loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
-        if rules.vary and case.ranges:
-            said, by = decided_over(rules, case.values, case.ranges)
-            if said == "refuted":
-                return {"verdict": said, "counterexample": numbers_in_words(case.fixed | by)}
-            decided &= said == "proved"
-            continue
-        if rules.vary:
-            said, pattern = _decided(spec, rules, number, case)
-            if said == "refuted":
-                return {"verdict": said, "counterexample": numbers_in_words({**case.fixed, pattern: None})}
-            decided &= said == "proved"
-            continue
-        numbers = case.unstable()
-        covered = case.cover() if numbers is None and case.ranges else None
-        if covered is not None and len(covered.unstable):
-            numbers = case.named(covered.unstable[0])
-        if numbers is not None:
-            return {"verdict": "refuted", "counterexample": numbers_in_words(numbers)}
-        decided &= covered is None or not len(covered.open)
+        said, numbers = _case_verdict(spec, rules, number, case)
+        if said == "refuted":
+            return {"verdict": said, "counterexample": numbers_in_words(numbers)}
+        decided &= said == "proved"
     covered = {"verdict": "proved" if decided else "unknown", "counterexample": ""}
     if decided and any(unstable(members(rules, case)) for case in loop.cases):
         return covered | {"verdict": "unknown", "doubt": "contradiction"}
     return covered
+
+
+def _case_verdict(spec, rules, number, case):
+    """The verdict on a case, and if it is refuted the numbers with which it is unstable."""
+    if rules.vary and case.ranges:
+        said, by = decided_over(rules, case.values, case.ranges)
+        return said, case.fixed | by
+    if rules.vary:
+        said, pattern = _decided(spec, rules, number, case)
+        return said, {**case.fixed, pattern: None}
+    numbers = case.unstable()
+    covered = case.cover() if numbers is None and case.ranges else None
+    if covered is not None and len(covered.unstable):
+        numbers = case.named(covered.unstable[0])
+    if numbers is not None:
+        return "refuted", numbers
+    return "unknown" if covered is not None and len(covered.open) else "proved", {}
 
 
 def _decided(spec, rules, number, case):
