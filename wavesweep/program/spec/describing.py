@@ -114,12 +114,8 @@ def named(name: str) -> dict[str, Description]:
     path = SYMBOLS.get(name, name)
     if table := next((table for table in TABLES if path == table or path.startswith(f"{table}.")), ""):
         return {table: TABLES[table]}
-    if path == "block":
-        return {f"block.{kind}": _type(kind) for kind in TYPES}
-    if path.startswith("block.") and path[6:] in TYPES:
-        return {path: _type(path[6:])}
-    if path.startswith("block.") and path[6:] in (classes := shipped_classes()):
-        return {path: _class(classes[path[6:]])}
+    if blocks := _blocks(path):
+        return blocks
     if path in EVERY_KEY:
         return {path: described(EVERY_KEY[path], path)}
     study, _, axis = path.partition(".")
@@ -133,6 +129,17 @@ def named(name: str) -> dict[str, Description]:
     return {
         known_path: described(key, known_path) for known_path, key in EVERY_KEY.items() if known_path.startswith(f"{path}.")
     }
+
+
+def _blocks(path: str) -> dict[str, Description]:
+    """Return the descriptions of all types of blocks, of one type, or of a class; empty for any other path."""
+    if path == "block":
+        return {f"block.{kind}": _type(kind) for kind in TYPES}
+    if path.startswith("block.") and path[6:] in TYPES:
+        return {path: _type(path[6:])}
+    if path.startswith("block.") and path[6:] in (classes := shipped_classes()):
+        return {path: _class(classes[path[6:]])}
+    return {}
 
 
 def meant(name: str) -> str:

@@ -64,7 +64,12 @@ def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dic
         else:
             blocks = _names_under("block", leaves)
             mistakes.refuse(place, name, expected, "an unknown table", f"block.{name}" if name in blocks else near)
-    named = {path: (meant.get(path[0], path[0]), *path[1:]) for path in leaves}
+    return _with_renamed_tables(leaves, meant)
+
+
+def _with_renamed_tables(leaves: Mapping[Path, Leaf], new_names: Mapping[str, str]) -> dict[Path, Leaf]:
+    """Return the leaves with new names of their tables; a table whose new name is empty is left out."""
+    named = {path: (new_names.get(path[0], path[0]), *path[1:]) for path in leaves}
     return {path if path[0] == new[0] else normal_path(new): leaves[path] for path, new in named.items() if new[0]}
 
 

@@ -105,6 +105,13 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
 
         leaves = with_classes(leaves)
         symbols |= numbers_of_blocks(leaves)
+    return _overridden(leaves, overrides, symbols, mistakes)
+
+
+def _overridden(
+    leaves: dict[Path, Leaf], overrides: Iterable[str], symbols: Mapping[str, str], mistakes: Mistakes
+) -> dict[Path, Leaf]:
+    """Return the leaves with those of --set in their places. symbols: the short names of a drawn loop's numbers."""
     source = dict(leaves)
     for typed in overrides:
         try:

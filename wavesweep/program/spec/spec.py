@@ -309,6 +309,23 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
     without a span has one from a tenth of its value to ten times it. Errors: SpecError if `along` is not a numeric key or has
     no span.
     """
+    name = _axis_name(spec, along)
+    if fault := axis_fault(name, spec.names):
+        raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
+    path = spec.names.find(name).path
+    if spec.builds(path, [axis.path for axis in spec.sweep]):
+        raise UsageError(no_axis(spec, name))
+    wanted = _axis_or_default(spec, name, path, swept)
+    if wanted is None or not wanted.start < wanted.stop:
+        place = wanted.place if wanted else spec.source_place.under(("sweep",))
+        expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
+        problem = "a single value" if wanted else "none"
+        raise SpecError([place.mistake(f"sweep.{name}", expected, problem)])
+    return wanted, tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
+
+
+def _axis_name(spec: Spec, along: str | None) -> str:
+    """Return the name of the axis along which intervals are wanted; `K_VE` of a drawn loop is the stiffness of its wall."""
     name = spec.along if along is None else along
     if not isinstance(name, str):
         raise UsageError(f"along: expected the name of a number, found {along!r:.60}")
@@ -320,22 +337,17 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
             expected = "along = ..., the number whose stable intervals are wanted"
             raise SpecError([spec.mistake("sweep", expected, "none, and not a single axis that is only a span")])
         name = spec.drawing.wall[0] if along == "K_VE" else name
-    if fault := axis_fault(name, spec.names):
-        raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
-    path = spec.names.find(name).path
-    if spec.builds(path, [axis.path for axis in spec.sweep]):
-        raise UsageError(no_axis(spec, name))
+    return name
+
+
+def _axis_or_default(spec: Spec, name: str, path: str, swept: bool) -> Axis | None:
+    """Return the axis of [sweep] over a key, or one with a default span; None if it has neither."""
     wanted = next((axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)), None)
     value, structural = spec.own(path), spec.names.keys[path].structural
     if wanted is None and (path in spec.wall[:1] or (value and not swept and not structural)):
         span = K_VE_SPAN if path in spec.wall[:1] else sorted((value / 10, value * 10))
         wanted = Axis(name, path, (), *span, structural, "linear")
-    if wanted is None or not wanted.start < wanted.stop:
-        place = wanted.place if wanted else spec.source_place.under(("sweep",))
-        expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
-        problem = "a single value" if wanted else "none"
-        raise SpecError([place.mistake(f"sweep.{name}", expected, problem)])
-    return wanted, tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
+    return wanted
 
 
 def no_axis(spec: Spec, name: str) -> str:

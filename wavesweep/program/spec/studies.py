@@ -129,7 +129,7 @@ def hardware_of(asked: Mapping[str, TableValue | None], device: HapticDevice | N
 
 def build_studies(request: Request) -> Studies:
     """Return the studies and add their mistakes."""
-    keys, mistakes = request.belongs.keys, request.mistakes
+    mistakes = request.mistakes
     axes = {study: request.axes(study) for study in ("sweep", "bode")}
     for study, swept_axes in axes.items():
         request.refuse_other_edges(study, swept_axes)
@@ -140,9 +140,7 @@ def build_studies(request: Request) -> Studies:
     bode = tuple(axis for axis in axes["bode"] if axis.path != DEFAULT_FREQUENCIES.path)
     if request.hz and frequencies.place != Place():  # defaults are not checked, since `bode` may never run
         refuse_beyond_half(frequencies, bode, request.hz, request.rate, mistakes)
-    route = {name: keys[f"bode.{name}"].value for name in ("from", "to") if f"bode.{name}" in keys}
-    for name, value in route.items():
-        request.refuse_unknown_ends(f"bode.{name}", [value], "inputs" if name == "from" else "outputs")
+    route = _route(request)
     along = _along(request, axes["sweep"])
     request = replace(request, sweep=tuple(axes["sweep"]))
     for study, swept_axes in (("sweep", request.sweep), ("bode", bode)):
@@ -154,9 +152,18 @@ def build_studies(request: Request) -> Studies:
         sweep=request.sweep,
         bode=bode,
         frequencies=frequencies,
-        route={name: str(value) for name, value in route.items()},
+        route=route,
         asked=dict.fromkeys(path.rpartition(".")[2] for path in missing()) | request.asked,
     )
+
+
+def _route(request: Request) -> dict[str, str]:
+    """The ends of the responses that [bode] asks for, "from" and "to"; a mistake is added for those that the loop has not."""
+    keys = request.belongs.keys
+    route = {name: keys[f"bode.{name}"].value for name in ("from", "to") if f"bode.{name}" in keys}
+    for name, value in route.items():
+        request.refuse_unknown_ends(f"bode.{name}", [value], "inputs" if name == "from" else "outputs")
+    return {name: str(value) for name, value in route.items()}
 
 
 def _frequencies(request: Request, axes: Iterable[Axis]) -> Axis:

@@ -59,22 +59,29 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
     for block in drawing.blocks:
         if f"block.{block.name}.type" in given.leaves:  # others are of `prev(...)`
             tables |= _written_block(block, values, given)
-    for path, leaf in given.leaves.items():
-        table, _, rest = path.partition(".")
-        if path.startswith(("ports.inputs.", "ports.outputs.")):
-            if not path.endswith(".unit"):
-                word, place = given.leaves.get(f"{path}.unit"), tuple(path.split(".", 2))
-                tables[*place, "signal"], tables[*place, "unit"] = leaf.value, word.value if word else ""
-        elif table in ("wire", "signals", "ports"):
-            tables[tuple(path.split(".")) if table == "ports" else (table, rest)] = leaf.value
-        elif table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
-            words = (given.leaves.get(path + suffix) for suffix in NUMBER_WORDS)
-            unit, description = (word.value if word else "" for word in words)
-            tables[table, rest] = {"value": leaf.value, "unit": unit, "description": description}
+    for path in given.leaves:
+        tables |= _written_leaf(path, values, given)
     for name, terms, unit in drawing.outputs:
         if path_of_port("outputs", name) not in given.leaves:  # asked for by [bode] or another table, see `Drawing.signals`
             tables |= {("ports", "outputs", name, "signal"): sum_of(terms), ("ports", "outputs", name, "unit"): unit}
     return tables
+
+
+def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, object]:
+    """Return what a spec could give for a port, wire or signal, or for a number that follows from others."""
+    leaf, (table, _, rest) = given.leaves[path], path.partition(".")
+    if path.startswith(("ports.inputs.", "ports.outputs.")):
+        if path.endswith(".unit"):
+            return {}
+        word, place = given.leaves.get(f"{path}.unit"), tuple(path.split(".", 2))
+        return {(*place, "signal"): leaf.value, (*place, "unit"): word.value if word else ""}
+    if table in ("wire", "signals", "ports"):
+        return {tuple(path.split(".")) if table == "ports" else (table, rest): leaf.value}
+    if table == "numbers" and path not in values and not path.endswith(NUMBER_WORDS):  # one that follows from others
+        words = (given.leaves.get(path + suffix) for suffix in NUMBER_WORDS)
+        unit, description = (word.value if word else "" for word in words)
+        return {(table, rest): {"value": leaf.value, "unit": unit, "description": description}}
+    return {}
 
 
 def _written_block(block, values, given):
