@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import wavesweep
 from wavesweep.engine.stability import along_any, reduced_equation
 from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.sampled_frames import Frames
@@ -89,3 +90,27 @@ def test_a_crossing_that_newtons_method_does_not_find_is_left_open(monkeypatch):
     parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
     parts[0, 0, -1], parts[1, 0, -1] = 0.995, 0.01
     assert (regions_of(parts).doubt != NONE).all()
+
+
+@pytest.mark.parametrize("pole", [0.96, 0.99])
+def test_a_link_that_is_tiny_and_0_at_some_values_may_close_a_loop_of_large_gains(pole):
+    """z^26 (z - pole) = e(p), e = 4e10 times the link between two lines of 13 ticks: for e > 0 the largest root is real, and it
+    crosses z = 1 at e = 1 - pole; at the zeros of the link the roots are 0 and the pole."""
+    link = "2.5e-10*(p - 1.53)*(p - 1.37)*(p - 1.71)*(p - 1.013)*(p - 1.987)"
+    line = {"type": "delay", "steps": 13}
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"p": 1.4},
+        "block": {"a": line, "b": line, "x": {"type": "tf", "discrete": True, "num": [1], "den": [1, -pole]}},
+        "wire": {"a.u": "2e5*x.y", "b.u": f"{link}*a.y", "x.u": "2e5*b.y"},
+        "sweep": {"along": "p", "p": {"start": 1, "stop": 2}},
+    }
+    table = wavesweep.compile(tables).stable_intervals()
+    assert table.certified.all()
+    for p in np.linspace(1, 2, 401):
+        e = 10 * np.prod(p - np.array([1.53, 1.37, 1.71, 1.013, 1.987]))
+        stable = ((table.low <= p) & (p <= table.high)).any()
+        if e > 1 - pole + 1e-9:
+            assert not stable
+        if abs(e) < (1 - pole) * 0.99:  # the pole and e are too small together for a root on the circle
+            assert stable

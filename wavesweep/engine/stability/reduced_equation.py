@@ -31,9 +31,9 @@ CONVERGED, BESIDE = 1e-9, 1e-7  # the last step; next to a crossing, in parts of
 MOST_TERMS = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
 SHRINKS, SURELY = 0.93, 0.95  # of weights, what is wanted to be left of them, and what is left at most
-ROUNDED = 64 * EPS  # of the terms of a sum, and so much for each state of a line
+ROUNDED = 128 * EPS  # of the terms of a sum, and so much for each state of a line, half of it for its link
 ENTRIES = 2**19  # of what delay lines show, at a time
-SAME = 1e-12  # of a link of a delay line, which is 1
+LINKED = ROUNDED / 2  # of a link of a delay line, which is 1
 BEYOND = 1e-7  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
 SHARES = (0.5, 0.37, 0.71, 0.13, 0.91)  # of a stretch, where eigenvalues are counted
 
@@ -253,13 +253,15 @@ def tiles_by_lines(panels: Panels, errors, points, span, slack) -> Tiles | None:
 
 
 def _same_lines(panels, lines):
-    """Whether all panels have these lines, as frames at some points have."""
+    """Whether all panels have these lines, as frames at some points have: no other entry of theirs is anything but exactly 0,
+    since a loop of large gains may be closed by the smallest one."""
     rows, n = lines.delayed[:, None], panels.error.shape[-1]
     links = -np.eye(n)
     for line in lines.lines:
         links[line[1:], line[:-1]] = 1
-    c = panels.coefficients[..., rows, lines.delayed]
-    return (np.abs(c[:, 0] - links[rows, lines.delayed]).max(initial=0) + np.abs(c[:, 1:]).max(initial=0)) < SAME
+    links, c = links[rows, lines.delayed], panels.coefficients[..., rows, lines.delayed]
+    off = np.abs(c[:, 0] - links) + np.abs(c[:, 1:]).sum(1) + panels.error[:, rows, lines.delayed]
+    return bool((off <= np.where(links == 0, 0.0, LINKED)).all())
 
 
 def _around_circle(equation, panel, low, high):
