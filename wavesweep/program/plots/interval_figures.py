@@ -88,22 +88,17 @@ def _once(columns: Columns) -> Columns:
 def _draw(shown: Shown) -> Any:
     """Draw all panels with their legends and notes."""
     layout, panels = shown.layout, shown.layout.panel_values or (np.nan,)
-    across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) or is_narrow() else 3
+    across = _panels_in_a_row(len(panels))
     down = -(-len(panels) // across)
     usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
-    height = 2.5 if across == 1 else _PANEL_HEIGHT * down
-    height += 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
-    with figure(usual, height) as canvas:
+    with figure(usual, _height(shown, across, down)) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         reached, how = list(shown.view), set()
         for axes, value in zip(grid.flat, panels, strict=False):
             reached += _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down), how)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
-        view = min(reached), max(reached)
-        for axes in grid.flat if shown.by_factors else ():
-            by_factors(axes.xaxis if layout.x is None else axes.yaxis, *view)
-        (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(view)
+        _scale_values(shown, grid, (min(reached), max(reached)))
         for number, axes in enumerate(grid.flat[: len(panels)]):
             axes.tick_params(labelbottom=number + across >= len(panels))
             mark_range(axes, shown.columns, bars=layout.x is None)
@@ -118,6 +113,27 @@ def _draw(shown: Shown) -> Any:
         _name_axes(shown, canvas, how)
         draw_legends(canvas, grid, members, marks, legends_beside)
     return canvas
+
+
+def _panels_in_a_row(number: int) -> int:
+    if number == 1:
+        return 1
+    return 2 if number in (2, 4) or is_narrow() else 3
+
+
+def _height(shown: Shown, across: int, down: int) -> float:
+    """The height of all panels, in inches, with room for many bars."""
+    height = 2.5 if across == 1 else _PANEL_HEIGHT * down
+    return height + (0.12 * down * max(0, len(shown.layout.bars) - MOST_BARS) if shown.layout.x is None else 0.0)
+
+
+def _scale_values(shown: Shown, grid: np.ndarray, view: tuple[float, float]) -> None:
+    """Give the axis of the values, which all panels share, its scale and its ends."""
+    bars = shown.layout.x is None
+    if shown.by_factors:
+        for axes in grid.flat:
+            by_factors(axes.xaxis if bars else axes.yaxis, *view)
+    (grid[0, 0].set_xlim if bars else grid[0, 0].set_ylim)(view)
 
 
 def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float], how: set[str]) -> list[float]:
@@ -135,16 +151,22 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
     if layout.panels is not None:
         axes.set_title(valued(layout.panels, panel, shown.facts))
     if shown.best and (layout.panels is None or shown.best[layout.panels] == panel):
-        at = bars_of.get(shown.best.get(shown.whose, ""))
-        axes.plot(*shown.place(shown.best, members), **BEST, **({"transform": at.place(axes)} if at else {}))
+        _mark_best(shown, axes, members, bars_of)
     for place in shown.own_design([panel])[0]:
         axes.plot(*place, **OWN)
     for name, height in shown.limits_of_walls().items():
         axes.axhline(height, **LIMIT, linestyle=LIMITS[name][1])
-    for place, member in enumerate(members) if layout.x is None else ():
-        if member.proved:
-            draw_for_all_bar(axes, place, HALF_BAR, member.rows, shown.span)
+    if layout.x is None:
+        for place, member in enumerate(members):
+            if member.proved:
+                draw_for_all_bar(axes, place, HALF_BAR, member.rows, shown.span)
     return reached
+
+
+def _mark_best(shown: Shown, axes: Any, members: Sequence[Member], bars_of: Mapping[str, Bars]) -> None:
+    """Draw the mark of the best design, on the bar of its guarantee if it is one of these."""
+    at = bars_of.get(shown.best.get(shown.whose, ""))
+    axes.plot(*shown.place(shown.best, members), **BEST, **({"transform": at.place(axes)} if at else {}))
 
 
 def _draw_plane(
@@ -186,31 +208,47 @@ def _draw_plane(
             spans = [(place, *span) for place, (_, spans) in curve.columns.items() for span in spans]
             draw_unknown_at_values(axes, [(place, *np.clip(span, *shown.view)) for place, *span in spans], shown.span, at)
     if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
-        edge = max(_EDGE, (width + _APART) * sum(single) / 2 / points)
-        room, factor = edge * (high - low), (high / low) ** edge if logarithmic else 1.0
-        low, high = (low / factor, high * factor) if logarithmic else (low - room, high + room)
+        low, high = _with_room(low, high, max(_EDGE, (width + _APART) * sum(single) / 2 / points), logarithmic)
     axes.set_xlim(low, high)
     return [y for y in reached if y > shown.view[1]], bars_of
 
 
+def _with_room(low: float, high: float, edge: float, logarithmic: bool) -> tuple[float, float]:
+    """The ends of an axis with room beyond both; edge: its share of the axis."""
+    if logarithmic:
+        factor = (high / low) ** edge
+        return low / factor, high * factor
+    room = edge * (high - low)
+    return low - room, high + room
+
+
+def _label_along(shown: Shown) -> str:
+    """The label of the axis of the values."""
+    names = dict.fromkeys(shown.columns["along"].tolist())
+    along = "stiffness of the wall" if len(names) > 1 else label(shown.along, shown.facts)
+    if units := unlike_units(shown.facts).get("high"):
+        along = with_unit(symbol(shown.along) if len(names) == 1 else along, printed(units))
+    return along
+
+
+def _assumption(shown: Shown) -> str:
+    """The note on controller, wall, delay and velocity."""
+    if shown.whose == "spec":
+        return assumption(shown.facts)
+    said, _, _ = assumed(shown.facts).partition(":")  # usual engines follow
+    kind = shown.facts.get("spec", {}).get("controller", {}).get("kind")
+    return f"{kind}, {said}" if kind and said else said.capitalize()
+
+
 def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
     layout, facts, bars = shown.layout, shown.facts, shown.layout.x is None
-    names = dict.fromkeys(shown.columns["along"].tolist())
-    along = label(shown.along, facts)
-    if len(names) > 1:
-        along = "stiffness of the wall"
-    if units := unlike_units(facts).get("high"):
-        along = with_unit(symbol(shown.along) if len(names) == 1 else along, printed(units))
+    along = _label_along(shown)
     required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
     unmarked = [module.undrawn(facts, layout.x, shown.along) for module in modules("marks")]
-    said, _, _ = assumed(facts).partition(":")  # usual engines follow
-    kind = facts.get("spec", {}).get("controller", {}).get("kind")
-    note = f"{kind}, {said}" if kind else said.capitalize()  # controller, wall, delay and velocity
-    note = assumption(facts) if shown.whose == "spec" else note if said else ""
     missing = shown.own_design(layout.panel_values or (np.nan,))[1]
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
     along_x = along if bars else label(layout.x, facts)
-    note_below(canvas, required, layout.left_out, drawn, missing, *unmarked, note, axis=along_x)
+    note_below(canvas, required, layout.left_out, drawn, missing, *unmarked, _assumption(shown), axis=along_x)
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)

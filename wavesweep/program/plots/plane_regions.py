@@ -64,7 +64,7 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
 
 def _followed(curve: PlaneCurve, view: View) -> _Followed:
     places = sorted(curve.columns)
-    first = [(places[0], interval) for interval in curve.columns[places[0]][0]]
+    first = _points(places[0], curve.columns[places[0]][0])
     if len(places) == 1:
         return _Followed([[place] for place in first], [], first)
     chains: list[Chain] = [[place] for place in first]
@@ -73,21 +73,31 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
         state = curve.gaps.get((left, right), UNDECIDED)
         (before, open_before), (after, open_after) = curve.columns[left], curve.columns[right]
         if state == KNOWN:
-            for chain, interval in zip(growing, after, strict=True):
-                chain.append((right, interval))
+            _go_on(growing, right, after)
         elif state == NARROW:
             (middle,) = view.between(left, right, 2)
-            for chain, interval in zip(growing, before, strict=True):
-                chain.append((middle, interval))
+            _go_on(growing, middle, before)
             across += [] if open_before or open_after else _jumps(middle, before, after)
             growing = [[(middle, interval), (right, interval)] for interval in after]
             chains += growing
         else:
-            bars += [(left, interval) for interval in before] * alone + [(right, interval) for interval in after]
-            growing = [[(right, interval)] for interval in after]
+            starts = _points(right, after)
+            bars += _points(left, before) * alone + starts
+            growing = [[start] for start in starts]
             chains += growing
         alone = state != UNDECIDED
     return _Followed(chains, across, bars)
+
+
+def _points(x: float, intervals: Sequence[Interval]) -> Chain:
+    """The intervals with the x at which they are."""
+    return [(x, interval) for interval in intervals]
+
+
+def _go_on(growing: Sequence[Chain], x: float, intervals: Sequence[Interval]) -> None:
+    """Append an interval at x to each of the chains."""
+    for chain, point in zip(growing, _points(x, intervals), strict=True):
+        chain.append(point)
 
 
 def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, float]]:

@@ -97,15 +97,15 @@ def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | No
     An end of the swept range has none. span: that range, of intervals whose ends do not say whether the range has set them.
     """
     place = {"transform": at.place(axes)}
-    least = _SEEN * (span[1] - span[0]) if span else 0.0
+    bottom, top, least = (*span, _SEEN * (span[1] - span[0])) if span else (-np.inf, np.inf, 0.0)
     for certified, colour in ((True, look.colour), (False, DOUBTFUL)):
         chosen = [(x, interval) for x, interval in bars if interval.certified == certified]
         if chosen:
             spans = np.array([(x, interval.low, interval.high) for x, interval in chosen]).T
             body = at.body(colour) if certified else {"colors": [colour], "linewidths": 0.8, "linestyles": "--"}
             axes.vlines(*spans, **body, **place)
-        ends = [(x, e.low) for x, e in chosen if e.low_real and not (span and e.low - span[0] <= least)]
-        ends += [(x, e.high) for x, e in chosen if e.high_real and not (span and span[1] - e.high <= least)]
+        ends = [(x, e.low) for x, e in chosen if e.low_real and e.low - bottom > least]
+        ends += [(x, e.high) for x, e in chosen if e.high_real and top - e.high > least]
         if ends:
             size = max(4.0, at.width + 2)
             axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=size, clip_on=False, **place)

@@ -36,6 +36,7 @@ _WRAPS = 2  # jumps of a phase, up to which it stays between -180 and 180 degree
 _TURN, _BESIDE = 135.0, 60.0  # degrees between neighbours: a step of the first beside one of the second, as no resonance has
 # between two of its samples, may be whole turns more
 Say = Callable[[str], None]
+_Response = tuple[str, dict[str, np.ndarray]]  # the values of the axes, in words, and the rows
 _TOO_FAST = "Left out: phases beyond which the frequencies are too far apart to tell how often they turn."
 NYQUIST = "slow Nyquist frequency, {:.4g} Hz"
 
@@ -245,23 +246,35 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     by_spec = [_responses(where(columns, columns["spec"] == spec), axes, facts) for spec in specs]
     several = len(axes) > 0 and sum(map(len, by_spec)) > _MOST_CURVES
-    scale = _scale(columns[axes[0]]) if several else None
+    scale = (axes[0], _scale(columns[axes[0]])) if several else None
     curves = []
     for index, (spec, responses) in enumerate(zip(specs, by_spec, strict=True)):
-        looks = family_looks(len(responses)) if len(responses) > 1 else [distinct_look(index)]
+        styles = _family_styles(index, responses, len(specs) > 1) if scale is None else _scaled_styles(index, responses, *scale)
         named: set[str] = set()
-        for (place, rows), look in zip(responses, looks, strict=True):
-            colour = scale.to_rgba(rows[axes[0]][0]) if scale is not None and len(responses) > 1 else look.colour
-            style = {"color": colour, "linestyle": look.line if scale is None else LINES[index % len(LINES)]}
-            if len(specs) > 1 and len(responses) > 1 and scale is None:
-                style |= {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5}
-            style |= {"linewidth": 0.8} if scale is not None else {}
+        for (place, rows), style in zip(responses, styles, strict=True):
             shown = place if len(responses) > 1 and scale is None else ""
             for piece in _by_stability(rows) if x != "frequency_hz" else [rows]:
                 curve = _curve(piece, spec, shown, style)
                 curves.append(replace(curve, label="") if curve.label in named else curve)
                 named.add(curve.label)
-    return curves, None if scale is None else (axes[0], scale)
+    return curves, scale
+
+
+def _family_styles(index: int, responses: Sequence[_Response], several_specs: bool) -> list[dict[str, Any]]:
+    """The styles of the responses of a spec; index: its place among the specs."""
+    if len(responses) == 1:
+        look = distinct_look(index)
+        return [{"color": look.colour, "linestyle": look.line}]
+    marker = {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5} if several_specs else {}
+    return [{"color": look.colour, "linestyle": look.line} | marker for look in family_looks(len(responses))]
+
+
+def _scaled_styles(index: int, responses: Sequence[_Response], axis: str, scale: Any) -> list[dict[str, Any]]:
+    """The styles of the responses of a spec, if there are so many that a scale of an axis gives their colours."""
+    thin = {"linestyle": LINES[index % len(LINES)], "linewidth": 0.8}
+    if len(responses) == 1:
+        return [{"color": distinct_look(index).colour} | thin]
+    return [{"color": scale.to_rgba(rows[axis][0])} | thin for _, rows in responses]
 
 
 def _scale(values: np.ndarray) -> Any:
@@ -273,12 +286,12 @@ def _scale(values: np.ndarray) -> Any:
     return ScalarMappable(norm(float(finite.min()), float(finite.max())), family_map())
 
 
-def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[_Response]:
     """Return the rows of each combination of the axes, with its name; rows that an ignored axis repeats count once."""
     values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
     values = np.where(np.isnan(values), np.inf, values)  # an axis of other specs; NaN would not be equal to itself
     different, number_of = np.unique(values, axis=0, return_inverse=True)
-    responses: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
+    responses: dict[bytes, _Response] = {}
     for number, combination in enumerate(different):
         rows = where(columns, number_of.reshape(-1) == number)
         places = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
