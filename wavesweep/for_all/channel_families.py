@@ -79,12 +79,13 @@ class Channel:
         sends, arrives = self.sends(tick), arriving[:1] == (0,)
         waiting = arriving[arrives:]
         shows = 0 if arrives else NOTHING if sends and self.zero else KEPT
-        if sends and late is not LOST:
+        delivered = sends and late is not LOST
+        if delivered:
             waiting = tuple(age for age in waiting if age < late)
         registers = [arrives + i for i in range(len(waiting))]
         if sends and late == 0:
             shows = SENT
-        elif sends and late is not LOST:
+        elif delivered:
             registers.append(SENT)
             waiting = (*waiting, late)
         registers += [NOTHING] * (self.registers - len(registers))

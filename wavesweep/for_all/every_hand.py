@@ -65,13 +65,7 @@ class EveryHandGuarantee(Guarantee):
 def refuse(spec: Spec, rules: Rules, along: str) -> None:
     """Raise UsageError for a loop, ranges, or a number along which nothing can be said of every passive hand."""
     drawing = own_loop(spec, along).drawing
-    if rules.messages:
-        raise UsageError("for hands: expected a spec without channels, found some")
-    if drawing.has_waves:
-        raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
-    if drawing.dead_times:
-        expected = "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
-        raise UsageError(REFUSED.format(expected, f"seconds of {', '.join(drawing.dead_times)}"))
+    _refuse_loop(spec, rules, drawing)
     with placed(spec):
         margin = _Margin(rules, cases_of(rules, along, (0.0, 0.0), Loops(drawing, spec.values))[0], along)
     ruled = margin.ruled
@@ -87,6 +81,16 @@ def refuse(spec: Spec, rules: Rules, along: str) -> None:
         raise UsageError(
             REFUSED.format("intervals along a number that multiplies what it does not act on itself, such as K_VE", name)
         )
+
+
+def _refuse_loop(spec, rules, drawing):
+    if rules.messages:
+        raise UsageError("for hands: expected a spec without channels, found some")
+    if drawing.has_waves:
+        raise UsageError(REFUSED.format("a wall without waves (dc-slow, dc-lm, or a drawn one)", "waves"))
+    if drawing.dead_times:
+        expected = "delays in ticks" if spec.drawing else "device.delay in place of device.dead_time"
+        raise UsageError(REFUSED.format(expected, f"seconds of {', '.join(drawing.dead_times)}"))
 
 
 def _acts_once(ruled: Drawing, name: str) -> bool:
@@ -139,19 +143,25 @@ class _Margin:
 
     def at(self, p: float):
         """What is needed at a value, and the least damping of the device there."""
-        from wavesweep.for_all.every_hand_proof import EveryHand, Needed
+        from wavesweep.for_all.every_hand_proof import Needed
 
         along_value = {self.along: p} if self.along else {}
-        key = p if self.along in self.ruled.reads else None
-        if key not in self.known:
-            loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **along_value}))
-            self.known[key] = loop, loop.needed() if loop and self._decays(loop, p) else Needed(np.inf)
         ends = product(*((axis.start, axis.stop) for axis in self.case.ranges))
         paths = [axis.path for axis in self.case.ranges]
         ends = [device_keys(self.loop.changed({**dict(zip(paths, corner, strict=True)), **along_value})) for corner in ends]
         has, stiffness = (float(min(end_keys[place] for end_keys in ends)) for place in (1, 2))
-        loop, needed = self.known[key]
+        loop, needed = self._needed(p, along_value)
         return Needed(np.inf) if loop and loop.pulls(stiffness) else needed, has
+
+    def _needed(self, p, along_value):
+        """The loop at a value, and what it needs of the device, both remembered."""
+        from wavesweep.for_all.every_hand_proof import EveryHand, Needed
+
+        key = p if self.along in self.ruled.reads else None
+        if key not in self.known:
+            loop = EveryHand.of(replace(self.plan, values={**self.plan.values, **along_value}))
+            self.known[key] = loop, loop.needed() if loop and self._decays(loop, p) else Needed(np.inf)
+        return self.known[key]
 
     def _decays(self, loop, p) -> bool:
         """Whether the states that the hand does not meet decay, which has to be so between two values as well: they may not

@@ -73,13 +73,7 @@ class SlowFrames:
         name, known, found = name_of(number), scalars(values), {}
         tried = [*numbers, known.get(name, 0)]
         for block in drawing.blocks:
-            ticks = [finite_value(block.every, known | {name: each}) for each in tried]
-            for each, value in zip(tried, ticks, strict=True):
-                if value is None or value < 1 or value % 1:
-                    at = f" with {name} = {each}" if number else ""
-                    refuse(
-                        _every(block), "a whole number of ticks, 1 or more", f"{'none' if value is None else f'{value:g}'}{at}"
-                    )
+            ticks = _whole_ticks(block, [known | {name: value} for value in tried], name)
             if {*ticks} != {1} or any(each == name for each, _ in names_in(block.every)):
                 found[block.name] = block, tuple(map(int, ticks))
         if len({ticks for _, ticks in found.values()}) > 1:
@@ -88,6 +82,16 @@ class SlowFrames:
             refuse(_every(last), "one `every` of all blocks that do not run in every tick, whatever varies", runs)
         ticks = next((ticks for _, ticks in found.values()), (1,))
         return SlowFrames(tuple(found), tuple(dict.fromkeys(ticks[:-1] or ticks)), ticks[-1], name)
+
+
+def _whole_ticks(block, numbers, name):
+    """The ticks in which a block runs once, with each of some numbers in turn; name: of the one that differs, or empty."""
+    ticks = [finite_value(block.every, values) for values in numbers]
+    for values, value in zip(numbers, ticks, strict=True):
+        if value is None or value < 1 or value % 1:
+            at = f" with {name} = {values[name]}" if name else ""
+            refuse(_every(block), "a whole number of ticks, 1 or more", f"{'none' if value is None else f'{value:g}'}{at}")
+    return ticks
 
 
 def drawing_of_controller(values: Mapping[str, object], gains: Sequence[str] = ()) -> Drawing:

@@ -262,11 +262,12 @@ class FramesOver:
         identity = Polynomials(np.zeros((len(ticks.terms), n, n)), np.zeros((n, n)), ticks.numbers, ticks.order)
         identity.terms[0] = np.eye(n)
         of_rows = [products.get(row, identity) for row in self.rows]
-        before = Polynomials(
-            np.stack([polynomial.terms for polynomial in of_rows], 1),
-            np.stack([each.rest for each in of_rows]),
-            ticks.numbers,
-            ticks.order,
-        )
-        of_rows, at = ticks.of(list(self.samples)) @ before, np.ix_(self.kept, self.kept)
+        of_rows, at = ticks.of(list(self.samples)) @ _stacked(of_rows), np.ix_(self.kept, self.kept)
         return Polynomials(of_rows.terms[..., *at], of_rows.rest[..., *at], ticks.numbers, ticks.order)
+
+
+def _stacked(polynomials):
+    """Polynomials of matrices as one of a stack of matrices."""
+    terms = np.stack([polynomial.terms for polynomial in polynomials], 1)
+    rest = np.stack([polynomial.rest for polynomial in polynomials])
+    return Polynomials(terms, rest, polynomials[0].numbers, polynomials[0].order)

@@ -185,12 +185,19 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
         if rules.drawing is None and rules.with_frame and RATIO in fixed:
             fixed_values[DELAY] = fixed_values[RATIO]
         drawing = rules.drawing or loop_drawing(fixed_values, (along, *gains))
-        timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
-        pieces = pieces_of(drawing, fixed_values, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
-        for (low, high), whole_ticks in pieces:
-            axes = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges]
+        for axes, whole_ticks in _pieces(drawing, fixed_values, ranges):
             cases.append(Case(Loops(drawing, fixed_values | whole_ticks), along, span, axes, fixed))
     return cases
+
+
+def _pieces(drawing, values, ranges):
+    """Yield ranges in which dead times have the same whole ticks, and these ticks."""
+    timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
+    if not timed:
+        yield ranges, {}
+        return
+    for (low, high), whole_ticks in pieces_of(drawing, values, timed.path, (timed.start, timed.stop)):
+        yield [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges], whole_ticks
 
 
 class _Loop:

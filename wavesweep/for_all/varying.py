@@ -124,7 +124,7 @@ class Rules:
         lost = self.for_all.lost or int(self.for_all.loss > 0)
         return plan_of(drawing, values, FramesInAnyOrder(slow.lengths, tuple(delays), lost, self.elapsed), slow)
 
-    def _plan_of_drawing(self, values, axes):
+    def _refuse_numbers_of_drawing(self, axes):
         if self.for_all.lost or self.for_all.loss:
             refuse(
                 "for_all.lost" if self.for_all.lost else "for_all.loss",
@@ -136,6 +136,9 @@ class Rules:
         if wrong:
             found = ", ".join(axis.name for axis in axes.values())
             refuse(self._key(wrong[0]), "one number that varies, which `every` of blocks reads", found)
+
+    def _plan_of_drawing(self, values, axes):
+        self._refuse_numbers_of_drawing(axes)
         slow = SlowFrames.of(self.drawing, values, *(of for path, axis in axes.items() for of in (path, values_of_range(axis))))
         channels = self.drawing.channels
         if wrong := [block for block in channels if block.name not in slow.names or dict(block.keys)["missing"] == "zero"]:
@@ -222,13 +225,12 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     paths = [axis.path for axis in ranges]
     box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
     alike = rules.messages and not rules.for_all.changing  # frames, so that steps of messages are what differs
-    plan, zeros = None if alike else rules.plan(values, (along, *paths)), [min(0.0, span[0])] if along else []
+    plan = None if alike else rules.plan(values, (along, *paths))
     own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
     over = plan.over if plan else partial(messages_over, *own)
-    for path, (low, high) in zip(paths, box.T, strict=True):
-        least = domain(*own, path, (low, high))[0]
-        zeros.append(least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan)
-    zeros = np.array(zeros)
+    zeros = np.array(
+        [*([min(0.0, span[0])] if along else []), *(_zero(*own, path, sides) for path, sides in zip(paths, box.T, strict=True))]
+    )
 
     @cache
     def family(point):
@@ -254,6 +256,13 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
         found = middle.graph, middle.weights(0.0, 0.0)[0]
         return loops(OnAverage(lambda _: found))
     return loops(OnAverage(chain))
+
+
+def _zero(drawing, values, path, sides):
+    """Where the logarithms of a wide range are counted from; NaN for a range that is not."""
+    low, high = sides
+    least = domain(drawing, values, path, (low, high))[0]
+    return least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan
 
 
 def decided_over(rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:

@@ -88,7 +88,7 @@ def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    rows, tick, every = found["lengths"], 1e3 / found["fast_hz"], found["every"]
+    rows, tick = found["lengths"], 1e3 / found["fast_hz"]
     mean = found["duration_s"] * found["fast_hz"] / found["frames"]
     ticks = [row["ticks"] for row in rows]
     span = f"{ticks[0]} to {ticks[-1]} ticks" if len(ticks) > 1 else count(ticks[0], "tick")
@@ -100,13 +100,23 @@ def _lines(found: Numbers) -> Iterator[Line]:
     frequent = sorted(ticks, key=lambda length: -shares[length])
     shown, rare = sorted(frequent[:SHOWN]), sorted(frequent[SHOWN:])
     for row in (listed for listed in rows if listed["ticks"] in shown):
-        after = sorted(((-n, length) for n, length in zip(row["next"], ticks, strict=True) if n))
-        following = ", ".join(f"{length} ({100 * -n / sum(row['next']):.3g} %)" for n, length in after[:SHOWN])
-        further = f"; the next one: {following}{', ...' if len(after) > SHOWN else ''}" if after and len(ticks) > 1 else ""
-        yield f"  {count(row['ticks'], 'tick')}: {shares[row['ticks']]:.3g} % of frames{further}", False
+        yield f"  {count(row['ticks'], 'tick')}: {shares[row['ticks']]:.3g} % of frames{_next_lengths(row, ticks)}", False
     if rare:
         most = max(shares[length] for length in rare)
         yield f"  {', '.join(map(str, rare))} ticks: {'at most ' * (len(rare) > 1)}{most:.3g} % of frames each", False
+    yield from _caveats(found)
+
+
+def _next_lengths(row, ticks) -> str:
+    """How often the frame after one of this length has which length."""
+    after = sorted(((-n, length) for n, length in zip(row["next"], ticks, strict=True) if n))
+    following = ", ".join(f"{length} ({100 * -n / sum(row['next']):.3g} %)" for n, length in after[:SHOWN])
+    return f"; the next one: {following}{', ...' if len(after) > SHOWN else ''}" if after and len(ticks) > 1 else ""
+
+
+def _caveats(found: Numbers) -> Iterator[Line]:
+    """What is to be known of the lengths: whether they depend on each other, how many decide, and which do not fit ticks."""
+    rows, every = found["lengths"], found["every"]
     if len(rows) > 1 and found["independent"]:
         yield "the length of a frame does not depend on that of the frame before, as far as this run shows", False
     elif len(rows) > 1:

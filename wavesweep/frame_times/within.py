@@ -1,6 +1,6 @@
 """The lengths of frames that a spec's answers are for, and whether a run stays within them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from math import gcd
 from pathlib import Path
@@ -50,8 +50,12 @@ def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
     if not spec.drawing:
         _refuse_built_in(spec)
         return tuple(values or (spec.values[RATIO],)), varying
-    numbers, name = scalars(spec.values), axis and name_of(axis.path)
-    lengths = set()
+    return _drawn_lengths(spec, axis and name_of(axis.path), values), varying
+
+
+def _drawn_lengths(spec: Spec, name: str | None, values: Iterable[float] | None) -> tuple[int, ...]:
+    """The lengths of frames of a drawn loop in which a number has these values in turn."""
+    numbers, lengths = scalars(spec.values), set()
     for block in spec.drawing.blocks:
         of_axis = (
             [numbers | {name: value} for value in values]
@@ -66,7 +70,7 @@ def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
         raise UsageError(
             f"{spec.name}: expected one length of frames, of all blocks that do not run in every tick, found {runs}"
         )
-    return lengths.pop(), varying
+    return lengths.pop()
 
 
 def _refuse_built_in(spec: Spec) -> None:

@@ -31,16 +31,7 @@ def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[s
     Errors: UsageError for other names.
     """
     inputs = {name: wired for name, wired, _ in drawing.inputs} | {name: name for name in (drawing.hand or ())[:1]}
-    outputs = {name: terms for name, terms, _ in drawing.outputs} | dict(drawing.named)
-    made = {f"{block.name}.{port}" for block in drawing.blocks for port in block.ports[1]}
-    outputs |= {**dict(drawing.wires), **{name: ((name, ONE),) for name in made}}
-    columns = {}
-    if drawing.hand:
-        columns = {name: terms for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True) if terms is not None}
-        if not drawing.numbers:  # the loop of a controller
-            first = {name: next((output for output in names if output in outputs), None) for name, names in COLUMNS.items()}
-            columns |= {name: outputs[output] for name, output in first.items() if output}
-    outputs = {**columns, **outputs}
+    outputs = _outputs(drawing)
     for key, name, ports, port in (("from", source, inputs, "an input"), ("to", signal, outputs, "an output")):
         if name not in ports:
             named = [port for port in ports if "." not in port] if key == "to" else ports
@@ -54,3 +45,17 @@ def routed(drawing: Drawing, source: str, signal: str) -> tuple[Drawing, tuple[s
         drawing, outputs=(*(port for port in drawing.outputs if port[0] != signal), (signal, outputs[signal], ""))
     )
     return drawing, (inputs[source], OUTPUT + signal)
+
+
+def _outputs(drawing: Drawing) -> dict[str, tuple]:
+    """The sums of signals to which a gain may lead, by their names."""
+    outputs = {name: terms for name, terms, _ in drawing.outputs} | dict(drawing.named)
+    made = {f"{block.name}.{port}" for block in drawing.blocks for port in block.ports[1]}
+    outputs |= {**dict(drawing.wires), **{name: ((name, ONE),) for name in made}}
+    columns = {}
+    if drawing.hand:
+        columns = {name: terms for name, terms in zip(("x", "f_m"), drawing.hand[1:], strict=True) if terms is not None}
+        if not drawing.numbers:  # the loop of a controller
+            first = {name: next((output for output in names if output in outputs), None) for name, names in COLUMNS.items()}
+            columns |= {name: outputs[output] for name, output in first.items() if output}
+    return {**columns, **outputs}

@@ -29,14 +29,7 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     from matplotlib.patches import Patch
 
     panels = [(rows, *_with_bars(rows)) for rows in ends_of(columns)]
-    drawn = [panel for panel in panels if panel[1]]
-    notes = [*dict.fromkeys(f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars)][:PANELS]
-    notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
-    if not panels:
-        doubts = ", ".join(facts.get("doubts") or ())
-        unknown = f"No end of an interval is known in the range searched ({doubts})."
-        notes += [unknown if doubts else "Stability sets no end of an interval in the range searched."]
-    shown = drawn[:PANELS]
+    shown = [panel for panel in panels if panel[1]][:PANELS]
     across = min(1 if is_narrow() else 2, len(shown))
     lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
     heights = [_ROOM + _BAR * max(1, *(len(numbers) for _, numbers, _ in line)) for line in lines]
@@ -46,14 +39,25 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _draw(axes, *panel)
         for axes in grid[len(shown) :]:
             axes.set_visible(False)
-        present = {quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}
-        if len(present) > 1:
+        if len({quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}) > 1:
             canvas.legend(
                 [Patch(**look) for look in _LOOKS.values()], _QUANTITIES.values(), loc="outside upper center", ncols=2
             )
         elasticity = "elasticity: per cent of the limit per per cent of the number" if shown else ""
-        note_below(canvas, *notes, assumption(facts), axis=elasticity)
+        note_below(canvas, *_notes(panels, facts), assumption(facts), axis=elasticity)
     return canvas
+
+
+def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any]) -> list[str]:
+    """Notes on the ends that have no bars, on how many are not drawn, and on a table without ends."""
+    notes = [*dict.fromkeys(f"{_end(rows)}: no bars, {_why_none(rows)}." for rows, bars, _ in panels if not bars)][:PANELS]
+    drawn = sum(bool(bars) for _, bars, _ in panels)
+    notes += [f"Shown: {PANELS} of {drawn} ends."] if drawn > PANELS else []
+    if not panels:
+        doubts = ", ".join(facts.get("doubts") or ())
+        unknown = f"No end of an interval is known in the range searched ({doubts})."
+        notes += [unknown if doubts else "Stability sets no end of an interval in the range searched."]
+    return notes
 
 
 def _with_bars(rows: Columns) -> tuple[list[str], str]:
