@@ -150,17 +150,23 @@ def _known(name: str, names: Iterable[str], what: str, instead: str = "") -> Non
         raise UsageError(f"{name} is no {what}; {instead or 'expected one of ' + ', '.join(names)}{hint}")
 
 
-def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
-    """The text of a drawn loop with numbers of the user's own, and with the name of its file in the commands that it shows."""
-    text = path.read_text(encoding="utf-8").replace(f"sweeps/{path.parent.name}/{path.name}", shown)
-    for table in missing():
-        text = re.sub(rf"(?ms)^\[{re.escape(table)}[].].*?(?=^\[|\Z)", "", text)
+def _places_of_numbers(text: str) -> dict[str, tuple[str, ...]]:
+    """Return the paths of the numbers and words of a drawn loop that settings may replace, by the names that they go by."""
     places = {".".join(place): place for place in scan(text)}
     numbers = {path: place for path, place in places.items() if path in (RATE, *KEYS) or place[0] == "block"}
     numbers = {path: place for path, place in numbers.items() if text[scan(text)[place][1]] not in "[{"}  # a value of a block
     numbers |= {symbol: numbers[path] for symbol, path in SYMBOLS.items() if path in numbers}
     for place in [place for place in places.values() if place[0] == "numbers" and len(place) == 2]:
         numbers[place[1]] = places.get(f"numbers.{place[1]}.value", place)
+    return numbers
+
+
+def _filled(path: Path, shown: str, settings: Sequence[str]) -> str:
+    """The text of a drawn loop with numbers of the user's own, and with the name of its file in the commands that it shows."""
+    text = path.read_text(encoding="utf-8").replace(f"sweeps/{path.parent.name}/{path.name}", shown)
+    for table in missing():
+        text = re.sub(rf"(?ms)^\[{re.escape(table)}[].].*?(?=^\[|\Z)", "", text)
+    numbers = _places_of_numbers(text)
     chosen = {typed.partition("=")[0].strip().removeprefix("numbers."): typed for typed in settings}
     for name in chosen:
         _known(name, numbers, f"number or word of {path.stem}")

@@ -124,6 +124,17 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     table = "bode" if command == "bode" else "sweep"
     swept = {axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS}
     swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
+    yield from _of_one_case(command, spec)
+    for override in overrides if command in (*INTERVALS, *OVER_AXES) else ():
+        name = override.partition("=")[0].strip()
+        key = spec.names.find(name)
+        if key is not None and key.path in swept:
+            axis = swept[key.path]
+            yield f"--set {override} has no effect here: {axis} is swept; --set {table}.{axis}=... changes its values"
+
+
+def _of_one_case(command: str, spec: Spec) -> Iterator[str]:
+    """Yield a notice if a command analyses one case of the messages or numbers of a spec that has more."""
     if spec.drawing and spec.drawing.channels:
         if command not in WITH_MESSAGES:
             commands = listed(FOR_ALL_MESSAGES)
@@ -131,12 +142,6 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     elif spec.members and command not in FOR_ALL_NUMBERS:
         commands = listed(FOR_ALL_NUMBERS)
         yield f"{spec.name}: {command} is of the spec's own numbers; {commands} look at all of {spec.members}"
-    for override in overrides if command in (*INTERVALS, *OVER_AXES) else ():
-        name = override.partition("=")[0].strip()
-        key = spec.names.find(name)
-        if key is not None and key.path in swept:
-            axis = swept[key.path]
-            yield f"--set {override} has no effect here: {axis} is swept; --set {table}.{axis}=... changes its values"
 
 
 def _report(
@@ -268,26 +273,17 @@ class Finished(NamedTuple):
 
 def _finish(table: Table, directory: Path, options: Options, main: bool) -> Finished:
     """Write a table to files, or to stdout if it is the main one, and summarise it unless nothing is said."""
-    from wavesweep.program import results
     from wavesweep.program.tables import kind_named
 
-    kind, paths, notices = kind_named(table.kind), [], [str(notice) for notice in table.facts.get("notices", ())]
+    kind, notices = kind_named(table.kind), [str(notice) for notice in table.facts.get("notices", ())]
     tally = None if options.silent else kind.tally(table)
     if options.formats and (main or options.to_folder):
         from wavesweep.program.plots import drawn
 
         table = drawn(table, notices.append)
-    written = table.watched(tally.add) if tally else table
-    if options.file and main:
-        paths = [results.save(written, options.file)]
-    elif options.to_folder:
-        rows = options.partition if main else None
-        paths = results.publish(written, directory, options.overwrite, options.formats, True, rows)
-    elif options.to_stdout and main:
-        try:
-            results.stream(written, sys.stdout.buffer)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, error.filename or "stdout") from error
+    paths: list[Path] = []
+    if options.to_folder or main:
+        paths = _write(table.watched(tally.add) if tally else table, directory, options, main)
     elif tally:
         tally.add(table.columns)
     # The rows are written, so the checkpoint is not needed any more.
@@ -297,3 +293,19 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
     numbers = tally.numbers(table.facts)
     return Finished(table.kind, notices, numbers, [*warnings, *kind.lines(numbers)], paths)
+
+
+def _write(table: Table, directory: Path, options: Options, main: bool) -> list[Path]:
+    """Write a table to files, or to stdout, and give the paths of its files."""
+    from wavesweep.program import results
+
+    if options.file:
+        return [results.save(table, options.file)]
+    if options.to_folder:
+        rows = options.partition if main else None
+        return results.publish(table, directory, options.overwrite, options.formats, True, rows)
+    try:
+        results.stream(table, sys.stdout.buffer)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, error.filename or "stdout") from error
+    return []

@@ -128,17 +128,23 @@ def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tup
     """
     place = Place("--set " + " ".join(typed.split()))
     name, equals, value = (side.strip() for side in typed.partition("="))
+    path = _key_path(name)
+    if not equals or not path:
+        raise SpecError([Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")])
+    path = symbols.get(path[0], path[0]).split(".") if len(path) == 1 else path
+    table = _loads_or_none(f"value = {value}")
+    return tuple(path), table["value"] if isinstance(table, dict) and set(table) == {"value"} else value, place
+
+
+def _key_path(name: str) -> list[str]:
+    """Return the parts of a dotted key of TOML."""
     path, table = [], None if "\n" in name else _loads_or_none(f"{name} = 0")
     while isinstance(table, dict) and len(table) == 1:
         segment, table = table.popitem()
         path.append(segment)
     if table != 0:  # no key that TOML could have; a later stage says so, with the names that it could have been
         path = name.split(".") if name else []
-    if not equals or not path:
-        raise SpecError([Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")])
-    path = symbols.get(path[0], path[0]).split(".") if len(path) == 1 else path
-    table = _loads_or_none(f"value = {value}")
-    return tuple(path), table["value"] if isinstance(table, dict) and set(table) == {"value"} else value, place
+    return path
 
 
 def _loads_or_none(text: str) -> dict | None:

@@ -81,15 +81,21 @@ def _sort_key(path: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes) -> Non
             break
     else:
         return None if leaf.value == {} else mistakes.refuse(leaf, name, "a table", show(leaf.value), of_key=False)
-    table, names_known = _join(path[: length - 1]), top_tables()
+    return _refuse_unknown_key(path[:length], leaf_here, mistakes)
+
+
+def _refuse_unknown_key(path: Path, leaf: Leaf, mistakes: Mistakes) -> None:
+    """Add the mistake of a key or table that is unknown, with the names that it could have been."""
+    table_of_path, table, names_known = tables().get(path[0]), _join(path[:-1]), top_tables()
     if table:
         inside = (*(table_of_path.sections if table_of_path else ()), *flat_keys())
         inside = (name.removeprefix(f"{table}.") for name in inside if name.startswith(f"{table}."))
         names_known = tuple(dict.fromkeys(name.split(".")[0] for name in inside))
-    near = nearest(path[length - 1], names_known)
-    near = f"{table}.{near}" if table and near else near or nearest(path[length - 1], flat_keys())
-    problem = "an unknown table" if isinstance(leaf_here.value, dict) else "an unknown key"
-    return mistakes.refuse(leaf_here, name, f"one of {'' if table else 'the tables '}{', '.join(names_known)}", problem, near)
+    near = nearest(path[-1], names_known)
+    near = f"{table}.{near}" if table and near else near or nearest(path[-1], flat_keys())
+    problem = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
+    expected = f"one of {'' if table else 'the tables '}{', '.join(names_known)}"
+    mistakes.refuse(leaf, _join(path), expected, problem, near)
 
 
 def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: Mistakes, names: Names) -> None:
@@ -110,13 +116,19 @@ def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: 
         if names.find(name) or (table == "bode" and name == "frequency_hz"):
             _add_part(result, table, name, rest[length:], leaf, mistakes, section)
             return
+    _refuse_unknown_axis(path, rest, leaf, mistakes, names)
+
+
+def _refuse_unknown_axis(path: Path, rest: Path, leaf: Leaf, mistakes: Mistakes, names: Names) -> None:
+    """Add the mistake of an axis that is unknown, with the names that it could have been; path, rest: as in `_sort_section`."""
+    table = ".".join(path)
     is_part = len(rest) > 1 and any(rest[-1] in a_section.parts for a_section in sections().values())
-    name = ".".join(rest[:-1]) if is_part else rest_of_path
+    name = ".".join(rest[:-1] if is_part else rest)
     if any(mistake.key == f"{table}.{name}" for mistake in mistakes):
         return  # start and stop are of one axis
-    keys_known = ("frequency_hz",) if table == "bode" else section.own
-    path = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
-    numbers = f"one of {', '.join(names.symbols)} or {path}" if names.symbols else f"or {path}"
+    keys_known = ("frequency_hz",) if table == "bode" else sections()[path].own
+    any_path = f"the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
+    numbers = f"one of {', '.join(names.symbols)} or {any_path}" if names.symbols else f"or {any_path}"
     expected = ", ".join((*keys_known, numbers))
     problem = "a number that follows from others" if name in names.following else "an unknown axis"
     near = nearest(name, (*keys_known, *names.symbols)) or nearest(name, names.numeric)
