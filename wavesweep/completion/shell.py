@@ -101,16 +101,24 @@ def _drawn_keys(context: click.Context) -> dict[str, Key]:
         numbers, blocks = (table if isinstance(table, dict) else {} for table in map(tables.get, ("numbers", "block")))
         keys_found[RATE] = TICK_HZ
         for name, number in ((name, number) for name, number in numbers.items() if is_name(name)):  # which no shell would run
-            text = " ".join(str(number.get("description", "")).split()) if isinstance(number, dict) else ""
-            key = Key(f"numbers.{name}", "number", None, "", text)
-            keys_found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
+            keys_found |= _keys_of_number(name, number)
         for name, block in ((name, block) for name, block in blocks.items() if is_dotted(name)):
-            typed = isinstance(block, dict) and block.get("type") in TYPES
-            block_keys = {f"block.{name}.{key}": row for key, row in (keys_of_block(block["type"]) if typed else {}).items()}
-            keys_found |= block_keys | {
-                f"{study}.{path}": row for path, row in block_keys.items() if row.numeric for study in STUDIES
-            }
+            keys_found |= _keys_of_block(name, block)
     return keys_found
+
+
+def _keys_of_number(name: str, number: object) -> dict[str, Key]:
+    """A number of a drawn loop by its name and path and as an axis."""
+    text = " ".join(str(number.get("description", "")).split()) if isinstance(number, dict) else ""
+    key = Key(f"numbers.{name}", "number", None, "", text)
+    return {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
+
+
+def _keys_of_block(name: str, block: object) -> dict[str, Key]:
+    """The keys of a block of a drawn loop, and its numbers as axes."""
+    typed = isinstance(block, dict) and block.get("type") in TYPES
+    block_keys = {f"block.{name}.{key}": row for key, row in (keys_of_block(block["type"]) if typed else {}).items()}
+    return block_keys | {f"{study}.{path}": row for path, row in block_keys.items() if row.numeric for study in STUDIES}
 
 
 def _items(known: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:

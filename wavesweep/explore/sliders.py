@@ -219,10 +219,20 @@ def text_of(spec: Spec) -> str:
         follow = {f"{stem}.{last}" for stem in by_edges for last in ("order", "cutoff_hz")}
         studies = {name: tables.pop(name) for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
         tables = _only(tables, {*keys_of_page(spec.values), *_paths(spec), *spec.given} - follow) | studies
+    tables = {**tables, **({"simulate": simulated} if (simulated := _simulate_table(spec)) else {})}
+    _drop_mistakes(tables)
+    return as_toml(tables)
+
+
+def _simulate_table(spec):
+    """The keys of [simulate] that the spec gives, as TOML has them."""
     names = [path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate.")]
     settings = {name: spec.simulate[name] for name in names} if spec.simulate else {}
-    simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()}
-    tables = {**tables, **({"simulate": simulated} if simulated else {})}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()}
+
+
+def _drop_mistakes(tables):
+    """Leave out the parts of [sweep], [bode], [simulate] and [design] that a spec of these tables would be refused for."""
     try:
         load(tables)
     except SpecError as error:
@@ -232,7 +242,6 @@ def text_of(spec: Spec) -> str:
                 tables[table].pop(name, None)
             elif table in ("simulate", "design"):
                 tables.pop(table, None)
-    return as_toml(tables)
 
 
 def _below(frequencies, most):

@@ -401,6 +401,20 @@ def _valued(terms, numbers) -> Sum:
     return tuple((1.0 * value_of(gain, numbers), name) for name, gain in terms)
 
 
+def _positive(factors):
+    """The factors with the sign that makes the first one positive."""
+    lead = next(iter(factors.values()))
+    return {place: value if lead > 0 else -value for place, value in factors.items()}
+
+
+def _ratio(factors, first):
+    """How many times the factors are the first ones; None if they are no multiple of them."""
+    share = next(iter(factors.values())) / next(iter(first.values()))
+    if [*factors] != [*first] or any(abs(factors[at] - share * first[at]) > SAME * abs(factors[at]) for at in factors):
+        return None
+    return share
+
+
 def _wall_of(drawing, terms, known):
     """The wall, and the term of its force in each wire; None if its numbers do more than multiply signals in wires."""
     if _read_elsewhere(drawing):
@@ -412,10 +426,9 @@ def _wall_of(drawing, terms, known):
             return None, {}
         if not factors:
             continue
-        lead = next(iter(factors.values()))
-        first = first or {place: value if lead > 0 else -value for place, value in factors.items()}
-        share = lead / next(iter(first.values()))
-        if [*factors] != [*first] or any(abs(factors[at] - share * first[at]) > SAME * abs(factors[at]) for at in factors):
+        first = first or _positive(factors)
+        share = _ratio(factors, first)
+        if share is None:
             return None, {}
         shares[port] = ((share, FORCE),)
     if first is None:

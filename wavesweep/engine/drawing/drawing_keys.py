@@ -144,6 +144,18 @@ class KeyReader:
         """The signals, among them those in the tree of blocks whose ports are not known."""
         return self.signals | {name for name, _ in names_in(tree) if self.is_hidden(name.rpartition(".")[0])}
 
+    def _define_name(self, name: str, tree: Tree, text: tuple[str, Leaf], signals: bool) -> bool:
+        """Read what one name stands for; False after a mistake in the extents of its expression."""
+        try:
+            check_extent(tree, self.extents)
+        except Fault as fault:
+            self.fault(*text, fault)
+            return False
+        self.extents[name], self.meanings[name] = extent(tree, self.extents), with_trees(tree, self.meanings)
+        if signals and self.terms_of(*text, self.meanings[name]) is None:
+            del self.meanings[name]  # it is a signal like any other, so that its mistake is one
+        return True
+
     def define(self, texts: Mapping[str, tuple[str, Leaf]], signals: bool = False) -> None:
         """Read what names stand for: expressions that may read each other, but not in a circle.
 
@@ -156,18 +168,10 @@ class KeyReader:
         ]:
             for name in ready:
                 tree = rest.pop(name)
-                if beyond & {read_name for read_name, _ in names_in(tree)}:  # whose mistake is the same
+                if beyond & {read_name for read_name, _ in names_in(tree)} or not self._define_name(
+                    name, tree, texts[name], signals
+                ):  # whose mistake is the same
                     beyond.add(name)
-                    continue
-                try:
-                    check_extent(tree, self.extents)
-                except Fault as fault:
-                    beyond.add(name)
-                    self.fault(*texts[name], fault)
-                    continue
-                self.extents[name], self.meanings[name] = extent(tree, self.extents), with_trees(tree, self.meanings)
-                if signals and self.terms_of(*texts[name], self.meanings[name]) is None:
-                    del self.meanings[name]  # it is a signal like any other, so that its mistake is one
         for name in rest:
             path, leaf = texts[name]
             expected = "an expression whose names do not stand for each other in a circle"

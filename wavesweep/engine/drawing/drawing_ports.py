@@ -65,6 +65,13 @@ class PortReader(KeyReader):
                 ports[side][rest[0]] = leaf if len(rest) == 1 else Leaf({}, leaf.place.parent())
         return ports
 
+    def _refuse_unpaired(self, listed: list[tuple[str, Leaf]], ports: Ports) -> None:
+        """Refuse lists of the hand that do not pair forces and displacements, or that stand beside other ports."""
+        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(text, str) for text in leaf.value)]
+        if len(texts) < 2 or len(texts[0]) != len(texts[1]) or ports["environment"] or "reaction" in ports["hand"]:
+            expected = "as many names of forces as displacements, in two lists, without reaction and environment"
+            self.refuse(listed[0][1], f"ports.hand.{listed[0][0]}", expected, show(listed[0][1].value), of_key=False)
+
     def with_further(self, ports: Ports) -> Ports:
         """Add the axes of the hand but the first, of lists of forces and displacements, to the inputs and outputs."""
         hand = ports["hand"]
@@ -72,10 +79,7 @@ class PortReader(KeyReader):
         listed = [(key, leaf) for key, leaf in pairs if isinstance(leaf.value, list)]
         if not listed:
             return ports
-        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(text, str) for text in leaf.value)]
-        if len(texts) < 2 or len(texts[0]) != len(texts[1]) or ports["environment"] or "reaction" in hand:
-            expected = "as many names of forces as displacements, in two lists, without reaction and environment"
-            self.refuse(listed[0][1], f"ports.hand.{listed[0][0]}", expected, show(listed[0][1].value), of_key=False)
+        self._refuse_unpaired(listed, ports)
         for key, leaf in listed:
             values = leaf.value or [""]
             self.lists[f"ports.hand.{key}"] = leaf

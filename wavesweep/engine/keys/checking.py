@@ -110,20 +110,30 @@ def check(key: Key, value: object) -> float | int | str | bool:
     return _number(key, value)
 
 
+def _is_finite(number: Any) -> bool:
+    """Whether a number is finite as a double; None is not."""
+    try:
+        return math.isfinite(number)
+    except (OverflowError, TypeError):  # a whole number beyond the largest double, or None
+        return False
+
+
+def _is_allowed(key: Key, number: float) -> bool:
+    """Whether a number is in the range of a key, and one of its choices."""
+    below = key.low is not None and (number < key.low or (key.above_low and number == key.low))
+    above = key.high is not None and number > key.high
+    return not (below or above or (key.choices and number not in key.choices))
+
+
 def _number(key: Key, value: object) -> float | int:
     """Return `value` as a number that the key accepts, or raise `Rejected`."""
     number: Any = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
-    try:
-        finite = math.isfinite(number)
-    except (OverflowError, TypeError):  # a whole number beyond the largest double, or None
-        finite = False
+    finite = _is_finite(number)
     if not finite or key.type == "boolean" or (key.type == "integer" and number != math.floor(number)):
         expected = expectation(key)
         expected = expected if number is None or finite else expected.replace("a number", "a finite number")
         raise Rejected(expected, show(value), key.instead if isinstance(value, str) == key.instead.startswith('"') else "")
-    below = key.low is not None and (number < key.low or (key.above_low and number == key.low))
-    above = key.high is not None and number > key.high
-    if below or above or (key.choices and number not in key.choices):
+    if not _is_allowed(key, number):
         raise Rejected(expectation(key, number), show(value))
     if not computable(number):
         raise Rejected(SIZES, show(value))

@@ -122,9 +122,15 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
 
 
+def _trailing_zeros(coefficients):
+    """The number of coefficients at the end that are zero and no arrays; 0 if all are."""
+    coefficients = enumerate(reversed(coefficients))
+    return next((at for at, coefficient in coefficients if type(coefficient) not in (int, float) or coefficient), 0)
+
+
 def _discrete_tf(name, num, den, of_num, of_den):
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
-    k = next((at for at, coefficient in enumerate(reversed(den)) if type(coefficient) not in (int, float) or coefficient), 0)
+    k = _trailing_zeros(den)
     padding = [0.0] * (len(den) - len(num))
     n, num, of_num = len(den) - 1 - k, [*padding, *num], [*padding, *of_num]
     centre = -1 if _near_minus_one(den[: n + 1]) else 1

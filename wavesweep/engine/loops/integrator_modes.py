@@ -133,11 +133,9 @@ class RestEquations:
                 continue
             chosen = min(among, key=len)
             rows.remove(chosen)
-            substitution = {name: {term: -value / chosen[name] for term, value in chosen.items() if term != name}}
-            rows = [_substituted(row, substitution) if name in row else row for row in rows]
-            solved = {
-                variable: _substituted(row, substitution) if name in row else row for variable, row in solved.items()
-            } | substitution
+            solution = _solution(chosen, name)
+            rows = [_eliminated(row, name, solution) for row in rows]
+            solved = {variable: _eliminated(row, name, solution) for variable, row in solved.items()} | {name: solution}
         return [
             {name: decimal(1.0)} | {variable: row[name] for variable, row in solved.items() if name in row} for name in free
         ]
@@ -151,6 +149,16 @@ class RestEquations:
         ]
 
 
+def _solution(row: Sum, name: str) -> Sum:
+    """The variable of this name as the sum of others that makes the row zero."""
+    return {term: -value / row[name] for term, value in row.items() if term != name}
+
+
+def _eliminated(row: Sum, name: str, solution: Sum) -> Sum:
+    """A sum in which a variable is replaced by its solution, if it has that variable."""
+    return _substituted(row, {name: solution}) if name in row else row
+
+
 def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
     """A sum in which each known unknown is the sum that it is of others."""
     total: Sum = {}
@@ -161,6 +169,15 @@ def _substituted(row: Sum, known: Mapping[str, Sum]) -> Sum:
         for unknown, term in terms:  # a sum with 0, or a product with 1, of fractions takes as long as others
             total[unknown] = total[unknown] + term if unknown in total else term
     return {name: value for name, value in total.items() if value}
+
+
+def _pop_shift(moving: list[Sum], lead: str) -> Sum:
+    """Take the first solution that moves the lead out of the list, and return it with the value 1 there."""
+    at = next((at for at, candidate in enumerate(moving) if lead in candidate), None)
+    if at is None:
+        raise ArithmeticError("expected shifts of the same states")
+    shift = moving.pop(at)
+    return {name: value / shift[lead] for name, value in shift.items()}
 
 
 def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()) -> list[dict[str, float]]:
@@ -182,11 +199,7 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
             moving = moving[1:]
             continue
         lead = leads[len(by_lead)] if leads else max(states, key=lambda name: abs(float(moving[0][name])))
-        at = next((at for at, candidate in enumerate(moving) if lead in candidate), None)
-        if at is None:
-            raise ArithmeticError("expected shifts of the same states")
-        shift = moving.pop(at)
-        shift = {name: value / shift[lead] for name, value in shift.items()}
+        shift = _pop_shift(moving, lead)
         by_lead = {name: _without(earlier, shift, lead) for name, earlier in by_lead.items()} | {lead: shift}
         moving = [_without(later, shift, lead) for later in moving]
     return [

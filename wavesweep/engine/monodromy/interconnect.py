@@ -11,6 +11,23 @@ from wavesweep.engine.state_space import StateSpace
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
 
+def _side_by_side(blocks) -> StateSpace:
+    """The matrices of blocks that are not connected."""
+    return StateSpace(*(block_diagonal([getattr(block, matrix) for block in blocks]) for matrix in "EBCD"))
+
+
+def _sizes(blocks) -> StateSpace:
+    """The sizes of the terms of the entries of blocks side by side."""
+    of_blocks = [block.terms or [np.abs(getattr(block, matrix)) for matrix in "EBCD"] for block in blocks]
+    return StateSpace(*(block_diagonal(list(matrices)) for matrices in zip(*of_blocks, strict=True)))
+
+
+def _of_one_batch(matrices: list) -> list:
+    """Matrices with the batch that they have together, if it has one axis."""
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
+    return [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices] if len(batch) == 1 else matrices
+
+
 def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Block:
     """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
 
@@ -23,11 +40,8 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     Ports that need each other are an algebraic loop, and are found together.
     """
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-    system = StateSpace(*(block_diagonal([getattr(block, matrix) for block in blocks]) for matrix in "EBCD"))
-    sizes = StateSpace(*map(np.abs, system))
-    if terms and blocks:
-        of_blocks = [block.terms or [np.abs(getattr(block, matrix)) for matrix in "EBCD"] for block in blocks]
-        sizes = StateSpace(*(block_diagonal(list(matrices)) for matrices in zip(*of_blocks, strict=True)))
+    system = _side_by_side(blocks)
+    sizes = _sizes(blocks) if terms and blocks else StateSpace(*map(np.abs, system))
     wires = _wires(blocks, ports, sums, inputs, outputs, sizes)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         rows = _Ports(ports, name, wires.K, wires.L, system.C, system.D, sizes[2:])
@@ -41,9 +55,7 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
         if terms:
             size, of_read = np.abs(wires.of_made), np.abs(wires.of_made) @ sizes.D + np.abs(wires.of_ports)
             matrices += _closed(sizes, size @ sizes.C, of_read, np.abs(wires.of_inputs), rows.sizes)
-    kind, batch = np.result_type(float, *matrices), np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
-    if len(batch) == 1:
-        matrices = [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices]
+    kind, matrices = np.result_type(float, *matrices), _of_one_batch(matrices)
     for block in blocks:
         rows.condition, rows.pivot = rows.condition * block.condition, rows.pivot * block.pivot
     facts = {"condition": rows.condition, "pivot": rows.pivot, "terms": tuple(matrices[4:]) or None}

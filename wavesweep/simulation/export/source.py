@@ -53,6 +53,16 @@ class ExportedController(NamedTuple):
     beside: dict[str, Sum]
 
 
+def _longest_delay(columns: Mapping[str, Any]) -> int:
+    """The most ticks by which a result of the vectors is late."""
+    return max((ticks for name in columns if name.startswith("late_") for ticks in columns[name].tolist()), default=0)
+
+
+def _table_of(paths: Sequence[str]) -> CoefficientTable:
+    """A table of coefficients whose variables have the last words of the paths as names."""
+    return CoefficientTable(dict(zip(paths, _identifiers([path.rpartition(".")[2] for path in paths]), strict=True)))
+
+
 def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
 
@@ -67,13 +77,14 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     spec = spec.asking("simulate")
     refuse_what_makes_no_loop(spec)
     effects, steps = effects_of(spec), steps_of(spec)
+    all_steps = steps and steps.all
     drawing = drawing_of(spec, steps, gains=gains)
 
     def made(values: Mapping[str, Any]) -> ExportedController:
-        loop = loop_with(spec, drawing, values, steps and steps.all)
+        loop = loop_with(spec, drawing, values, all_steps)
         return controller_of(loop, bool(effects.late or effects.dropped or loop.channels or steps))
 
-    loop, gains_found = loop_with(spec, drawing, spec.values, steps and steps.all), Gains((), ())
+    loop, gains_found = loop_with(spec, drawing, spec.values, all_steps), Gains((), ())
     if gains:
         gains_found = gains_of(spec, made, () if loop.wall is None else spec.wall)
     numbered = made(named(spec.values, gains_found.paths))
@@ -85,13 +96,10 @@ def exported(spec: Spec, *, gains: bool = False) -> dict[str, str]:
     members = dict(zip((*numbered.inputs, *numbered.outputs), _identifiers([*numbered.inputs, *numbered.outputs]), strict=True))
     columns = timing_of(march, steps, count, late=numbered.late)
     columns |= {member: signals[name if name in numbered.inputs else SEEN + name] for name, member in members.items()}
-    table = CoefficientTable(
-        dict(zip(gains_found.paths, _identifiers([path.rpartition(".")[2] for path in gains_found.paths]), strict=True))
-    )
+    table = _table_of(gains_found.paths)
     numbered = numbered._replace(programs=[table.of(program) for program in numbered.programs])
     flags, values = _values(spec, numbered, march.loop, members, entry, steps)
-    longest = max((ticks for name in columns if name.startswith("late_") for ticks in columns[name].tolist()), default=0)
-    values["pending"] = (longest + 2) * max(1, len(numbered.results))
+    values["pending"] = (_longest_delay(columns) + 2) * max(1, len(numbered.results))
     flags |= {"gains": bool(gains_found.paths), "constants": bool(gains_found.constants)}
     flags["library"] = any("sqrt" in line for line in table.lines)
     values["and_no_library"] = "" if flags["library"] else " and no mathematical library"
@@ -364,15 +372,28 @@ def _signals(own: ExportedController, members: Mapping[str, str]) -> dict[str, s
     return {name: "\n".join(text_lines) for name, text_lines in lines.items()}
 
 
-def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
-    """The texts about slow results: for each of them, when it is shown, and how many forces of the wall are newer by then."""
-    frame, results, behind = own.loop.frame, own.results, []
-    for result in results:
+def _newer_forces(own: ExportedController, ticks: Sequence[int]) -> list[list[int]]:
+    """For each result and tick, how many forces of the wall are newer when it is shown; -2 if it is not shown."""
+    frame, behind = own.loop.frame, []
+    for result in own.results:
         later = [result.origin.count(k + frame) - result.origin.runs(k) - 1 - result.number(k + frame) for k in ticks]
         behind.append([number if result.shown(k) else -2 for k, number in zip(ticks, later, strict=True)])
-    most = max((len(result.signals) for result in results), default=1)
+    return behind
+
+
+def _places_of_results(own: ExportedController) -> dict[str, list[list[str]]]:
+    """The places of the signals of each result, computed and arrived; empty if no result may be late."""
     rows = {"computed": str, "arrived": arrived} if own.late else {}
-    texts = {name: [[own.places[of(signal)] for signal in result.signals] for result in results] for name, of in rows.items()}
+    return {
+        name: [[own.places[of(signal)] for signal in result.signals] for result in own.results] for name, of in rows.items()
+    }
+
+
+def _results(own: ExportedController, ticks: Sequence[int]) -> dict[str, Any]:
+    """The texts about slow results: for each of them, when it is shown, and how many forces of the wall are newer by then."""
+    results, behind = own.results, _newer_forces(own, ticks)
+    most = max((len(result.signals) for result in results), default=1)
+    texts = _places_of_results(own)
     return {
         "groups": len(results),
         "most": most,
