@@ -68,11 +68,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
 
     plots.refuse_settings()
     path = Path(table)
-    directory, stem = path.parent if out is None else Path(out), path.stem
-    if out is not None and directory.suffix[1:] in FORMATS and not directory.is_dir():
-        if is_given("formats"):
-            raise click.UsageError(f"--format: expected a folder for --out, found the file {out}, whose name says its format")
-        directory, stem, formats = directory.parent, directory.stem, (directory.suffix[1:],)
+    directory, stem, formats = _figure_place(path, formats, out)
     results.refuse_unusable(directory)
     refuse_other_things(*(directory / f"{stem}.{form}" for form in formats))
     # A run that replaces the table meanwhile would be given this figure. Without a table there is nothing to hold.
@@ -91,3 +87,13 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
             results.add_figures(package, kind, written)
     if not verbosity().quiet:
         say(f"Wrote {', '.join(map(str, written))}")
+
+
+def _figure_place(path: Path, formats: tuple[str, ...], out: str | None) -> tuple[Path, str, tuple[str, ...]]:
+    """Return folder, name and formats of the figure of the table `path`, of which --out may name the folder or the file."""
+    directory = path.parent if out is None else Path(out)
+    if out is None or directory.suffix[1:] not in FORMATS or directory.is_dir():
+        return directory, path.stem, formats
+    if is_given("formats"):
+        raise click.UsageError(f"--format: expected a folder for --out, found the file {out}, whose name says its format")
+    return directory.parent, directory.stem, (directory.suffix[1:],)

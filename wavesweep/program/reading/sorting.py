@@ -103,10 +103,7 @@ def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: 
     table, section, first, rest_of_path = ".".join(path), sections()[path], rest[0], ".".join(rest)
     if section.takes and section.takes(rest, leaf, result, names):
         return
-    keys_of_section = () if table == "bode" and names is BUILT_IN else section.own
-    if first in keys_of_section and (
-        first == "along" or not names.find(first)
-    ):  # a number of a drawn loop may have the name of a key
+    if _is_key(table, first, section, names):
         alone = f"{table}.{first}" in tables() or len(rest) == 1
         key, place = f"{table}.{rest_of_path if alone else first}", leaf.place
         result.keys[key] = leaf if alone else Leaf({}, place.under(place.path[: 1 - len(rest)]))
@@ -117,6 +114,13 @@ def _sort_section(path: Path, rest: Path, leaf: Leaf, result: Sorted, mistakes: 
             _add_part(result, table, name, rest[length:], leaf, mistakes, section)
             return
     _refuse_unknown_axis(path, rest, leaf, mistakes, names)
+
+
+def _is_key(table: str, name: str, section: Section, names: Names) -> bool:
+    """Whether a name in a section is that of a key: a number of a drawn loop may have the same name, and comes first."""
+    if table == "bode" and names is BUILT_IN:
+        return False
+    return name in section.own and (name == "along" or not names.find(name))
 
 
 def _refuse_unknown_axis(path: Path, rest: Path, leaf: Leaf, mistakes: Mistakes, names: Names) -> None:

@@ -56,12 +56,22 @@ def syntax_mistake(text: str, message: str, name: str) -> Mistake:
         twice = inner[1] if inner else here.partition("=")[0].strip()
         column = here.rfind(twice, 0, column) + 1 or column
         expected, rest = "each key and each table once", f"{twice} a second time"
-    elif len(here) <= LONGEST_LINE:
-        for pattern, better in _SLIPS:
-            spans = (slip.span(slip.lastindex or 0) for slip in re.finditer(pattern, here))
-            if slip_span := next((span for span in spans if span[0] < column <= span[1] + 1), None):
-                column, expected, rest = slip_span[0] + 1, better, here[slice(*slip_span)].strip()
-                break
-    shown = rest if expected else reading
-    shown = shown if shown.isprintable() else ascii(shown)
-    return Mistake(f"{name}:{line}:{column}", "", expected or "a TOML file", shown if len(shown) <= 60 else f"{shown[:57]}...")
+    elif len(here) <= LONGEST_LINE and (slip := _slip_at(here, column)):
+        column, expected, rest = slip
+    problem = _shortened(rest if expected else reading)
+    return Mistake(f"{name}:{line}:{column}", "", expected or "a TOML file", problem)
+
+
+def _slip_at(line: str, column: int) -> tuple[int, str, str] | None:
+    """The first usual slip that reaches a column of a line: its own column, what was expected, and its text."""
+    for pattern, expected in _SLIPS:
+        spans = (slip.span(slip.lastindex or 0) for slip in re.finditer(pattern, line))
+        if slip_span := next((span for span in spans if span[0] < column <= span[1] + 1), None):
+            return slip_span[0] + 1, expected, line[slice(*slip_span)].strip()
+    return None
+
+
+def _shortened(text: str) -> str:
+    """The text in at most 60 printable characters."""
+    text = text if text.isprintable() else ascii(text)
+    return text if len(text) <= 60 else f"{text[:57]}..."
