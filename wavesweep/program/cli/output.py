@@ -155,7 +155,6 @@ def _report(
 ) -> None:
     """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
     from wavesweep.program.analyses.assumptions import unusual
-    from wavesweep.program.store.checkpoint import SUFFIX
 
     said = [line for spec in specs for line in (*unusual(spec), *_without_effect(command, spec, options.overrides))]
     notices = [*dict.fromkeys(said), *(notice for done in finished for notice in done.notices)]
@@ -174,15 +173,33 @@ def _report(
             }
         )
         return
+    for line, warning in _lines(said, facts, finished):
+        say(line, warning)
+    if not options.to_stdout:
+        _say_interrupted(command, folder_of(specs, options))
+    _say_written(finished, changed, seconds)
+
+
+def _lines(said: Sequence[str], facts: Mapping[str, Any], finished: Sequence[Finished]) -> list[Line]:
+    """The lines of a summary and whether they are warnings; assumptions that favour stability come first, others last."""
     from wavesweep.program.analyses.assumptions import FAVOURABLE
 
     assumed = [(f"assumes: {line}", False) for line in facts.get("assumes", "").splitlines()]
     lines = [(line, False) for line in dict.fromkeys(said)]
     lines += [line for done in finished for line in (*((notice, False) for notice in done.notices), *done.lines)]
-    for line, warning in [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]:
-        say(line, warning)
-    for left in sorted(folder_of(specs, options).glob(f".{command}-*{SUFFIX}")) if not options.to_stdout else ():
+    return [*assumed, *lines] if FAVOURABLE in facts.get("assumes", "") else [*lines, *assumed]
+
+
+def _say_interrupted(command: str, directory: Path) -> None:
+    """Name the checkpoints that interrupted runs of a command have left in a folder."""
+    from wavesweep.program.store.checkpoint import SUFFIX
+
+    for left in sorted(directory.glob(f".{command}-*{SUFFIX}")):
         say(f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed")
+
+
+def _say_written(finished: Sequence[Finished], changed: Sequence[str], seconds: float) -> None:
+    """Say what of a spec has changed since the results that were replaced, and which files were written."""
     if changed:
         shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
         say(f"replaced the results of this spec; changed: {', '.join(shown)}")
