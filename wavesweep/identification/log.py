@@ -1,6 +1,6 @@
 """A log of what pushed a device and how it moved, read from a CSV file; one that cannot be used is refused with one message."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest
-from wavesweep.program.csv_files import LEAST, MOST, read_csv
+from wavesweep.program.csv_files import LEAST, MOST, Csv, read_csv
 
 MOST_BYTES = 1_000_000_000
 LEAST_ROWS = 50
@@ -46,6 +46,51 @@ class Log:
         return self.start + self.period * np.arange(len(self.force))
 
 
+def _refuse_unknown(columns: Mapping[str, str], scales: Mapping[str, float], names: Collection[str]) -> None:
+    """Refuse options for columns that no log has."""
+    for option, options in (("--column", columns), ("--scale", scales)):
+        for name in options:
+            if name not in names:
+                raise UsageError(f"{option} {name}: expected one of {', '.join(names)}, found {name}")
+
+
+def _places_in(file_names: Sequence[str], columns: Mapping[str, str], names: Iterable[str]) -> dict[str, str | None]:
+    """Return the column of the file that has each name, or this name and a unit; None without."""
+    endings = {name: ("", *(f"_{unit}" for unit in UNITS if name not in columns)) for name in names}
+    wanted = {name: [f"{columns.get(name, name)}{ending}" for ending in ending_set] for name, ending_set in endings.items()}
+    return {
+        name: next((candidate for candidate in candidates if candidate in file_names), None)
+        for name, candidates in wanted.items()
+    }
+
+
+def _turns(columns: Mapping[str, str], places: Mapping[str, str | None]) -> bool:
+    """Whether the log is one of a device that turns."""
+    straight, turned = {"force", *MOTIONS}, {"torque", *MOTIONS.values()}
+    turns = bool(turned & columns.keys())
+    if not turns and not straight & columns.keys() and not (places["force"] or places["position"]):
+        turns = any(places[name] for name in turned)
+    return turns
+
+
+def _refuse_missing(path: str | Path, name: str, wanted: str, file: Csv) -> None:
+    """Refuse a file without a wanted column, and name the nearest one."""
+    meant = nearest(wanted, file.names)
+    hint = f"; did you mean --column {name}={meant}?" if meant else f"; --column {name}=NAME gives its name"
+    raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
+
+
+def _refuse_motor_constant(path: str | Path, push: str, constant: float | None, turns: bool) -> None:
+    """Refuse a current without the motor's constant, and the constant without a current."""
+    if (push == "current") != (constant is not None):
+        unit = "N*m/A" if turns else "N/A"
+        raise UsageError(
+            f"{path}: a current needs the motor's constant: --motor-constant LOW..HIGH in {unit}"
+            if push == "current"
+            else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
+        )
+
+
 def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, float], constant: float | None = None) -> Log:
     """Read a log. columns: the name in the file of time, a push and a motion, where it differs.
 
@@ -59,39 +104,18 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
         raise UsageError(f"{path}: expected a header and rows of numbers below it, found an empty file")
     turning = {**PUSHES, **MOTIONS}
     column_names = dict.fromkeys(["time", *turning, *turning.values()])
-    for option, options in (("--column", columns), ("--scale", scales)):
-        for name in options:
-            if name not in column_names:
-                raise UsageError(f"{option} {name}: expected one of {', '.join(column_names)}, found {name}")
-    # The column of the file that has each name, or this name and a unit; None without.
-    endings = {name: ("", *(f"_{unit}" for unit in UNITS if name not in columns)) for name in column_names}
-    wanted = {name: [f"{columns.get(name, name)}{ending}" for ending in ending_set] for name, ending_set in endings.items()}
-    places = {
-        name: next((name_in_file for name_in_file in names if name_in_file in file.names), None)
-        for name, names in wanted.items()
-    }
-    straight, turned = {"force", *MOTIONS}, {"torque", *MOTIONS.values()}
-    turns = bool(turned & columns.keys())
-    if not turns and not straight & columns.keys() and not (places["force"] or places["position"]):
-        turns = any(places[name] for name in turned)
+    _refuse_unknown(columns, scales, column_names)
+    places = _places_in(file.names, columns, column_names)
+    turns = _turns(columns, places)
     used = {"time": "time"}
     for kind in (PUSHES, MOTIONS):
         names = list(dict.fromkeys(kind.values() if turns else kind))
         used[names[0]] = next((n for n in (*filter(columns.get, names), *names) if places[n]), names[0])
     for name in used.values():
         if not places[name]:
-            wanted = columns.get(name, name)
-            meant = nearest(wanted, file.names)
-            hint = f"; did you mean --column {name}={meant}?" if meant else f"; --column {name}=NAME gives its name"
-            raise UsageError(f"{path}: expected a column {wanted}, found {file.listed}{hint}")
+            _refuse_missing(path, name, columns.get(name, name), file)
     _, push, motion = used.values()
-    if (push == "current") != (constant is not None):
-        unit = "N*m/A" if turns else "N/A"
-        raise UsageError(
-            f"{path}: a current needs the motor's constant: --motor-constant LOW..HIGH in {unit}"
-            if push == "current"
-            else f"--motor-constant: expected a log of a current, found one of a {push}; leave it out"
-        )
+    _refuse_motor_constant(path, push, constant, turns)
     rows = file.numbers([places[name] for name in used.values()], LEAST_ROWS)
     readings = {name: rows[:, at] * scales.get(name, 1.0) for at, name in enumerate(used.values())}
     _refuse_constant(path, readings, motion)

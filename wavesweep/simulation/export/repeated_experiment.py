@@ -39,32 +39,54 @@ class Steps:
         return replace(self.frames, ticks=self.lengths, delays=(0,) * len(self.lengths))
 
 
+def _proved_for_changes(spec: Spec) -> bool:
+    """Whether [for_all] has frames that change, or results that are lost."""
+    for_all = spec.for_all
+    if not for_all or spec.uneven:
+        return False
+    return bool(for_all.changing or ((for_all.lost or for_all.loss) and spec.drawing is None))
+
+
 def steps_of(spec: Spec) -> Steps | None:
     """Return the slow steps of a spec whose frames vary, in [for_all] or in [simulate]; None if they do not.
 
     Errors: UsageError for frames in [simulate] whose lengths [for_all] does not have, and beside channels.
     """
-    frames, for_all = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec)), spec.for_all
-    if not frames and (
-        not for_all or spec.uneven or not (for_all.changing or ((for_all.lost or for_all.loss) and spec.drawing is None))
-    ):
+    frames = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec))
+    if not (frames or _proved_for_changes(spec)):
         return None
     if spec.drawing and spec.drawing.channels:
         raise UsageError(
             "export: expected frames of one length in a loop with channels, found frames that vary; leave either out"
         )
-    proved = {length for axis in (for_all.changing if for_all else ()) for length in lengths_at(spec, axis)}
-    if strange := sorted({frame.ticks for frame in frames} - proved) if proved else []:
+    simulated = {frame.ticks for frame in frames}
+    proved = _proved_lengths(spec)
+    _refuse_unproved(simulated, proved)
+    lengths = tuple(sorted(proved or simulated or {int(spec.values[RATIO])}))
+    usual = NEXT if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
+    delays = tuple(usual if frame.delay is None else frame.delay for frame in frames) or (usual,) * len(lengths)
+    return Steps(lengths, frames_of(spec, frames) or _clock(spec, lengths, usual), delays, usual)
+
+
+def _proved_lengths(spec: Spec) -> set[int]:
+    """The lengths of frames in [for_all]; empty if they do not change there."""
+    return {length for axis in (spec.for_all.changing if spec.for_all else ()) for length in lengths_at(spec, axis)}
+
+
+def _refuse_unproved(simulated: set[int], proved: set[int]) -> None:
+    """Refuse frames in [simulate] of a length that [for_all] does not have."""
+    if strange := sorted(simulated - proved) if proved else []:
         raise UsageError(
             f"simulate.frames: expected the lengths of [for_all] ({', '.join(map(str, sorted(proved)))}), found {strange[0]}; "
             "--set simulate.frames= leaves them out"
         )
-    lengths = tuple(sorted(proved or {frame.ticks for frame in frames} or {int(spec.values[RATIO])}))
-    usual = NEXT if spec.delay_of_frame else int(spec.values.get(DELAY, 0))
-    delays = tuple(usual if frame.delay is None else frame.delay for frame in frames) or (usual,) * len(lengths)
+
+
+def _clock(spec: Spec, lengths: tuple[int, ...], usual: int) -> FrameClock:
+    """A frame of each length. usual: the delay of its results in ticks, or NEXT."""
     nominal = spec.values[RATIO] if spec.step == "nominal" and spec.drawing is None else None
     every = tuple(length if usual == NEXT else usual for length in lengths)
-    return Steps(lengths, frames_of(spec, frames) or FrameClock(lengths, every, nominal), delays, usual)
+    return FrameClock(lengths, every, nominal)
 
 
 def drawing_of(spec: Spec, steps: Steps | None = None, *, amplifier: bool = False, gains: bool = False) -> Drawing:
