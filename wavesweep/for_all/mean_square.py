@@ -245,10 +245,19 @@ def losses_at_random(drawing: Drawing, values: Mapping[str, object]) -> dict[str
     Errors: UsageError for channels whose messages are late or lost in any pattern.
     """
     _refuse_patterns(drawing, values)
-    numbers, keys = scalars(values), {block.name: dict(block.keys) for block in drawing.channels}
+    return _losses(_probabilities(drawing), scalars(values))
+
+
+def _probabilities(drawing):
+    """The expressions of the probabilities of each channel."""
+    return {block.name: [dict(block.keys)[key] for key in PROBABILITIES] for block in drawing.channels}
+
+
+def _losses(trees, numbers) -> dict[str, Losses]:
+    """How each channel loses messages, by the expressions of its probabilities."""
     return {
-        name: Losses(*(float(values_of(channel_keys[key], numbers)) for key in PROBABILITIES))
-        for name, channel_keys in keys.items()
+        channel: Losses(*(float(values_of(tree, numbers)) for tree in channel_trees))
+        for channel, channel_trees in trees.items()
     }
 
 
@@ -268,28 +277,15 @@ def chances(drawing: Drawing, values: Mapping[str, object], number: str = "") ->
     """
     _refuse_patterns(drawing, values)
     name, numbers = name_of(number) if number else "", scalars(values)
-    keys = {block.name: dict(block.keys) for block in drawing.channels}
-    trees = {channel: [channel_keys[key] for key in PROBABILITIES] for channel, channel_keys in keys.items()}
-    reads = [
-        tree
-        for channel_trees in trees.values()
-        for tree in channel_trees
-        if any(name == read_name for read_name, _ in names_in(tree))
-    ]
-    paths = [path for path, tree in drawing.trees() if any(name == read_name for read_name, _ in names_in(tree))]
+    trees = _probabilities(drawing)
+    reads = [tree for channel_trees in trees.values() for tree in channel_trees if name in dict(names_in(tree))]
+    paths = [path for path, tree in drawing.trees() if name in dict(names_in(tree))]
     if reads and (len(paths) > len(reads) or any(degree(tree, name) > 1 for tree in reads)):
         raise UsageError(
             f"intervals along {number}: expected a number that probabilities of channels alone read, linearly, found another"
         )
     family = frames_with_messages(drawing, values, "" if reads else number)
-    ends = []
-    for x in (0.0, 1.0):
-        at = {
-            channel: [float(values_of(tree, numbers | ({name: x} if reads else {}))) for tree in channel_trees]
-            for channel, channel_trees in trees.items()
-        }
-        ends.append({channel: Losses(*row) for channel, row in at.items()})
-    graph, factors = _chain(family, *ends)
+    graph, factors = _chain(family, *(_losses(trees, numbers | ({name: x} if reads else {})) for x in (0.0, 1.0)))
     _refuse_large(family, graph, "messages lost at random", "choose longer ticks, or rates with a larger common divisor")
     return Chances(family, graph, factors, not reads)
 

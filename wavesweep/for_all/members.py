@@ -10,7 +10,6 @@ from itertools import product
 import numpy as np
 
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.stability.radii import radii_of
 from wavesweep.for_all.asked_ranges import values_of_range
@@ -34,7 +33,7 @@ def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None
     for axis in (each for each in case.ranges if each.path not in (changes or {})):
         values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
     constant = _at_constant_frames(rules, values)
-    return [Loops(rules.drawing or loop_drawing(numbers, (case.along,)), numbers) for numbers in constant]
+    return [Loops(rules.drawing_of(numbers, (case.along,)), numbers) for numbers in constant]
 
 
 def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:

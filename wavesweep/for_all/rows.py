@@ -11,7 +11,6 @@ from wavesweep.engine.drawing.drawing import SHARES, name_of, path_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.dead_time import pieces_of, timing
 from wavesweep.engine.search.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
 from wavesweep.engine.stability.certificate import CONTRADICTION, NONE, SEARCH
@@ -111,15 +110,13 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
     """
     for_all, rules, drawing = spec.for_all, Rules.of(spec), own_loop(spec, along)[0]
     swept = [axis.name for axis in for_all.axes if axis.path == along]
-    trees = (tree for block in drawing.channels for key, tree in block.keys if key in SHARES)
-    read = {path_of(name) for tree in trees for name, _ in names_in(tree)}
     ranges = [axis.name for axis in for_all.unknown if not axis.values and not axis.structural]
-    chance = ", ".join(axis.name for axis in for_all.unknown if axis.name in ranges and {axis.path, along} & read)
-    timed = [axis.name for axis in for_all.unknown if not axis.values and name_of(axis.path) in timing(drawing)]
-    timed = [*timed, along] if timed and along and name_of(along) in timing(drawing) else timed
+    probabilities = _read_by_probabilities(drawing)
+    chance = ", ".join(axis.name for axis in for_all.unknown if axis.name in ranges and {axis.path, along} & probabilities)
+    timed = _timed(for_all.unknown, along, timing(drawing))
     cases = np.prod([len(values_of_range(axis)) for axis in for_all.unknown if axis.values or axis.structural], initial=1.0)
     for wrong, expected, problem in (
-        (ranges and chance, "values of numbers, where probabilities of messages are read from one", f"the range of {chance}"),
+        (chance, "values of numbers, where probabilities of messages are read from one", f"the range of {chance}"),
         (swept, "another number than that of the intervals", ", ".join(swept)),
         (len(ranges) > MOST_UNKNOWN, f"at most {MOST_UNKNOWN} ranges", f"{len(ranges)}"),
         (timed[1:], "one number that dead times follow from, and values of others", f"ranges of {', '.join(timed)}"),
@@ -136,6 +133,18 @@ def refuse_unsuitable_ranges(spec: Spec, along: str, *, cut: bool = True) -> Non
         with placed(spec):
             for rule in filter(None, (rules, rules.on_average())):
                 rule.family(spec.values, along)
+
+
+def _read_by_probabilities(drawing) -> set[str]:
+    """The numbers from which the probabilities of messages follow."""
+    trees = (tree for block in drawing.channels for key, tree in block.keys if key in SHARES)
+    return {path_of(name) for tree in trees for name, _ in names_in(tree)}
+
+
+def _timed(axes, along, timing_names) -> list[str]:
+    """The ranges from which dead times follow, with the number along which intervals are if these follow from it as well."""
+    timed = [axis.name for axis in axes if not axis.values and name_of(axis.path) in timing_names]
+    return [*timed, along] if timed and along and name_of(along) in timing_names else timed
 
 
 def _has_parts(spec: Spec, axis: Axis) -> bool:
@@ -176,15 +185,15 @@ def cases_of(rules: Rules, along: str, span: tuple[float, float], loop: Loops) -
     """
     drawing, values = loop
     unknown = [axis for axis in rules.for_all.unknown if axis.path in drawing.reads or axis.path in values]
-    ranges = [axis for axis in unknown if not (axis.values or axis.structural)]
     listed = [axis for axis in unknown if axis.values or axis.structural]
+    ranges = [axis for axis in unknown if axis not in listed]
     cases, gains = [], [axis.path for axis in ranges]  # drawn, though the spec's own be 0
     for combination in product(*map(values_of_range, listed)):
         fixed = dict(zip((axis.path for axis in listed), combination, strict=True))
         fixed_values = values | fixed
         if rules.drawing is None and rules.with_frame and RATIO in fixed:
             fixed_values[DELAY] = fixed_values[RATIO]
-        drawing = rules.drawing or loop_drawing(fixed_values, (along, *gains))
+        drawing = rules.drawing_of(fixed_values, (along, *gains))
         for axes, whole_ticks in _pieces(drawing, fixed_values, ranges):
             cases.append(Case(Loops(drawing, fixed_values | whole_ticks), along, span, axes, fixed))
     return cases

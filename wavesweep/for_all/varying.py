@@ -14,6 +14,7 @@ from wavesweep.engine.drawing.block_types import without_rule
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import SpecError
+from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.loops.resolution import Resolution, Side, to_divide
 from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
@@ -75,6 +76,10 @@ class Rules:
         messages = (bool(drawing.channels), drawing.at_random) if drawing else ()
         found = Rules(spec.for_all, drawing, spec.delay_of_frame, spec.step == "elapsed", *messages)
         return replace(found, at_random=True) if spec.for_all.loss else found
+
+    def drawing_of(self, values: Mapping[str, object], gains: Sequence[str]) -> Drawing:
+        """The drawing of the spec, or that of its built-in controller with these values; gains: see `loop_drawing`."""
+        return self.drawing or loop_drawing(values, gains)
 
     def on_average(self) -> "Rules | None":
         """The rules of frames at random, beside those in any order; None if a spec does not say how often what occurs."""

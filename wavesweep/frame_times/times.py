@@ -77,6 +77,20 @@ def read_run(
     for option, readings in (("--column", columns), ("--scale", scales)):
         if wrong := [name for name in readings if name not in ("time", "duration")]:
             raise UsageError(f"{option} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}")
+    name, column = _column(path, file, columns, options)
+    readings = file.numbers([column], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
+    durations = np.diff(readings) if name == "time" else readings
+    begins = readings[:-1] if name == "time" else np.cumsum(readings) - readings
+    if (median := float(np.median(durations))) > LONGEST:
+        expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
+        hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms" if options else "are they in ms?"
+        raise UsageError(f"{path}: {name}: {expected}; {hint}")
+    _refuse_lengths(path, name, durations, fast_hz, most)
+    return MeasuredFrames(begins, durations * fast_hz, file.sha256)
+
+
+def _column(path, file, columns, options) -> tuple[str, str]:
+    """What is read, time or duration, and the name of its column."""
     names = {name: [columns[name]] if name in columns else [name, f"{name}_s"] for name in ("time", "duration")}
     column_of = {
         name: next((wanted_name for wanted_name in wanted if wanted_name in file.names), None) for name, wanted in names.items()
@@ -87,13 +101,11 @@ def read_run(
         meant = nearest("time", file.names) or next(likely, "NAME")
         hint = f"--column time={meant} names that of stamps" if options else "give the one of stamps (s) the name time"
         raise UsageError(f"{path}: expected a column {' or '.join(columns.values() or names)}, found {file.listed}; {hint}")
-    readings = file.numbers([column_of[name]], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
-    durations = np.diff(readings) if name == "time" else readings
-    begins = readings[:-1] if name == "time" else np.cumsum(readings) - readings
-    if (median := float(np.median(durations))) > LONGEST:
-        expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
-        hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms" if options else "are they in ms?"
-        raise UsageError(f"{path}: {name}: {expected}; {hint}")
+    return name, column_of[name]
+
+
+def _refuse_lengths(path, name, durations, fast_hz, most) -> None:
+    """Raise UsageError for frames shorter than a tick, or longer than the most ticks."""
     ticks, tick = durations * fast_hz, f"of {1e3 / fast_hz:.6g} ms"
     for wrong, expected, hint in (
         (ticks < 1 - FITS, f"at least a tick {tick}", ""),
@@ -103,4 +115,3 @@ def read_run(
             row = int(wrong.argmax())
             place = f"{path}:{row + (3 if name == 'time' else 2)}: {name}"
             raise UsageError(f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}")
-    return MeasuredFrames(begins, ticks, file.sha256)
