@@ -83,6 +83,18 @@ def axis_place(parts: Mapping[str, Leaf]) -> Place:
     return leaf.place.parent() if first_part else leaf.place
 
 
+def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple[str, str] | None:
+    """Return the first part of a span that does not fit the others, and what is expected of it."""
+    for name, expected, wrong in (
+        ("stop", f"a number > start = {start!r}", start > stop or (start == stop and num != 1)),
+        ("num", "a whole number >= 2, start and stop being two values", num == 1 and start < stop),
+        ("start", "a number > 0 for the log scale", scale == "log" and not start > 0),
+    ):
+        if wrong:
+            return name, expected
+    return None
+
+
 def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -> tuple:
     """Return values, start, stop, whether the axis is structural, and the scale; a part that is unknown is reported already."""
     keys, before = AXIS_KEYS | {"start": key, "stop": key}, len(mistakes)
@@ -93,14 +105,10 @@ def _span(label: str, key: Key, parts: Mapping[str, Leaf], mistakes: Mistakes) -
         return ()
     start, stop, num = (numbers.get(name) for name in ("start", "stop", "num"))
     scale = numbers.get("scale") or AXIS_KEYS["scale"].default
-    for name, expected, wrong in (
-        ("stop", f"a number > start = {start!r}", start > stop or (start == stop and num != 1)),
-        ("num", "a whole number >= 2, start and stop being two values", num == 1 and start < stop),
-        ("start", "a number > 0 for the log scale", scale == "log" and not start > 0),
-    ):
-        if wrong:
-            mistakes.refuse(parts[name], f"{label}.{name}", expected, show(parts[name].value), of_key=False)
-            return ()
+    if fault := _span_fault(start, stop, num, scale):
+        name, expected = fault
+        mistakes.refuse(parts[name], f"{label}.{name}", expected, show(parts[name].value), of_key=False)
+        return ()
     values = SPACINGS[scale](start, stop, num) if num else ()
     try:
         if key.type == "integer":

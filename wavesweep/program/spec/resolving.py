@@ -150,7 +150,7 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
 
 def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict, rate_known: bool, mistakes: Mistakes) -> None:
     """Set order and cutoff in `values` if the filter was given by its band edges; a resolved spec has both, which agree."""
-    path, before = f"filters.{name}", len(mistakes)
+    path = f"filters.{name}"
     edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
     if not edges:
         return
@@ -159,23 +159,31 @@ def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict, rat
     either = "either order and cutoff_hz or the four band edges"
     numbers = [checked.get(f"{path}.{edge}") for edge in BAND_EDGES]
     if len(edges) < len(BAND_EDGES):
-        expected_edges = either if direct else "all of " + ", ".join(BAND_EDGES)
-        mistakes.refuse(leaf, path, expected_edges, "both" if direct else "only " + ", ".join(edges))
-    elif None not in numbers and rate_known:
-        _check_edges(name, numbers, values["rates.fast_hz"], given, mistakes)
-        if len(mistakes) > before:
-            return
-        order, cutoff_hz = butterworth_order(*numbers, values["rates.fast_hz"])
-        if order > HIGHEST_ORDER:
-            expected = f"band edges that a filter of order {HIGHEST_ORDER} or less meets"
-            mistakes.refuse(leaf, path, expected, f"edges that need order {order:g}")
-            return
-        values[f"{path}.order"], values[f"{path}.cutoff_hz"] = order, cutoff_hz
+        all_or_some = "all of " + ", ".join(BAND_EDGES), "only " + ", ".join(edges)
+        mistakes.refuse(leaf, path, *((either, "both") if direct else all_or_some))
+    elif None not in numbers and rate_known and (of_edges := _order_of_edges(name, leaf, numbers, values, given, mistakes)):
+        values[f"{path}.order"], values[f"{path}.cutoff_hz"] = of_edges
         if any(
             path_given in checked and not math.isclose(checked[path_given], values[path_given], rel_tol=SAME)
             for path_given in direct
         ):
             mistakes.refuse(leaf, path, either, "both, which differ")
+
+
+def _order_of_edges(
+    name: str, leaf: Leaf, numbers: list[float], values: dict, given: Given, mistakes: Mistakes
+) -> tuple[float, float] | None:
+    """Return order and cutoff (Hz) of the filter that meets its band edges; None, with a mistake, if there is none."""
+    before, fast_hz = len(mistakes), values["rates.fast_hz"]
+    _check_edges(name, numbers, fast_hz, given, mistakes)
+    if len(mistakes) > before:
+        return None
+    order, cutoff_hz = butterworth_order(*numbers, fast_hz)
+    if order > HIGHEST_ORDER:
+        expected = f"band edges that a filter of order {HIGHEST_ORDER} or less meets"
+        mistakes.refuse(leaf, f"filters.{name}", expected, f"edges that need order {order:g}")
+        return None
+    return order, cutoff_hz
 
 
 def _check_edges(name: str, numbers: list[float], fast_hz: float, given: Given, mistakes: Mistakes) -> None:
