@@ -177,7 +177,7 @@ def test_entries_may_be_expressions_in_numbers():
 def test_a_drawing_as_a_dict_gives_the_same_numbers_as_its_spec(name):
     tables = tomllib.loads((ROOT / f"sweeps/templates/{name}.toml").read_text(encoding="utf-8"))
     drawing = {table: tables[table] for table in ("rates", "numbers", "block", "signals", "wire", "ports") if table in tables}
-    loop, spec = loop_from_drawing(drawing), wavesweep.compile(tables)
+    loop, spec = loop_from_drawing(drawing), wavesweep.compile(drawing | {"sweep": tables["sweep"]})
     along, axis = tables["sweep"]["along"], tables["sweep"][tables["sweep"]["along"]]
     ours, theirs = loop.stable_intervals(along, (axis["start"], axis["stop"])), spec.stable_intervals()
     for column in ("low", "high", "low_omega", "high_omega", "low_hz", "high_hz", "residual"):

@@ -31,9 +31,9 @@ CONVERGED, BESIDE = 1e-9, 1e-7  # the last step; next to a crossing, in parts of
 MOST_TERMS = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
 SHRINKS, SURELY = 0.93, 0.95  # of weights, what is wanted to be left of them, and what is left at most
-ROUNDED = 128 * EPS  # of the terms of a sum, and so much for each state of a line, half of it for its link
+ROUNDED = 256 * EPS  # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
 ENTRIES = 2**19  # of what delay lines show, at a time
-LINKED = ROUNDED / 2  # of a link of a delay line, which is 1
+LINKED = 0.75 * ROUNDED  # of a link of a delay line, which is 1
 BEYOND = 1e-7  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
 SHARES = (0.5, 0.37, 0.71, 0.13, 0.91)  # of a stretch, where eigenvalues are counted
 
