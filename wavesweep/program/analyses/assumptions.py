@@ -223,11 +223,13 @@ def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str
     swept: paths of the axes of a result. Of those that decide how the loop is built, the least MOST_BUILT values are looked at,
     since small ones take a delay away.
     """
-    axes = [axis for axis in (*spec.sweep, *spec.bode) if axis.structural and axis.path in swept] if spec.drawing else []
+    if not spec.drawing:
+        return
+    axes = [axis for axis in (*spec.sweep, *spec.bode) if axis.structural and axis.path in swept]
     values = [(axis, value) for axis in axes for value in sorted(axis.values)[:MOST_BUILT]]
     built = [(f" at {axis.name} = {value:g}", {axis.path: value}) for axis, value in values]
     rings: dict[str, list[str]] = {}
-    for at, changed in (built or [("", {})]) if spec.drawing else ():
+    for at, changed in built or [("", {})]:
         with suppress(WavesweepError):
             for ring in Loops(spec.drawing, spec.with_values(changed).values).drawn().rings():
                 rings.setdefault(_listed(ring), []).append(at)

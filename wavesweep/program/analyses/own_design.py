@@ -1,6 +1,6 @@
 """The numbers of a spec's own design: stability, the feel at rest, and its slowest and least damped modes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -64,13 +64,19 @@ def own_design(spec: Spec, loop=None) -> dict:
         names, (delta, shares) = named_modes(E, drawn, drift)
         modes = [(complex(mode), leading(names, share)) for mode, share in zip(delta, shares, strict=True)]
         modes = modes or [(-1 + 0j, [])]  # without a state
-    slowest = modes[0] if modes else None
-    ratios = [np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0 for mode, _ in modes]
-    damped = modes[int(np.argmin(ratios))] if modes else None
-    another = damped and abs(damped[0] - slowest[0]) > SAME and abs(damped[0] - slowest[0].conjugate()) > SAME
-    named = {"slowest": slowest, "least_damped": damped if another else None}
+    named = {"slowest": modes[0] if modes else None, "least_damped": _least_damped(modes)}
     described = {name: mode and _mode(spec, *mode, period) for name, mode in named.items()}
     return numbers | {"felt": felt_at_rest(spec, loop), **described}
+
+
+def _least_damped(modes: Sequence[tuple[complex, list[str]]]) -> tuple[complex, list[str]] | None:
+    """The mode with the lowest damping ratio; None if it is the first one, the slowest, or its conjugate."""
+    if not modes:
+        return None
+    ratios = [np.nan_to_num(damping_ratio(mode), nan=1.0) if abs(1 + mode) >= GONE else 1.0 for mode, _ in modes]
+    damped, slowest = modes[int(np.argmin(ratios))], modes[0][0]
+    another = abs(damped[0] - slowest) > SAME and abs(damped[0] - slowest.conjugate()) > SAME
+    return damped if another else None
 
 
 def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:

@@ -74,10 +74,11 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
         if states and not finite[at]:
             unknown = {"states": np.array([""], object), "stable": np.zeros(1, bool), "doubt": np.array(["overflow"], object)}
             numbers = {name: unknown.get(name, np.full(1, np.nan)) for name in numbers}
-        yield {
-            name: np.where(np.isfinite(array), array, np.nan) if array.dtype == float else array
-            for name, array in numbers.items()
-        }
+        yield {name: _finite_or_missing(array) for name, array in numbers.items()}
+
+
+def _finite_or_missing(array: np.ndarray) -> np.ndarray:
+    return np.where(np.isfinite(array), array, np.nan) if array.dtype == float else array
 
 
 def leading(names: list[str], shares: np.ndarray) -> list[str]:

@@ -92,10 +92,9 @@ def lay_out(
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
     x = along_the_figure(several, dampings)
     if x is None and len(several) == 1 and not hands:
-        x = next((name for name in several if name in smooth and len(several[name]) > _PAIR), None)
+        x = next((name for name in smooth if len(several.get(name, ())) > _PAIR), None)
     rest = [name for name in several if name != x]
-    fitting = [name for name in rest if len(several[name]) <= MOST_MEMBERS]
-    family = None if hands else next(iter([*fitting, *rest]), None)
+    family = None if hands else _family_of(several, rest)
     panels, *held = [*(name for name in rest if name != family), None]
     points = evenly(several, x, MOST_POINTS, best)
     panel_values = evenly(several, panels, MOST_PANELS, best)
@@ -107,6 +106,12 @@ def lay_out(
     shown = ((x, points), (panels, panel_values), (family, members))
     said = what_is_shown([(n, v, several[n]) for n, v in shown if n] + [(n, (v,), several[n]) for n, v in fixed.items()])
     return Layout(x, points, panels, panel_values, family, members, beside, fixed, said)
+
+
+def _family_of(several: Mapping[str, Sequence[float]], rest: Sequence[str]) -> str | None:
+    """The first of the axes that fits into one panel, or the first of all."""
+    fitting = [name for name in rest if len(several[name]) <= MOST_MEMBERS]
+    return next(iter([*fitting, *rest]), None)
 
 
 def what_is_shown(axes: Iterable[tuple[str, Sequence[float], Sized]]) -> str:

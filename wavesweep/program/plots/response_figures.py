@@ -249,7 +249,7 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
     scale = (axes[0], _scale(columns[axes[0]])) if several else None
     curves = []
     for index, (spec, responses) in enumerate(zip(specs, by_spec, strict=True)):
-        styles = _family_styles(index, responses, len(specs) > 1) if scale is None else _scaled_styles(index, responses, *scale)
+        styles = _styles(index, responses, len(specs) > 1, scale)
         named: set[str] = set()
         for (place, rows), style in zip(responses, styles, strict=True):
             shown = place if len(responses) > 1 and scale is None else ""
@@ -260,21 +260,22 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
     return curves, scale
 
 
-def _family_styles(index: int, responses: Sequence[_Response], several_specs: bool) -> list[dict[str, Any]]:
-    """The styles of the responses of a spec; index: its place among the specs."""
-    if len(responses) == 1:
-        look = distinct_look(index)
-        return [{"color": look.colour, "linestyle": look.line}]
-    marker = {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5} if several_specs else {}
-    return [{"color": look.colour, "linestyle": look.line} | marker for look in family_looks(len(responses))]
-
-
-def _scaled_styles(index: int, responses: Sequence[_Response], axis: str, scale: Any) -> list[dict[str, Any]]:
-    """The styles of the responses of a spec, if there are so many that a scale of an axis gives their colours."""
+def _styles(
+    index: int, responses: Sequence[_Response], several_specs: bool, scale: tuple[str, Any] | None
+) -> list[dict[str, Any]]:
+    """The styles of the responses of a spec; index: its place among the specs, scale: see `_curves`."""
+    family = len(responses) > 1
+    looks = family_looks(len(responses)) if family else [distinct_look(index)]
+    if scale is None:
+        marker = (
+            {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5} if family and several_specs else {}
+        )
+        return [{"color": look.colour, "linestyle": look.line} | marker for look in looks]
+    axis, colours = scale
     thin = {"linestyle": LINES[index % len(LINES)], "linewidth": 0.8}
-    if len(responses) == 1:
-        return [{"color": distinct_look(index).colour} | thin]
-    return [{"color": scale.to_rgba(rows[axis][0])} | thin for _, rows in responses]
+    if not family:
+        return [{"color": looks[0].colour} | thin]
+    return [{"color": colours.to_rgba(rows[axis][0])} | thin for _, rows in responses]
 
 
 def _scale(values: np.ndarray) -> Any:

@@ -68,17 +68,21 @@ class Shown:
         design = {name: spec.own(spec.names.find(name).path) for name in names if name}
         if None in design.values():  # an edge of a filter's band, from which its order and cutoff follow
             return [], ""
+        if away := self._numbers_outside(design, panels):
+            return [], f"Not shown: the nominal design, with {valued(away[0], design[away[0]], self.facts)}."
+        if layout.x is None:
+            return [(design[self.along], layout.bars.index({name: design[name] for name in bars}))], ""
+        return [(design[layout.x], design[self.along])], ""
+
+    def _numbers_outside(self, design: Mapping[str, float], panels: Sequence[float]) -> list[str]:
+        """The numbers of a design whose values these panels do not show."""
+        layout = self.layout
         shown = {name: (value,) for name, value in layout.fixed.items()}
         shown |= {layout.panels: panels, layout.family: layout.members} | (layout.beside if layout.x is None else {})
         away = [name for name, values in shown.items() if name and design[name] not in values]
         spans = {self.along: (max(self.swept[0], self.view[0]), min(self.swept[1], self.view[1]))}
         spans |= {layout.x: (layout.points[0], layout.points[-1])} if layout.x else {}
-        away += [name for name, (low, high) in spans.items() if not low <= design[name] <= high]
-        if away:
-            return [], f"Not shown: the nominal design, with {valued(away[0], design[away[0]], self.facts)}."
-        if layout.x is None:
-            return [(design[self.along], layout.bars.index({name: design[name] for name in bars}))], ""
-        return [(design[layout.x], design[self.along])], ""
+        return away + [name for name, (low, high) in spans.items() if not low <= design[name] <= high]
 
     def _limits(self) -> tuple[bool, tuple[float, float]]:
         """Whether a scale of factors shows the limits, most of which an even one would squeeze into its lowest part, and the

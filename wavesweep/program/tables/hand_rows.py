@@ -62,6 +62,14 @@ def guarantees_of(own: Job, hands: Hands | None) -> Iterable[Guarantee]:
     return guarantees
 
 
+def _guarantee_of(kind: str, options: str | None) -> Guarantee | None:
+    """The guarantee that a capability offers for a kind of hands, None if there is none. Errors: UsageError of its options."""
+    try:
+        return next(filter(None, (module.of_word(kind, options) for module in modules("guarantee"))), None)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
 def hands_of(words: str | Iterable[str]) -> Hands | None:
     """Hands from the words of `--for-hands`; None without any.
 
@@ -71,11 +79,7 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
     words, guarantees = (words,) if isinstance(words, str) else words, {}
     for word in words if isinstance(words, Iterable) else (words,):
         kind, colon, options = word.partition(":") if isinstance(word, str) else ("", "", "")
-        try:
-            offered = (module.of_word(kind, options if colon else None) for module in modules("guarantee"))
-            guarantee = next(filter(None, offered), None)
-        except ValueError as error:
-            raise UsageError(str(error)) from error
+        guarantee = _guarantee_of(kind, options if colon else None)
         if guarantee is None and kind in HANDS and kind not in hands_offered():
             raise UsageError(f"hands: expected the capability {HANDS[kind]} for {kind}, found that it is not there")
         if guarantee is None:

@@ -138,11 +138,15 @@ def _finished(block, stage, stages, hands) -> Columns:
     types = {name: stage.job.dtype[name].kind for stage in stages for name in stage.job.dtype.names}
     dtypes = {name: kind for name, kind in types.items() if name not in (RECORD.names or ())}
     rows = len(block["along"])
-    missing = {name: np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan) for name, kind in dtypes.items()}
+    missing = {name: _empty_column(kind, rows) for name, kind in dtypes.items()}
     missing |= {"settled": block["certified"]} if "settled" in dtypes else {}
     columns = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
     whose = np.full(rows, stage.hand or "spec", dtype=object)
     return missing | columns | {"hand" if hands else "guarantee": whose}
+
+
+def _empty_column(kind: str, rows: int) -> np.ndarray:
+    return np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan)
 
 
 def _notices(spec, stages) -> Iterator[str]:

@@ -40,7 +40,7 @@ def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
     half the fast rate, for specs that mix responses at the hand with others, and the errors of `run`.
     """
-    from wavesweep.program.analyses.response_jobs import response_job, units_in
+    from wavesweep.program.analyses.response_jobs import response_job
     from wavesweep.program.sweep.running import Work, run
 
     if not specs:
@@ -53,11 +53,18 @@ def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
     jobs = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
     result = run(jobs, Work.of(work))
     kind = "bode" if routes[0][1] is None else "bode-ports"
+    facts = with_unlike_units(_facts(specs, kind, result), _units(specs, kind, names))
+    return Table(kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows)
+
+
+def _units(specs: Sequence[Spec], kind: str, names: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
+    """The unit that each spec has in the columns of the axes and of the responses at the hand."""
+    from wavesweep.program.analyses.response_jobs import units_in
+
     units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
     if kind == "bode":
         units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
-    facts = with_unlike_units(_facts(specs, kind, result), units)
-    return Table(kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows)
+    return units
 
 
 def _facts(specs: Sequence[Spec], kind: str, result: Run) -> dict:

@@ -22,15 +22,16 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
     `zwidth`. A spec without one of the axes has its own value in that column, or a missing one if its controller does not read
     it. work: as for `intervals`; its progress is called with the counts of one spec after the other.
     """
+    swept = []
     for spec in specs:  # before the work for any of them
-        sweep_axes(spec, "K_VE")
+        swept.append((spec, sweep_axes(spec, "K_VE")[1]))
         spec.refuse_require("zwidth of several specs")
     # One after the other: each uses all workers.
     tables = [intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"})) for spec in specs]
-    axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
+    axes = [axis for _, other_axes in swept for axis in other_axes]
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, tables, strict=True)])
-    units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
+    units = {name: units_in(swept, name) for name in names}
     walls = [(spec.name, spec.names.keys[sweep_axes(spec, "K_VE")[0].path].unit) for spec in specs]
     felt = [(spec.name, spec.units_felt[0]) for spec in specs]
     units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt, "open_low": walls, "open_high": walls}
