@@ -128,22 +128,37 @@ def build(request: Request) -> Require | None:
     if numbers.get("bounded") and len(numbers) > 1:
         mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", "true alone", "other requirements as well", of_key=False)
     gain = {name.removeprefix("gain."): numbers.pop(name) for name in OF_GAIN if name in numbers}
+    _refuse_missing(mistakes, leaves, band)
+    if band:
+        gain["band_hz"] = _band(mistakes, band)
+    _refuse_unknown_ports(request, leaves)
+    gain = None if {"from", "to", "at_most"} - gain.keys() else GainBound(gain.pop("from"), gain.pop("to"), **gain)
+    return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
+
+
+def _refuse_missing(mistakes, leaves, band):
     for name in NEEDED if band or leaves.keys() & {*OF_GAIN} else ():
         if name not in leaves:
             first_leaf = band or next(leaf for name_of_leaf, leaf in leaves.items() if name_of_leaf in OF_GAIN)
             mistakes.refuse(first_leaf, f"{PATH}.gain", f"all of {', '.join(NEEDED)}", f"none of {name}")
-    if band:
-        gain["band_hz"] = ends = tuple(mistakes.check_list(HZ, band, HZ.path, "[lowest, highest frequency]", count=2))
-        if len(ends) == 2 and None not in ends and ends[0] >= ends[1]:
-            mistakes.refuse(band, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False)
-    if request.drawing:
-        hand = (request.drawing.hand or ())[:1]
-        for name, ports, columns_known in (("gain.from", "inputs", hand), ("gain.to", "outputs", ("x", "f_m") if hand else ())):
-            path = f"{PATH}.{name}"
-            names = [leaves[name].value] if path in request.belongs.keys else []
-            request.refuse_unknown_ends(path, [name for name in names if name not in columns_known], ports)
-    gain = None if {"from", "to", "at_most"} - gain.keys() else GainBound(gain.pop("from"), gain.pop("to"), **gain)
-    return Require(**numbers, gain=gain) if gain or any(numbers.values()) else None
+
+
+def _band(mistakes, leaf) -> tuple:
+    """The lowest and the highest frequency between which the gain is bounded (Hz)."""
+    ends = tuple(mistakes.check_list(HZ, leaf, HZ.path, "[lowest, highest frequency]", count=2))
+    if len(ends) == 2 and None not in ends and ends[0] >= ends[1]:
+        mistakes.refuse(leaf, HZ.path, "the lower frequency first", f"[{ends[0]:g}, {ends[1]:g}]", of_key=False)
+    return ends
+
+
+def _refuse_unknown_ports(request, leaves):
+    if not request.drawing:
+        return
+    hand = (request.drawing.hand or ())[:1]
+    for name, ports, columns_known in (("gain.from", "inputs", hand), ("gain.to", "outputs", ("x", "f_m") if hand else ())):
+        path = f"{PATH}.{name}"
+        names = [leaves[name].value] if path in request.belongs.keys else []
+        request.refuse_unknown_ends(path, [name for name in names if name not in columns_known], ports)
 
 
 def schema(shapes: Shapes) -> dict[str, Any]:

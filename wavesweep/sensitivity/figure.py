@@ -26,8 +26,6 @@ _LOOKS = {  # of bars; the second is hatched, since its grey is much the same
 
 def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
-    from matplotlib.patches import Patch
-
     panels = [(rows, *_with_bars(rows)) for rows in ends_of(columns)]
     shown = [panel for panel in panels if panel[1]][:PANELS]
     across = min(1 if is_narrow() else 2, len(shown))
@@ -39,13 +37,18 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
             _draw(axes, *panel)
         for axes in grid[len(shown) :]:
             axes.set_visible(False)
-        if len({quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}) > 1:
-            canvas.legend(
-                [Patch(**look) for look in _LOOKS.values()], _QUANTITIES.values(), loc="outside upper center", ncols=2
-            )
+        _add_legend(canvas, shown)
         elasticity = "elasticity: per cent of the limit per per cent of the number" if shown else ""
         note_below(canvas, *_notes(panels, facts), assumption(facts), axis=elasticity)
     return canvas
+
+
+def _add_legend(canvas: Any, shown: list[tuple[Columns, list[str], str]]) -> None:
+    """Say which bars are of which quantity, if there are several."""
+    from matplotlib.patches import Patch
+
+    if len({quantity for rows, *_ in shown for quantity in rows["quantity"].tolist()}) > 1:
+        canvas.legend([Patch(**look) for look in _LOOKS.values()], _QUANTITIES.values(), loc="outside upper center", ncols=2)
 
 
 def _notes(panels: list[tuple[Columns, list[str], str]], facts: Mapping[str, Any]) -> list[str]:
