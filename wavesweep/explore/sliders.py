@@ -75,6 +75,28 @@ def _paths(spec):
     return paths
 
 
+def _is_uneven_rate(spec, key, value):
+    """Whether a key is a whole rate of a spec of uneven rates; other rates are hardly ever in step again."""
+    return spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer()
+
+
+def _is_stepped(spec, key, value, plain):
+    """Whether a slider may go in whole steps."""
+    drawn = spec.drawing and not plain and key.path != "rates.tick_hz"
+    return key.type == "integer" or drawn or _is_uneven_rate(spec, key, value)
+
+
+def _range_above(value, axis, stepped):
+    """The lowest value and the scale of a slider whose lowest value would be refused."""
+    low = min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
+    return low, "log" if low > 0 and not stepped else "linear"
+
+
+def _limits(spec, path, ends, wanted):
+    """What keeps the ends of a slider from those that are wanted."""
+    return "; ".join(_limited(spec, path, *pair) for pair in zip(ends, wanted, strict=True) if pair[0] != pair[1])
+
+
 def _slider(spec: Spec, key: Key) -> Slider:
     value = number_of(spec, key.path)
     axis = next((axis for axis in spec.sweep if axis.path == key.path), None)
@@ -83,18 +105,16 @@ def _slider(spec: Spec, key: Key) -> Slider:
     least = key.low
     low, high, scale = _range(key, value, axis, most)
     plain = is_plain(spec, key.path)
-    stepped = key.type == "integer" or (spec.drawing and not plain and key.path != "rates.tick_hz")
-    if spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer():
-        stepped, scale = True, "linear"  # other rates are hardly ever in step again
+    stepped = _is_stepped(spec, key, value, plain)
+    if _is_uneven_rate(spec, key, value):
+        scale = "linear"
     integral = stepped and float(value).is_integer()
     if (
         spec.drawing and not integral and value > low and not _accepts(spec, key.path, low)
     ):  # a mass of 0, which its block refuses
-        low = min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
-        scale = "log" if low > 0 and not stepped else "linear"
+        low, scale = _range_above(value, axis, stepped)
     wanted = low, high
     low, high = (taken(spec, key.path, value, end, integral) for end in wanted)
-    limited = [_limited(spec, key.path, *ends) for ends in zip((low, high), wanted, strict=True) if ends[0] != ends[1]]
     return Slider(
         path=key.path,
         name=names.get(key.path, key.path),
@@ -109,7 +129,7 @@ def _slider(spec: Spec, key: Key) -> Slider:
         step=1 if integral else None,
         search=_search(spec, key, value, axis, (low, high)) if plain else None,
         values=tuple(map(float, axis.values)) if axis else (),
-        limited="; ".join(limited),
+        limited=_limits(spec, key.path, (low, high), wanted),
     )
 
 

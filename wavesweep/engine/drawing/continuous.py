@@ -10,6 +10,11 @@ Wires = tuple[tuple[str, Terms], ...]
 SAME = 1e-12  # relative, of gains that add up to 0
 
 
+def _multiplied_out(terms: Terms) -> list[tuple[str, Tree]]:
+    """Return terms with a summand of their gain each."""
+    return [(signal, factor) for signal, gain in terms for factor in _summands(gain, products=True)]
+
+
 def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -> tuple[Terms, Terms]:
     """Return the terms of the wire of a plant that are held over a tick, and those that act continuously.
 
@@ -32,7 +37,7 @@ def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -
             continuous += terms
         else:
             kind = halves if far_plants else alone if blocks == {own} else held
-            kind += [(signal, factor) for signal, gain in terms for factor in _summands(gain, products=True)]
+            kind += _multiplied_out(terms)
     if not (continuous or halves):
         return wire, ()
     continuous += _opposite_pairs(alone, halves)

@@ -180,6 +180,13 @@ def _pop_shift(moving: list[Sum], lead: str) -> Sum:
     return {name: value / shift[lead] for name, value in shift.items()}
 
 
+def _led(by_lead: Mapping[str, Sum]) -> list[dict[str, float]]:
+    """The shifts in floating point, each with its lead as its first key."""
+    return [
+        {lead: 1.0} | {name: float(value) for name, value in shift.items() if name != lead} for lead, shift in by_lead.items()
+    ]
+
+
 def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = ()) -> list[dict[str, float]]:
     """Return the independent shifts of states of some blocks that nothing in the loop opposes.
 
@@ -202,9 +209,7 @@ def shifts(drawn: MultirateLoop, names: Collection[str], leads: Sequence[str] = 
         shift = _pop_shift(moving, lead)
         by_lead = {name: _without(earlier, shift, lead) for name, earlier in by_lead.items()} | {lead: shift}
         moving = [_without(later, shift, lead) for later in moving]
-    return [
-        {lead: 1.0} | {name: float(value) for name, value in shift.items() if name != lead} for lead, shift in by_lead.items()
-    ]
+    return _led(by_lead)
 
 
 def _without(shifted: Sum, shift: Sum, lead: str) -> Sum:

@@ -99,8 +99,8 @@ class MultirateLoop:
     def _wrong_names(self) -> Iterator[tuple[list[str], str]]:
         """Yield the names that are wrong for a reason, perhaps none, and what is expected of them."""
         blocks = [scheduled.block for scheduled in self.placed]
-        names, ports = [block.name for block in blocks], {f"{block.name}.{port}" for block in blocks for port in block.inputs}
-        made = {f"{block.name}.{port}" for block in blocks for port in block.outputs} | {*self.inputs, *self.sums}
+        names, ports = [block.name for block in blocks], _port_names(blocks, "inputs")
+        made = _port_names(blocks, "outputs") | {*self.inputs, *self.sums}
         yield [] if blocks else ["none"], "at least one block"
         yield [name for name in names if names.count(name) > 1], "blocks of different names"
         unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
@@ -204,6 +204,11 @@ def _schedule(rhythms, ticks):
     set_numbers = set_numbers.reshape(-1)
     set_numbers.flags.writeable = False
     return tuple(tuple(np.flatnonzero(row).tolist()) for row in sets), set_numbers
+
+
+def _port_names(blocks, side):
+    """The ports of blocks on one side, their inputs or outputs."""
+    return {f"{block.name}.{port}" for block in blocks for port in getattr(block, side)}
 
 
 def _comes_back(name, sums):
