@@ -93,10 +93,15 @@ def proofs(
         if intervals != [part] and rounds:
             left = [(narrower, rounds - 1) for narrower in intervals] + left
             continue
-        open_ = [box[:, 0] for _, covered in covers for box in covered.open]
-        for interval in intervals:
-            inner = interval.within(near)
-            yield interval, largest_free(max(low, inner[0]), min(high, inner[1]), open_)
+        yield from _free(intervals, covers, (low, high), near)
+
+
+def _free(intervals, covers, span, near) -> Iterator[tuple[Part, tuple[float, float] | None]]:
+    """Yield intervals, and the largest stretch of each within a span in which no covering leaves a box open."""
+    open_ = [box[:, 0] for _, covered in covers for box in covered.open]
+    for interval in intervals:
+        inner = interval.within(near)
+        yield interval, largest_free(max(span[0], inner[0]), min(span[1], inner[1]), open_)
 
 
 class Case:
