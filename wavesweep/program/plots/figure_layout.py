@@ -90,26 +90,32 @@ def lay_out(
     dampings: the names of the damping of walls in drawn loops.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
-    x = along_the_figure(several, dampings)
-    if x is None and len(several) == 1 and not hands:
-        x = next((name for name in smooth if len(several.get(name, ())) > _PAIR), None)
-    rest = [name for name in several if name != x]
-    family = None if hands else _family_of(several, rest)
-    panels, *held = [*(name for name in rest if name != family), None]
+    x, family = along_the_figure(several, dampings), None
+    if not hands:
+        x = x or _single_smooth(several, smooth)
+        family = _family_of(several, x)
+    others = [name for name in several if name not in (x, family)]
+    panels, held = next(iter(others), None), others[1:]
     points = evenly(several, x, MOST_POINTS, best)
     panel_values = evenly(several, panels, MOST_PANELS, best)
     members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS, best)
-    beside = {name: several[name] for name in held if name}
+    beside = {name: several[name] for name in held}
     if x is not None or hands or len(members) * prod(map(len, beside.values())) > MOST_COMBINATIONS:
         beside = {}
-    fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name and name not in beside}
+    fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name not in beside}
     shown = ((x, points), (panels, panel_values), (family, members))
     said = what_is_shown([(n, v, several[n]) for n, v in shown if n] + [(n, (v,), several[n]) for n, v in fixed.items()])
     return Layout(x, points, panels, panel_values, family, members, beside, fixed, said)
 
 
-def _family_of(several: Mapping[str, Sequence[float]], rest: Sequence[str]) -> str | None:
-    """The first of the axes that fits into one panel, or the first of all."""
+def _single_smooth(several: Mapping[str, Sequence[float]], smooth: Collection[str]) -> str | None:
+    """The single axis, if further columns can be computed along it and it has more than a pair of values."""
+    return next((name for name in several if len(several) == 1 and name in smooth and len(several[name]) > _PAIR), None)
+
+
+def _family_of(several: Mapping[str, Sequence[float]], x: str | None) -> str | None:
+    """The first axis beside x that fits into one panel, or the first of all."""
+    rest = [name for name in several if name != x]
     fitting = [name for name in rest if len(several[name]) <= MOST_MEMBERS]
     return next(iter([*fitting, *rest]), None)
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import modules
-from wavesweep.program.analyses.plane_columns import incomplete, smooth_axes
+from wavesweep.program.analyses.plane_columns import PlaneCurve, incomplete, smooth_axes
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, joined, whose_column
 from wavesweep.program.plots.figure_layout import MOST_BARS, best_of, best_row, lay_out, rows_with
@@ -21,7 +21,7 @@ from wavesweep.program.plots.member_panels import (
     over_one_damping,
     specs_of,
 )
-from wavesweep.program.plots.plane_regions import region_of
+from wavesweep.program.plots.plane_regions import Region, region_of
 from wavesweep.program.plots.region_figures import (
     Bars,
     draw_at_values,
@@ -176,7 +176,8 @@ def _draw_plane(
     reached: list[float] = []
     bars_of: dict[str, Bars] = {}
     x, (low, high) = shown.layout.x, (shown.layout.points[0], shown.layout.points[-1])
-    if not (columns["intervals"] > 0).any():
+    somewhere = bool((columns["intervals"] > 0).any())
+    if not somewhere:
         nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
     logarithmic = is_logarithmic(columns[x])
@@ -198,19 +199,29 @@ def _draw_plane(
         draw_at_values(axes, region.bars, member.look, at, shown.span if member.at_values else None)
         outline = [*region.certain, *region.doubtful]
         reached += [_ROOM * y for line in outline for _, y in line]
-        how |= {"strokes"} if outline and not filled else set()
-        how |= ({"between"} if outline else set()) | ({"bars"} if region.bars else set())
+        how |= _how_drawn(region, filled)
         if shown.felt:
             draw_felt(axes, region, member.look)
-        if member.proved and (columns["intervals"] > 0).any():  # without a stable loop nothing is open
+        if member.proved and somewhere:  # without a stable loop nothing is open
             draw_for_all(axes, x, member.rows, shown.span, at)
         elif member.at_values:
-            spans = [(place, *span) for place, (_, spans) in curve.columns.items() for span in spans]
-            draw_unknown_at_values(axes, [(place, *np.clip(span, *shown.view)) for place, *span in spans], shown.span, at)
+            draw_unknown_at_values(axes, _unknown_spans(curve, shown.view), shown.span, at)
     if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
         low, high = _with_room(low, high, max(_EDGE, (width + _APART) * sum(single) / 2 / points), logarithmic)
     axes.set_xlim(low, high)
     return [y for y in reached if y > shown.view[1]], bars_of
+
+
+def _how_drawn(region: Region, filled: bool) -> set[str]:
+    """What of _HOW occurs in a region."""
+    outlined = bool(region.certain or region.doubtful)
+    occurs = {"strokes": outlined and not filled, "between": outlined, "bars": bool(region.bars)}
+    return {word for word in occurs if occurs[word]}
+
+
+def _unknown_spans(curve: PlaneCurve, view: tuple[float, float]) -> list[tuple[float, float, float]]:
+    """What is not known at the values of x, (x, from, to), as far as it is in the view."""
+    return [(x, *np.clip(span, *view)) for x, (_, spans) in curve.columns.items() for span in spans]
 
 
 def _with_room(low: float, high: float, edge: float, logarithmic: bool) -> tuple[float, float]:

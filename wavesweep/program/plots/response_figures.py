@@ -151,12 +151,17 @@ def draw_curves(
         note_below(canvas, _TOO_FAST if too_fast else "", *notes)
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
-        shown = pairs[: 1 if quantities[0].unit is None else None, 0]  # all panels of the hand have the same curves
-        entries = [entry for axes in shown for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
-        if entries:
-            handles, labels = zip(*entries, strict=True)
-            canvas.legend(handles, labels, loc="outside upper center", ncols=min(in_a_row, len(handles)))
+        # All panels of the hand have the same curves.
+        _draw_legend(canvas, pairs[: 1 if quantities[0].unit is None else None, 0], in_a_row)
     return canvas
+
+
+def _draw_legend(canvas: Any, panels: Sequence[Any], in_a_row: int) -> None:
+    """Draw one legend of the curves of these panels."""
+    entries = [entry for axes in panels for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
+    if entries:
+        handles, labels = zip(*entries, strict=True)
+        canvas.legend(handles, labels, loc="outside upper center", ncols=min(in_a_row, len(handles)))
 
 
 def _swept(columns: Columns) -> list[str]:
@@ -205,14 +210,8 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
         if phase and not goes_on:  # no line is drawn across the panel where a phase wraps
             jumps = _jumps(line[1]) + 1
             line = np.insert(line[0].astype(float), jumps, np.nan), np.insert(line[1], jumps, np.nan)
-        is_known = np.pad(~np.isnan(line[1]), 1)
-        alone = np.flatnonzero(is_known[1:-1] & ~is_known[:-2] & ~is_known[2:]).tolist()  # no line joins these with others
+        _draw_line(axes, *line, curve)
         edge = {"color": curve.style["color"]}
-        marked = "marker" in curve.style
-        style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
-        axes.plot(*line, label=curve.label or None, **style)
-        if alone and marked:  # in addition to the marks that distinguish the specs
-            axes.plot(line[0][alone], line[1][alone], curve.style["marker"], markersize=3.5, **edge)
         # A static limit of 0 has no place on a scale of factors, and no phase.
         if (static & (rows[f"{quantity}_abs"] > 0)).any():
             axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
@@ -229,6 +228,17 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
         axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
     axes.grid(which="major", **GRID)
     return too_fast
+
+
+def _draw_line(axes: Any, places: np.ndarray, values: np.ndarray, curve: Curve) -> None:
+    """Draw a line with gaps at NaN, and a mark at each point that it does not join with others."""
+    is_known = np.pad(~np.isnan(values), 1)
+    alone = np.flatnonzero(is_known[1:-1] & ~is_known[:-2] & ~is_known[2:]).tolist()
+    marked = "marker" in curve.style
+    style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
+    axes.plot(places, values, label=curve.label or None, **style)
+    if alone and marked:  # in addition to the marks that distinguish the specs
+        axes.plot(places[alone], values[alone], curve.style["marker"], markersize=3.5, color=curve.style["color"])
 
 
 def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:
