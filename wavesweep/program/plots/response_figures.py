@@ -198,8 +198,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     ordered = [where(curve.rows, np.argsort(curve.rows[x], kind="stable")) for curve in curves]
     phase, too_fast = name.endswith("_deg"), False
-    goes_on = phase and x == "frequency_hz" and not any(mark.size for mark in marked)
-    goes_on = goes_on and any(_jumps(rows[name]).size > _WRAPS for rows in ordered)
+    goes_on = phase and x == "frequency_hz" and _goes_on([rows[name] for rows in ordered], marked)
     for curve, rows in zip(curves, ordered, strict=True):
         quantity = name.partition("_")[0]
         places, values = rows[x], continued(rows[name]) if goes_on else rows[name]
@@ -218,16 +217,26 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
         crossed = lost & ~static
         if crossed.any():
             axes.plot(places[crossed], values[crossed], "x", markersize=4, **edge)
-    if logarithmic:
-        by_factors(axes.xaxis, positive, everywhere.max())
     if name.endswith("_abs"):
         scale_magnitudes(axes)
     else:
         in_degrees(axes, goes_on)
-    if everywhere.max() > everywhere.min():
-        axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
+    _scale_along(axes, positive if logarithmic else everywhere.min(), everywhere, logarithmic)
     axes.grid(which="major", **GRID)
     return too_fast
+
+
+def _scale_along(axes: Any, low: float, places: np.ndarray, logarithmic: bool) -> None:
+    """Give the axis along a panel its scale, and its ends if it has several places; low: the lower one."""
+    if logarithmic:
+        by_factors(axes.xaxis, low, places.max())
+    if places.max() > places.min():
+        axes.set_xlim(low, places.max())
+
+
+def _goes_on(phases: Sequence[np.ndarray], marked: Sequence[np.ndarray]) -> bool:
+    """Whether phases are drawn on beyond 180 degrees: one of them wraps often, and nothing is marked in their panel."""
+    return not any(mark.size for mark in marked) and any(_jumps(degrees).size > _WRAPS for degrees in phases)
 
 
 def _draw_line(axes: Any, places: np.ndarray, values: np.ndarray, curve: Curve) -> None:
