@@ -174,7 +174,7 @@ def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, A
 
     frequency = np.array([f for f in spec.frequency_hz if f > 0])
     for (name, numbers), look in zip(designs.items(), looks, strict=True):
-        values = {spec.names.find(path_).path: numbers[path_] for path_ in varied if name != "nominal"}
+        values = {spec.names.find(name_varied).path: numbers[name_varied] for name_varied in varied if name != "nominal"}
         integers = {path for path in values if isinstance(spec.values.get(path), int)}
         changed = spec.with_values({path: int(value) if path in integers else float(value) for path, value in values.items()})
         admittance, stable = respond(loop_at_hand(changed), frequency).admittance.ravel(), bool(radii_of(own_loop(changed)) < 1)

@@ -8,8 +8,8 @@ from wavesweep.program.tables.fields import columns_beside
 _GROUPS, _BODE = columns_beside(__file__), OF_CORE["bode"]
 TICKS = _GROUPS["ticks"]
 _LINEAR = [
-    replace(field_, name=f"linear_{field_.name}", description=f"{field_.description}, of the linear loop")
-    for field_ in (*_BODE[4:12], *_BODE[14:16])
+    replace(column, name=f"linear_{column.name}", description=f"{column.description}, of the linear loop")
+    for column in (*_BODE[4:12], *_BODE[14:16])
 ]
 COLUMNS = {
     # A drawn loop has those of its hand, if any, and its inputs, outputs and named signals behind the time.
