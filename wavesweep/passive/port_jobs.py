@@ -115,13 +115,17 @@ def blocks(run: Run) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarr
 
 
 def curves(spec: Spec, axes) -> Iterator[dict[str, np.ndarray]]:
-    """Yield the columns of the response of each loop with two ports over frequency; see `two_ports.curve`."""
-    grid = make_grid(spec, axes, apart=False)
+    """Yield the columns of the response of each combination with two ports over frequency; see `port_rows.curve`."""
+    grid = make_grid(spec, axes)
+    of_loop = {}
     for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
+        held = held_loop(loops)
         for at, member in enumerate(members.tolist()):
-            columns = curve(held_loop(loops).at(at))
-            axis = grid.axis_columns(np.array([member]))
-            yield {name: np.repeat(value, len(columns["frequency_hz"])) for name, value in axis.items()} | columns
+            of_loop[member] = curve(held.at(at))
+    for combination in range(grid.size):
+        columns = of_loop[int(grid.slice_of(combination))]
+        axis = grid.axis_columns(np.array([combination]))
+        yield {name: np.repeat(value, len(columns["frequency_hz"])) for name, value in axis.items()} | columns
 
 
 def channel_columns(run: Run, slices) -> dict[str, np.ndarray]:
