@@ -17,7 +17,7 @@ from wavesweep.engine.loops.domain import refuse_unsuitable
 from wavesweep.engine.response.at_hand import felt_of, responses_of
 from wavesweep.engine.response.static import Response
 from wavesweep.engine.rows import Rows
-from wavesweep.engine.stability.radii import frames_with_reliability, radii_of
+from wavesweep.engine.stability.radii import drift_of, frames_with_reliability, radii_of
 from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
 from wavesweep.program.analyses.hardware_limits import peaks_of
 from wavesweep.program.analyses.interval_jobs import at_points
@@ -286,7 +286,8 @@ def _modes(spec, points) -> BandModes:
     """The modes of the loops of points."""
     exponents, rate = [], np.empty(points.size)
     for members, loops in _batches(spec, points):
-        E, drawn = frames_with_reliability(loops.read)[0], loops.drawn()
+        drawn = loops.drawn()
+        E, _ = frames_with_reliability(drawn, drift_of(loops.read))
         rate[members] = 1 / np.real(drawn.period * drawn.ticks)
         with np.errstate(divide="ignore", invalid="ignore"):
             exponents.append((members, np.log1p(eigenvalues(E)[0]) / 2j / np.pi))
@@ -381,7 +382,7 @@ def _settling(spec, wish, loops, size):
 
 def _frames(loops, size):
     """Return the frames less identity, and whether their radius is known."""
-    E, hidden = frames_with_reliability(loops.read)
+    E, hidden = frames_with_reliability(loops.read.drawn(), drift_of(loops.read))
     E = np.broadcast_to(E, (size, *E.shape[-2:]))
     return E, np.isfinite(radius_of(E, hidden))
 

@@ -278,7 +278,7 @@ class ClosedLoop:
         """
         loops = self._single(numbers).read
         drawn, drift = loops.drawn(), drift_of(loops)
-        E, hidden = frames_with_reliability(loops)
+        E, hidden = frames_with_reliability(drawn, drift)
         if not np.isfinite(E).all():
             raise UsageError("poles: expected a loop whose frame stays within doubles, found one that overflows")
         names, (delta, shares) = named_modes(E, drawn, drift)

@@ -1,5 +1,6 @@
 """Units in which a matrix is balanced, and verdicts on the circle."""
 
+import mpmath
 import numpy as np
 import pytest
 from flint import arb_mat, ctx
@@ -7,7 +8,8 @@ from support import certified
 
 import wavesweep
 from wavesweep.engine.monodromy.rounding import balance
-from wavesweep.engine.stability import spectrum
+from wavesweep.engine.stability import modes, spectrum
+from wavesweep.engine.stability.modes import modes_of
 from wavesweep.engine.stability.spectrum import count_outside, eigenvalues, is_stable, radius_of
 from wavesweep.program.analyses.own_design import own_lines
 
@@ -95,6 +97,34 @@ def test_a_bound_without_delays_is_below_the_smallest_singular_value():
     bound, exact = spectrum._at_least(E, units[0], w), np.linalg.svd(w[:, None, None] * np.eye(63) - balanced)[1][:, -1]
     assert np.all(bound <= exact)
     assert np.all(bound >= exact / 63)
+
+
+@pytest.mark.parametrize("apart", [1e-1, 1e-4, 1e-7])
+def test_a_bound_by_eigenvectors_is_below_the_smallest_singular_value(apart):
+    """In 50 digits, also where eigenvectors are nearly dependent, and the bound says little or nothing."""
+    random = np.random.default_rng(4)
+    values = np.exp(1j * np.linspace(0.2, 2.8, 6)) * 0.9
+    values[1] = values[0] + apart
+    real = np.zeros((12, 12))
+    for k, value in enumerate(values):
+        real[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[value.real, value.imag], [-value.imag, value.real]]
+    real += np.triu(random.normal(size=(12, 12)), 2)
+    turn = np.linalg.qr(random.normal(size=(12, 12)))[0]
+    E = turn @ real @ turn.T - np.eye(12)
+    w = np.append(1.01 * np.exp(1j * np.linspace(0, 3, 7)), values[0] + apart / 10) - 1
+    bound, known = spectrum._by_eigenvectors(E, w), 0
+    with mpmath.workdps(50):
+        for point, least in zip(w, bound, strict=True):
+            A = mpmath.mpc(complex(point)) * mpmath.eye(12) - mpmath.matrix(E.tolist())
+            exact = min(mpmath.svd_c(A, compute_uv=False))
+            assert least <= exact
+            known += least > 0
+    assert known >= 7 * (apart > 1e-6)
+
+
+def test_a_bound_by_eigenvectors_that_a_matrix_does_not_have_is_none():
+    E = np.diag(np.full(50, -0.5)) + np.diag(np.ones(49), -1)
+    assert not spectrum._by_eigenvectors(E, np.array([0.1, 0.1j])).any()
 
 
 def in_a_row(radii, coupling=1.0):
@@ -213,3 +243,16 @@ def test_eigenvalues_next_to_the_circle_are_counted_as_ball_arithmetic_counts_th
     finally:
         ctx.prec = before
     assert known > 40
+
+
+def test_participation_in_the_modes_of_many_states_is_that_of_few(monkeypatch):
+    """Eigenvectors are inverted as they are; where they have no inverse, the nearest matrix is taken as it is of few."""
+    plain = np.random.default_rng(5).normal(size=(20, 20)) / 10
+    double = np.diag(np.full(20, -0.5)) + np.diag(np.ones(19), -1) + 1e-30 * np.eye(20)[::-1]
+    few = [modes_of(E) for E in (plain, double)]
+    monkeypatch.setattr(modes, "MANY", 20)
+    many = [modes_of(E) for E in (plain, double)]
+    np.testing.assert_array_equal(few[0].delta, many[0].delta)
+    np.testing.assert_allclose(few[0].shares, many[0].shares, rtol=1e-9, atol=1e-12)
+    assert np.isfinite(many[1].shares).all()
+    np.testing.assert_array_equal(few[1].shares, many[1].shares)

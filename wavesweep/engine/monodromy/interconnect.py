@@ -142,7 +142,11 @@ def _picked(matrices, rows, columns=slice(None)):
 def _closure(needs):
     """Return which ports need which, by way of others as well."""
     for _ in range(len(needs).bit_length()):
-        needs = needs | (needs @ needs)
+        as_numbers = needs.astype(np.float32)  # BLAS multiplies no truth values
+        further = needs | (as_numbers @ as_numbers > 0)
+        if (further == needs).all():
+            break
+        needs = further
     return needs
 
 

@@ -5,6 +5,7 @@ An eigenvalue z of the frame gives the frequency of its mode up to whole turns p
 and Control 1990).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,30 +35,38 @@ REAL = 1e-6  # rad: so near to 0 or pi the two lines of an eigenvalue and its co
 
 def lines_in_loops(loops: Loops, s) -> np.ndarray:
     """`lines_of` a mode of each loop of a batch, that whose eigenvalue is nearest to one of exp(s), `(loops, choices)`."""
-    drawn, drift, size = loops.drawn(), drift_of(loops), len(s)
+    (lines,) = lines_of_each(loops, [s])
+    return lines
+
+
+def lines_of_each(loops: Loops, modes) -> Iterator[np.ndarray]:
+    """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed once."""
+    drawn, drift, size = loops.drawn(), drift_of(loops), len(modes[0]) if modes else 0
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     if drawn.ticks == 1:
-        return lines_of(np.ones((size, 1, 1)), s[:, 0], period)
+        yield from (lines_of(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
+        return
     with named_loops(drawn), np.errstate(all="ignore"):
         ticks, _ = relative_ticks(ticks_of(drawn, alone=True, terms=True), drift)
         n, leads = len(ticks.states), drift.leads
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))
         balanced, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
-        delta, _ = eigenvalues(balanced)
-        nearest = np.argmin(np.abs(delta[..., None] - np.expm1(s)[:, None]).min(-1), -1)
-        delta = delta[np.arange(size), nearest]
-        left, right = (vectors.reshape(units.shape) for vectors in vectors_of(balanced, delta))
-        state, participation = np.zeros((size, n, 1), complex), np.zeros((size, n))
-        state[:, inner, 0], participation[:, inner] = right * units, np.abs(left * right)
-        for lead in leads:
-            state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta)
-        taking = participation > APART * participation.max(-1, keepdims=True)
-        rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
+        values, _ = eigenvalues(balanced)
         changes = [(np.eye(n) + tick.E, None) for tick in ticks.maps]
-        moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
-        moved[~shown] = 0.0
-        return lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
+        for s in modes:
+            nearest = np.argmin(np.abs(values[..., None] - np.expm1(s)[:, None]).min(-1), -1)
+            delta = values[np.arange(size), nearest]
+            left, right = (vectors.reshape(units.shape) for vectors in vectors_of(balanced, delta))
+            state, participation = np.zeros((size, n, 1), complex), np.zeros((size, n))
+            state[:, inner, 0], participation[:, inner] = right * units, np.abs(left * right)
+            for lead in leads:
+                state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta)
+            taking = participation > APART * participation.max(-1, keepdims=True)
+            rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
+            moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
+            moved[~shown] = 0.0
+            yield lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
 
 
 def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking) -> tuple[np.ndarray, np.ndarray]:

@@ -61,19 +61,20 @@ def frames(loops: Loops, drift: MarginalModes) -> np.ndarray:
         return closed_frame(drawn, drift)
 
 
-def frames_with_reliability(loops: Loops):
+def frames_with_reliability(drawn: MultirateLoop, drift: MarginalModes):
     """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `frame_with_reliability`."""
-    drawn = loops.drawn()
     with named_loops(drawn), np.errstate(all="ignore"):
-        return frame_with_reliability(drawn, drift_of(loops))
+        return frame_with_reliability(drawn, drift)
 
 
 def radii_of(loops: Loops, size: int = 1) -> np.ndarray:
     """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
-    radii = np.array(np.broadcast_to(radius_of(*frames_with_reliability(loops)), (size,)))
+    frames_of_loops = frames_with_reliability(loops.drawn(), drift_of(loops))
+    radii = np.array(np.broadcast_to(radius_of(*frames_of_loops), (size,)))
     if size > 1:
         for at in np.flatnonzero(np.isnan(radii)).tolist():
-            radii[at] = radius_of(*frames_with_reliability(loops.one(at))).item()
+            alone = loops.one(at)
+            radii[at] = radius_of(*frames_with_reliability(alone.drawn(), drift_of(alone))).item()
     return radii
 
 

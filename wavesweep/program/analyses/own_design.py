@@ -49,7 +49,9 @@ def own_design(spec: Spec, loop=None) -> dict:
     """
     nominal = own_loop(spec)
     refuse_singular(spec, nominal.drawing)
-    (E, hidden), drawn, drift = frames_with_reliability(nominal), nominal.drawn(), drift_of(nominal)
+    drawn = nominal.drawn()
+    drift = drift_of(nominal)
+    E, hidden = frames_with_reliability(drawn, drift)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
     numbers["assumes"] = assumes(spec, nominal=True)

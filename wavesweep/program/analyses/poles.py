@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.search.lines_of_loops import lines_in_loops
+from wavesweep.engine.search.lines_of_loops import lines_of_each
 from wavesweep.engine.stability.modes import certain_modes, named_modes
 from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
 from wavesweep.engine.stability.spectrum import count_outside, damping_ratio
@@ -43,12 +43,12 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
     drawn, drift = loops.drawn(), drift_of(loops)
     states, period = len(drift.remaining), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-    E, hidden = frames_with_reliability(loops)
+    E, hidden = frames_with_reliability(drawn, drift)
     E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
     finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
     named = [named_modes(array, drawn, drift) for array in E]
     all_delta = np.stack([array.delta if array.delta.size else np.full(states, -0.5 + 0j) for _, array in named])
-    lines = [lines_in_loops(loops, np.log1p(all_delta[:, [k]])) for k in range(states)]
+    lines = [*lines_of_each(loops, [np.log1p(all_delta[:, [k]]) for k in range(states)])]
     for at, (names, (delta, shares)) in enumerate(named):
         doubted = ~certain_modes(delta, clear=bool(clear[at]))
         s, (hz, second) = (
