@@ -47,10 +47,10 @@ def test_every_end_has_its_rows_its_words_and_its_files(wavesweep, hole, tmp_pat
     assert "high end, K_VE = 799.713 N/m: set by an oscillation of 40.427 rad/s (6.434 Hz), damping ratio 0.00462 beside" in err
     assert "  states that take part: avatar position 47 %, filter lp1 42 %, device velocity 11 %\n" in err
     assert (
-        "  1 % more rates.fast_hz moves it up by 5.42 %, 1 % more filters.lp1.cutoff_hz down by 3.96 %, "
+        "  1 % more rates.fast_hz (same ratio) moves it up by 5.42 %, 1 % more filters.lp1.cutoff_hz down by 3.96 %, "
         "1 % more device.damping up by 1.29 %\n" in err
     )
-    assert "  felt there: 550.842 N/m; 1 % more rates.fast_hz moves it up by 3.82 %" in err
+    assert "  felt there: 550.842 N/m; 1 % more rates.fast_hz (same ratio) moves it up by 3.82 %" in err
     assert err.count("which has no changes in per cent") == 1
     assert "  felt there: 0 N/m\n" in err
     package = json.loads((folder / "why.datapackage.json").read_text())

@@ -212,7 +212,7 @@ def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     ]
     uneven = wavesweep.why({"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": 60.0}})
     assert uneven.attrs["facts"]["notices"][-1].endswith(
-        "is built: rates.slow_hz, device.delay, device.dead_time, environment.delay"
+        "is built: rates.fast_hz (the spec keeps rates.slow_hz), rates.slow_hz, device.delay, device.dead_time, environment.delay"
     )
     assert table.attrs["units"]["omega"] == "rad/s"
     assert set(table[table.number == "B_VE"].number_unit) == {"N*s/m"}
@@ -274,3 +274,24 @@ def test_a_mode_has_its_strongest_line_within_the_frame():
 def test_a_loop_with_no_other_number_is_refused():
     with pytest.raises(UsageError, match="expected a number besides h that the loop varies with smoothly, found none"):
         wavesweep.why(ROOT / "sweeps" / "recipes" / "batch-reactor.toml")
+
+
+@pytest.mark.parametrize("rates", [{"ratio": 5}, {"slow_hz": 200.0}])
+def test_derivatives_are_along_what_the_spec_keeps(rates):
+    """One per cent more of a number is one per cent more of the key that the spec has, with all its other keys as they are."""
+    tables = {
+        "controller": {"kind": "pmw", "b": 9.0},
+        "rates": {"fast_hz": 1000.0, **rates},
+        "environment": {"integration": "explicit"},
+    }
+    step = 1e-5
+
+    def high(changes):
+        return wavesweep.compile(load(tables).with_values(changes)).stable_intervals("K_VE", (0, 20_000)).high.iloc[0]
+
+    rows = wavesweep.compile(tables).sensitivity("K_VE", (0, 20_000))
+    rows = rows[(rows.side == "high") & (rows.quantity == "end") & rows.certified & (rows.value != 0)]
+    assert ("rates.fast_hz" in rows.number.tolist()) == ("ratio" in rates)
+    for number, value, elasticity in zip(rows.number, rows.value, rows.elasticity, strict=True):
+        up, down = (high({number: value * (1 + sign * step)}) for sign in (1, -1))
+        assert elasticity == pytest.approx((up - down) / (2 * step * rows.limit_value.iloc[0]), rel=1e-4, abs=1e-6), number

@@ -17,7 +17,7 @@ from wavesweep.engine.stability.radii import drift_of, frames
 from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.sweep.grid import Grid, drawn_groups, keys_of, own_loop
+from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, keys_of, own_loop
 from wavesweep.sensitivity.sensitivity import SLOPPY, STEP, EndCrossings, crossings_of, tracked_eigenvalue
 
 BATCH = 2048  # frames at once
@@ -51,13 +51,14 @@ def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -
     found: the table of the intervals along `axis`. names: of the columns behind those of the axes, in order.
     Errors: UsageError for a loop that varies smoothly with no other number, which has no such row.
     """
-    if not set(_smooth(grid.spec)) - {axis.path}:
+    numbers = [path for path in _smooth(grid.spec, [each.path for each in grid.axes]) if path != axis.path]
+    if not numbers:
         expected = f"expected a number besides {axis.name} that the loop varies with smoothly"
         raise UsageError(f"{grid.spec.name}: {expected}, found none; give one of its numbers a name in [numbers]")
     ends, batches = _Ends.of(found, axis), []
     changes = {grid_axis.path: np.asarray(found[grid_axis.name])[ends.row] for grid_axis in grid.axes}
     for members, several in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
-        loops = _VariedLoops(grid.spec, axis, several.read)
+        loops = _VariedLoops(grid.spec, axis, several.read, numbers)
         most = max(1, BATCH // max(STEPS, len(loops.moving) + 1))
         for start in range(0, members.size, most):
             batch = slice(start, start + most)
@@ -75,16 +76,12 @@ def elasticities(grid: Grid, axis: Axis, found: Columns, names: Sequence[str]) -
 
 @dataclass(frozen=True, slots=True)
 class _VariedLoops:
-    """Loops of one structure of a spec, and the axis of the intervals."""
+    """Loops of one structure of a spec, the axis of the intervals, and the paths of the other numbers that they vary with."""
 
     spec: Spec
     axis: Axis
     loops: Loops
-
-    @property
-    def numbers(self) -> list[str]:
-        """Paths of the numbers that the loop reads and that it varies with smoothly, but for the axis."""
-        return [path for path in _smooth(self.spec) if path != self.axis.path]
+    numbers: list[str]
 
     @property
     def moving(self) -> list[str]:
@@ -134,10 +131,15 @@ class _VariedLoops:
         return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.remaining]
 
 
-def _smooth(spec) -> list[str]:
-    """Paths of the floats that the loop reads and that do not decide how it is built."""
+def _smooth(spec, swept: Sequence[str] = ()) -> list[str]:
+    """Paths of the floats that the loop reads and that do not decide how it is built. swept: paths of axes.
+
+    The fast rate decides it where the spec keeps a slow rate or the edges of a band, with which a ratio or an order jumps.
+    """
     drawing, values = own_loop(spec)
     deciding = {"rates.ratio"}
+    if not spec.drawing and spec.builds(FAST, swept):
+        deciding.add(FAST)
     deciding |= {path_of(name) for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
     return [path for path, value in values.items() if isinstance(value, float) and path not in deciding]
 
@@ -146,12 +148,13 @@ def without_derivatives(spec) -> list[str]:
     """Names of the numbers that the loop reads without being smooth in them."""
     smooth, read = _smooth(spec), keys_of(spec)
     paths = [path for path, value in spec.values.items() if path in read and not isinstance(value, str) and path not in smooth]
-    return [_name(spec, path) for path in paths]
+    kept = "rates.slow_hz" if "rates.slow_hz" in spec.given else "the edges of a filter's band"
+    return [_name(spec, path) + f" (the spec keeps {kept})" * (path == FAST) for path in paths]
 
 
 def _name(spec, path):
-    """The name that an axis of this key has: its symbol if there is one. A slow rate that does not divide has no ratio."""
-    path = "rates.slow_hz" if path == "rates.ratio" and spec.uneven else path
+    """The name that an axis of this key has: its symbol if there is one. The ratio of a spec that gives the slow rate is that."""
+    path = "rates.slow_hz" if path == "rates.ratio" and "rates.slow_hz" in spec.given else path
     return next((symbol for symbol, known_path in spec.names.symbols.items() if known_path == path), path)
 
 

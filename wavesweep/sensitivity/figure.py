@@ -10,7 +10,7 @@ from wavesweep.program.columns import Columns, axes_of
 from wavesweep.program.plots.labels import assumption, printed, symbol
 from wavesweep.program.plots.style import GRID, TWO_COLUMNS, distinct_colour, figure, is_narrow, note_below
 from wavesweep.program.tables.kind import plain
-from wavesweep.sensitivity.table import ends_of, mode_words
+from wavesweep.sensitivity.table import KEPT, ends_of, mode_words
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8
@@ -95,7 +95,7 @@ def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
         shown = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
         at = [numbers.index(number) + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][shown].tolist()]
         axes.barh(at, rows["elasticity"][shown], height=0.8 / len(kinds), **_LOOKS[quantity])
-    axes.set_yticks(range(len(numbers)), [symbol(number) for number in numbers])
+    axes.set_yticks(range(len(numbers)), [symbol(number) + KEPT.get(number, "") for number in numbers])
     axes.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
     axes.axvline(0, color="black", linewidth=0.6)
     axes.margins(x=0.08)

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from wavesweep.program.sweep.grid import Grid
 
 METHOD = (
-    "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, with one of "
-    "rates.fast_hz or rates.tick_hz all rates change"
+    "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, along what the "
+    "spec keeps: rates.fast_hz with the ratio, rates.tick_hz with the periods in ticks"
 )
 
 
@@ -95,6 +95,8 @@ def sensitivities(grid: Grid, axis: Axis) -> Columns:
 FIRST = 3  # numbers that are named
 LEAST = 5e-4  # an elasticity below which a number does not matter
 
+
+KEPT = {"rates.fast_hz": " (same ratio)", "rates.tick_hz": " (same periods in ticks)"}  # and what stays as it is beside it
 
 _MODE = ("crossing", "omega", "damping_ratio", "states", "corner", "second_hz")
 _OF_END = {"interval": "interval", "end": "side", **{name: name for name in _MODE}, "line_hz": "hz"}  # and their columns
@@ -193,7 +195,8 @@ def _moves(limit: Numbers) -> Line:
     if moved:
         moves = [f"{'up' if value > 0 else 'down'} by {abs(value):.3g} %" for value in moved.values()]
         verbs = ["moves it ", *[""] * len(moves)]
-        sentences = [f"1 % more {number} {verb}{move}" for number, verb, move in zip(moved, verbs, moves, strict=False)]
+        named = [number + KEPT.get(number, "") for number in moved]
+        sentences = [f"1 % more {number} {verb}{move}" for number, verb, move in zip(named, verbs, moves, strict=False)]
         return f"  {', '.join(sentences)}", False
     if limit["doubts"]:
         return f"  no elasticities ({', '.join(limit['doubts'])})", True
