@@ -212,7 +212,8 @@ def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     ]
     uneven = wavesweep.why({"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": 60.0}})
     assert uneven.attrs["facts"]["notices"][-1].endswith(
-        "is built: rates.fast_hz (the spec keeps rates.slow_hz), rates.slow_hz, device.delay, device.dead_time, environment.delay"
+        "is built: rates.fast_hz (the spec keeps rates.slow_hz), rates.slow_hz, device.delay, device.dead_time, "
+        "environment.delay"
     )
     assert table.attrs["units"]["omega"] == "rad/s"
     assert set(table[table.number == "B_VE"].number_unit) == {"N*s/m"}
@@ -292,6 +293,6 @@ def test_derivatives_are_along_what_the_spec_keeps(rates):
     rows = wavesweep.compile(tables).sensitivity("K_VE", (0, 20_000))
     rows = rows[(rows.side == "high") & (rows.quantity == "end") & rows.certified & (rows.value != 0)]
     assert ("rates.fast_hz" in rows.number.tolist()) == ("ratio" in rates)
-    for number, value, elasticity in zip(rows.number, rows.value, rows.elasticity, strict=True):
+    for number, value, given in zip(rows.number, rows.value, rows.elasticity, strict=True):
         up, down = (high({number: value * (1 + sign * step)}) for sign in (1, -1))
-        assert elasticity == pytest.approx((up - down) / (2 * step * rows.limit_value.iloc[0]), rel=1e-4, abs=1e-6), number
+        assert given == pytest.approx((up - down) / (2 * step * rows.limit_value.iloc[0]), rel=1e-4, abs=1e-6), number

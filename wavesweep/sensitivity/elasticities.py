@@ -153,7 +153,7 @@ def without_derivatives(spec) -> list[str]:
 
 
 def _name(spec, path):
-    """The name that an axis of this key has: its symbol if there is one. The ratio of a spec that gives the slow rate is that."""
+    """The name that an axis of this key has: its symbol if there is one. A spec that gives the slow rate has no ratio."""
     path = "rates.slow_hz" if path == "rates.ratio" and "rates.slow_hz" in spec.given else path
     return next((symbol for symbol, known_path in spec.names.symbols.items() if known_path == path), path)
 
