@@ -73,7 +73,7 @@ def serving():
     opened = []
 
     def start(source):
-        page = Page(load(source))
+        page = Page(load(source), answer_s=300)
         server = Server(page.text, page.answers)
         server.open_page(1)  # one that stays open until the tests end
         thread = threading.Thread(target=server.serve, daemon=True)

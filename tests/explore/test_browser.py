@@ -191,6 +191,24 @@ def test_a_design_that_cannot_be_is_said_and_left_again(opened, client):
     assert page.input_value("[id='s-rates.ratio-number']") == "20"
 
 
+def test_an_answer_that_is_cut_leaves_no_numbers_of_another_design(opened, serving):
+    client = serving(HOLE | {"rates": {"slow_hz": 50.0}})
+    page = settled(opened(client.server.address))
+    assert page.locator("[id='s-rates.ratio']").count() == 0
+    client.page.answer_s = 0.0
+    enter(page, "rates.fast_hz", 1500)
+    page.wait_for_selector("#fault")
+    assert "takes longer than 0 s" in page.inner_text("#fault")
+    assert page.inner_text("#state") == "✕ cut"
+    assert not page.is_visible("#own")
+    assert not page.is_visible("#intervals")
+    client.page.answer_s = 300.0
+    enter(page, "rates.fast_hz", 2000)
+    page.wait_for_selector("#fault", state="hidden")
+    settled(page)
+    assert page.is_visible("#own")
+
+
 def test_an_end_of_an_axis_that_cannot_be_is_said_beside_it(opened, client):
     page = settled(opened(client.server.address))
     page.fill("#y0", "7000")

@@ -1,12 +1,14 @@
 """Which numbers a page varies, in which range, and the spec with them as a file."""
 
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from support.specs import shipped
 
-from wavesweep.explore.sliders import changed, sliders_of, text_of
+from wavesweep.engine.errors import SpecError
+from wavesweep.explore.sliders import changed, number_of, sliders_of, text_of
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import keys_of
 
@@ -22,13 +24,16 @@ def test_every_number_that_a_loop_reads_has_a_slider_whose_ends_make_a_loop(path
     """A notch rules out a tenth of its rate, and four times its frequency: the sliders end before."""
     spec = load(path)
     sliders = {slider.path: slider for slider in sliders_of(spec)}
-    assert spec.drawing or {path for path in keys_of(spec) if spec.names.keys[path].numeric} <= set(sliders)
+    read = {path for path in keys_of(spec) if spec.names.keys[path].numeric}
+    if "rates.slow_hz" in spec.given:
+        read = read - {"rates.ratio"} | {"rates.slow_hz"}
+    assert spec.drawing or read <= set(sliders)
     for slider in sliders.values():
         assert slider.low <= slider.value <= slider.high
         assert slider.low < slider.high
         assert slider.scale == "linear" or slider.low > 0
         for end in (slider.low, slider.high, *((slider.search or ()) if not spec.drawing else ())):
-            assert changed(spec, {slider.path: end}).values[slider.path] == end
+            assert number_of(changed(spec, {slider.path: end}), slider.path) == pytest.approx(end, rel=1e-15)
 
 
 def test_a_gain_of_zero_hides_no_slider():
@@ -112,3 +117,36 @@ def test_every_delay_of_the_slider_is_one_that_the_spec_takes(slow):
         == delay.high
         == (0 if slow == 400 else int(1000 / slow))
     )
+
+
+KEPT = {
+    "ratio": {"rates": {"ratio": 5}},
+    "slow rate": {"rates": {"slow_hz": 50.0}},
+    "uneven": {"rates": {"slow_hz": 60.0}},
+    "delay of a frame": {"rates": {"slow_hz": 50.0}, "environment": {"delay": "frame"}},
+    "band": {"filters": {"lp1": {"passband_hz": 8.0, "stopband_hz": 90.0, "passband_db": 3.0, "stopband_db": 20.0}}},
+}
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_no_slider_shows_a_number_that_the_loop_does_not_have(name):
+    """Whatever one slider is set to, the loop has the numbers that the others still show."""
+    spec = load({"controller": {"kind": "pmw"}, **KEPT[name]})
+    sliders, moved = sliders_of(spec), 0
+    for slider in sliders:
+        for value in slider.stops or (slider.low, slider.high):
+            with suppress(SpecError):
+                other = changed(spec, {slider.path: value})
+                shown = {each.path: each.value for each in sliders} | {slider.path: value}
+                assert {path: number_of(other, path) for path in shown} == pytest.approx(shown, rel=1e-12), slider.path
+                moved += value != slider.value
+    assert moved > len(sliders)
+
+
+def test_rates_of_a_spec_that_keeps_the_slow_one_stop_where_they_divide():
+    spec = load({"controller": {"kind": "pmw"}, "rates": {"fast_hz": 1000.0, "slow_hz": 50.0}})
+    sliders = {slider.path: slider for slider in sliders_of(spec)}
+    assert sliders["rates.fast_hz"].stops[:3] == (50.0, 100.0, 150.0)
+    assert all((1000.0 / stop).is_integer() for stop in sliders["rates.slow_hz"].stops if stop.is_integer())
+    assert {changed(spec, {"rates.slow_hz": stop}).uneven for stop in sliders["rates.slow_hz"].stops} == {False}
+    assert load(tomllib.loads(text_of(spec))).given >= {"rates.slow_hz"}

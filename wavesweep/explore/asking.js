@@ -1,6 +1,6 @@
 // The questions to the server: a preview while something moves, and the certified answer if all rests.
 const REST = 220;
-let visible = saved, moves = 0, busy = false, again = false, timer = 0, stamps = [], refused = null, proving = Promise.resolve();
+let visible = saved, moves = 0, busy = false, again = false, timer = 0, stamps = [], refused = null, late = "", proving = Promise.resolve();
 
 async function ask(name, question) {
   const reply = await fetch(name, {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(question)});
@@ -76,9 +76,11 @@ async function certified(stale) {
     ranges[path] = found.error ? {path, span: reach(path), intervals: [], certified: false, doubt: found.error} : found;
     draw();
   }
-  if (plane && !(picture?.key === pictureKey() && picture.how === "certified")) {
+  if (plane && late !== pictureKey() && !(picture?.key === pictureKey() && picture.how === "certified")) {
     const key = pictureKey(), found = await ask("certified", {...set, plane});
-    if (stale() || refuse(found)) return;
+    if (stale()) return;
+    if (found.cut) { late = key; draw(); return; }
+    if (refuse(found)) return;
     picture = {...found, key};
     draw();
     if (await refit(stale)) return;

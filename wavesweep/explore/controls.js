@@ -30,17 +30,24 @@ function refuse(found) {  // say what a design or its axes cannot be: at the fie
   for (const s of data.sliders) if (!s.typed) calm(s.fault, [s.number]);
   if (refused && found.error !== refused.error) calm($("axesfault"), ["x0", "x1", "y0", "y1"].map($));
   refused = found.error ? found : null;
-  $("plane").classList.toggle("dim", Boolean(refused));
+  document.body.classList.toggle("nothing", Boolean(refused));  // no number of another design stands beside these sliders
   fill($("fault"));
   if (!refused) return false;
+  picture = null; ranges = {};
+  if (plane) { drawPlane(); legend(); }
   const ends = (found.at || []).filter(place => $(place)), at = (found.at || []).filter(path => sliders.has(path));
   if (ends.length) complain($("axesfault"), found.error, ends.map($));
   const named = ends.length ? [] : [...new Set([latest, ...at])].filter(each => each !== null).map(each => sliders.get(each));
   for (const s of named) complain(s.fault, found.error, [s.number]);
-  chip("state", "✕ not possible", "no");
   chip("proof", "", "");
+  if (found.cut) {
+    chip("state", "✕ cut", "no");
+    fill($("fault"), `Cut: an answer about this design ${found.error}. wavesweep check computes it; the spec can be copied.`);
+    return true;
+  }
+  chip("state", "✕ not possible", "no");
   const links = named.flatMap((s, k) => [k ? ", " : "see ", element("a", {href: "#" + s.range.id}, s.name)]);
-  fill($("fault"), "Not possible: ", ...(ends.length ? ["these axes, see above"] : named.length ? links : [found.error]), ". The picture and the numbers are those of the last design that was possible.");
+  fill($("fault"), "Not possible: ", ...(ends.length ? ["these axes, see above"] : named.length ? links : [found.error]), ".");
   return true;
 }
 
@@ -54,7 +61,7 @@ function show(path) {
   write(s.number, String(v));
   if (!s.range.isConnected) return;
   if (s.step && !s.stops) { s.range.min = s.low; s.range.max = s.high; }
-  s.range.value = s.stops ? s.stops.indexOf(v) : s.step ? v : toPlace(s, v);
+  s.range.value = s.stops ? nearest(s.stops, v) : s.step ? v : toPlace(s, v);
   s.range.setAttribute("aria-valuetext", text(v) + unit(path));
 }
 function set(path, v) {
@@ -73,7 +80,7 @@ function build() {
   for (const s of data.sliders) {
     const table = s.path.split(".")[0];
     if (table !== group) { $("sliders").append(element("h3", {}, table.replace("_", " "))); group = table; }
-    const id = "s-" + s.path, stops = s.stops = saved ? data.stops[s.path] : null, fixed = saved && !stops;
+    const id = "s-" + s.path, stops = s.stops = saved ? data.stops[s.path] : s.stops.length ? s.stops : null, fixed = saved && !stops;
     s.ends = [s.low, s.high];  // a number that is typed may lie beyond them
     s.range = element("input", {type: "range", id, min: s.step && !stops ? s.low : 0, max: stops ? stops.length - 1 : s.step ? s.high : STEPS, step: s.step || stops ? 1 : "any", title: s.description});
     s.number = element("input", {type: "text", id: id + "-number", inputmode: "decimal", "aria-label": `${s.name}, number`, autocomplete: "off"});

@@ -125,6 +125,7 @@ function how() {
     const walls = measuredWalls(), [x0, x1] = plane.x_span, [y0, y1] = plane.y_span, out = walls.filter(([x, y]) => x < x0 || x > x1 || y < y0 || y > y1).length;
     if (out) parts.push(` Of ${walls.length} measured walls ${out} lie${out === 1 ? "s" : ""} outside the axes.`);
   }
+  if (plane && late === pictureKey()) parts.push(" Certifying it takes longer than 2 s, and was cut: wavesweep stability-region does it.");
   if (rate > 3) parts.push(` ${rate} updates in the last second.`);
   $("how").dataset.updates = rate;
   fill($("how"), ...parts);
@@ -217,8 +218,8 @@ function intervals() {
 function proof() {
   if (refused || document.body.classList.contains("waiting")) return;
   const p = picture && picture.key === pictureKey() && picture.how === "certified" ? picture : null;
-  const ended = Object.values(ranges).filter(each => "certified" in each).length >= (plane ? 2 : 1) && (!plane || p);
-  const done = ended && Object.values(ranges).every(each => each.certified) && (!plane || p.columns.every((c, i) => !p.partly[i] && c.every(each => each[2])));
+  const ended = Object.values(ranges).filter(each => "certified" in each).length >= (plane ? 2 : 1) && (!plane || p || late === pictureKey());
+  const done = ended && Object.values(ranges).every(each => each.certified) && (!plane || (p && p.columns.every((c, i) => !p.partly[i] && c.every(each => each[2]))));
   chip("proof", done ? "✓ certified" : ended ? "not all certified" : "… preview", done ? "yes" : ended ? "no" : "preview");
 }
 function draw() {

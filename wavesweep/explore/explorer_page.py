@@ -20,6 +20,7 @@ from wavesweep.capabilities import asked
 from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.engine.loops.controllers import WALL
 from wavesweep.explore.answers import Plane, certified_plane, first_plane, fitted, is_gain, preview, quick, stable_ranges
+from wavesweep.explore.limited_time import within
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.program.plots.figure_marks import facts_of_marks
@@ -27,6 +28,7 @@ from wavesweep.program.spec import Spec
 
 FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
 PREVIEW_S = 0.02  # that a preview by cells may take
+ANSWER_S = 2.0  # that an answer may take, before it is cut
 WIDEST = 64.0  # times the range of a number that is searched for a limit, if the axes are to show one
 SCRIPTS = ("state.js", "asking.js", "drawing.js", "loop.js", "controls.js", "report.js")
 MOST_DESIGNS = 64  # of a sweep that a saved page has
@@ -37,8 +39,8 @@ NOTHING = MappingProxyType({"measured": {}, "cuts": [], "routes": []})  # that c
 class Page:
     """The page of a spec, which answers the questions of its script."""
 
-    def __init__(self, spec: Spec) -> None:
-        self.spec = spec
+    def __init__(self, spec: Spec, answer_s: float = ANSWER_S) -> None:
+        self.spec, self.answer_s = spec, answer_s
         self.sliders = sliders_of(spec)
         self.plane = first_plane(spec, self.sliders)
         self.shown = reduce(or_, asked("panel", "data", spec), dict(NOTHING))
@@ -84,11 +86,16 @@ class Page:
         }
 
     def _said(self, answer):
-        """The function with errors about a design as part of its answer, and the keys or fields that they are about."""
+        """The function with errors about a design as part of its answer, and the keys or fields that they are about.
+
+        What takes too long is cut.
+        """
 
         def answered(question):
             try:
-                return answer(question)
+                return within(self.answer_s, lambda: answer(question))
+            except TimeoutError:
+                return {"error": f"takes longer than {self.answer_s:g} s", "cut": True}
             except SpecError as error:
                 mistakes = "; ".join(str(mistake._replace(location="")) for mistake in error.mistakes)
                 at = getattr(error, "at", [mistake.key for mistake in error.mistakes])

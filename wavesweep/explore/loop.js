@@ -12,8 +12,8 @@ function proveMargins(rests) {
     if (key !== marginsKey() || margins?.key === key) return;
     const started = performance.now(), found = await ask("margins", question);
     took = performance.now() - started;
-    if (key !== marginsKey() || found.error) return;
-    margins = {...found, key};
+    if (key !== marginsKey() || (found.error && !found.cut)) return;
+    margins = {margins: [], ...found, key};
     drawLoop();
   }).catch(lost);
 }
@@ -97,8 +97,8 @@ function drawLoop() {
     rows.push(item(words, value, "m-" + name, each?.value));
   }
   fill($("margins"), ...rows);
-  const bad = now && !margins.margins.length;
-  $("loopnote").textContent = (bad ? `No margins: the loop is not ${margins.doubt ? "known to be " : ""}stable${margins.doubt ? ` (${margins.doubt})` : ""}. ` : now ? "✓ Margins as the table of wavesweep margins has them. " : "… margins follow. ") + (o => o.several ? "L is made several times in a frame: its eigenvalues. " : "")(answer.open) + "The samples of a step response, and what comes after them, are bounded.";
+  const cutShort = now && margins.cut, bad = now && !cutShort && !margins.margins.length;
+  $("loopnote").textContent = (cutShort ? "Margins take longer than 2 s, and were cut: wavesweep margins computes them. " : bad ? `No margins: the loop is not ${margins.doubt ? "known to be " : ""}stable${margins.doubt ? ` (${margins.doubt})` : ""}. ` : now ? "✓ Margins as the table of wavesweep margins has them. " : "… margins follow. ") + (o => o.several ? "L is made several times in a frame: its eigenvalues. " : "")(answer.open) + "The samples of a step response, and what comes after them, are bounded.";
 }
 function loopChoices() {
   if (saved || !cut) return;

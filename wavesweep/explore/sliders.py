@@ -7,7 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.key import BAND_EDGES
+from wavesweep.engine.keys.key import BAND_EDGES, HIGHEST_RATIO
 from wavesweep.engine.loops.controller_drawings import keys_of_page
 from wavesweep.program.analyses.own_design import FAR, USUAL
 from wavesweep.program.spec import SYMBOLS, Key, Spec, load
@@ -27,8 +27,8 @@ class Slider:
 
     path, name: its key, as a path and as it is called. low, high: ends of the slider. least, most: limits of the spec, None if
     there are none. scale: "log" or "linear". step: 1 for whole numbers. search: the range that is searched for stable
-    intervals, None if the key decides the structure of the loop. values: those that the spec sweeps. limited: why an end is
-    where other numbers of the spec put it; empty if none is.
+    intervals, None if the key decides the structure of the loop. values: those that the spec sweeps. stops: the only places of
+    the slider, empty if it has all. limited: why an end is where other numbers of the spec put it; empty if none is.
     """
 
     path: str
@@ -44,11 +44,15 @@ class Slider:
     step: int | None
     search: tuple[float, float] | None
     values: tuple[float, ...]
+    stops: tuple[float, ...]
     limited: str
 
 
 def sliders_of(spec: Spec) -> list[Slider]:
-    """The sliders of all numbers that the spec's loop reads, in the order of its keys."""
+    """The sliders of all numbers that the spec's loop reads and that it keeps when another one moves, in the order of its keys.
+
+    A spec that gives the slow rate has a slider of that, and not of the ratio. A delay of a frame has none.
+    """
     return [_slider(spec, spec.names.keys[path]) for path in _paths(spec)]
 
 
@@ -57,7 +61,9 @@ def _keys_read(spec):
     # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.
     raised = {path: 1.0 if value == 0 and isinstance(value, float) else value for path, value in spec.values.items()}
     read = keys_of_page(spec.values) | keys_of_page(raised)
-    return (read - {"rates.ratio"}) | {"rates.slow_hz"} if spec.uneven else read
+    if spec.delay_of_frame:
+        read -= {"environment.delay"}
+    return (read - {"rates.ratio"}) | {"rates.slow_hz"} if _keeps_slow_rate(spec) else read
 
 
 def _paths(spec):
@@ -73,6 +79,21 @@ def _paths(spec):
         elif path in read and not (by_edges and stem.startswith("filters.")):
             paths.append(path)
     return paths
+
+
+def _keeps_slow_rate(spec):
+    return "rates.slow_hz" in spec.given
+
+
+def _stops(spec, key):
+    """The rates that divide each other, of a spec that keeps a slow rate; empty for other keys."""
+    if spec.uneven or not _keeps_slow_rate(spec) or key.path not in ("rates.fast_hz", "rates.slow_hz"):
+        return ()
+    slow_hz, ratio = spec.own("rates.slow_hz"), spec.values["rates.ratio"]
+    ratios = range(1, min(int(FACTOR * ratio), HIGHEST_RATIO) + 1)
+    if key.path == "rates.fast_hz":
+        return tuple(slow_hz * other for other in ratios if _accepts(spec, key.path, slow_hz * other))
+    return tuple(sorted(spec.values["rates.fast_hz"] / other for other in ratios))
 
 
 def _is_uneven_rate(spec, key, value):
@@ -113,6 +134,9 @@ def _slider(spec: Spec, key: Key) -> Slider:
         spec.drawing and not integral and value > low and not _accepts(spec, key.path, low)
     ):  # a mass of 0, which its block refuses
         low, scale = _range_above(value, axis, stepped)
+    stops = _stops(spec, key)
+    if stops:
+        low, high, scale = stops[0], stops[-1], "linear"
     wanted = low, high
     low, high = (taken(spec, key.path, value, end, integral) for end in wanted)
     return Slider(
@@ -129,6 +153,7 @@ def _slider(spec: Spec, key: Key) -> Slider:
         step=1 if integral else None,
         search=_search(spec, key, value, axis, (low, high)) if plain else None,
         values=tuple(map(float, axis.values)) if axis else (),
+        stops=stops,
         limited=_limits(spec, key.path, (low, high), wanted),
     )
 
@@ -169,9 +194,11 @@ def number_of(spec: Spec, path: str) -> float:
     """The value of a numeric key, also of one that another follows from."""
     if path in spec.values:
         return spec.values[path]
-    rates, filters = spec.tables()["rates"], spec.tables().get("filters", {})
-    table, *_, last = path.split(".")
-    return float(rates[last] if table == "rates" else filters[path.split(".")[1]][last])
+    tables = spec.tables()
+    if path == "rates.slow_hz":
+        return tables["rates"].get("slow_hz", spec.own(path))
+    _, name, last = path.split(".")
+    return float(tables["filters"][name][last])
 
 
 def _most(spec, key):
@@ -233,6 +260,8 @@ def text_of(spec: Spec) -> str:
     out are left out.
     """
     tables = (spec.asking("design") if spec.design else spec).tables()
+    if _keeps_slow_rate(spec) and tables["rates"].pop("ratio", None):
+        tables["rates"]["slow_hz"] = spec.own("rates.slow_hz")
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
         by_edges = {path.rpartition(".")[0] for path in spec.given if path.rpartition(".")[2] in BAND_EDGES}
