@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 from support.chunks import finished
+from support.missing import needed
 
 import wavesweep
 from wavesweep.designs import study
@@ -251,7 +252,10 @@ def test_of_whole_numbers_all_between_the_ends_are_checked():
 )
 def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monkeypatch):
     """Also of what is said of the operator itself; a design that varies the hand has its own."""
-    hands, seen = pytest.importorskip("wavesweep.for_all.hand_box"), []
+    needed("for_all")
+    from wavesweep.for_all import hand_box as hands
+
+    seen = []
 
     def kept(self, _values, _along, span):
         seen.append(self.box)
@@ -292,7 +296,8 @@ def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
 
 @pytest.mark.slow
 def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeypatch):
-    hands = pytest.importorskip("wavesweep.for_all.hand_box")
+    needed("for_all")
+    from wavesweep.for_all import hand_box as hands
 
     def sooner(_self, loop, _along, span):
         found = np.zeros(1, hands.BOX_RECORD)

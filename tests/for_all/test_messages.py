@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.messages import marched, random_blocks, random_loop, spec_of, spec_of_blocks
+from support.missing import needed
 
 import wavesweep
 from wavesweep.engine.drawing.drawing import path_of
@@ -182,7 +183,9 @@ def test_patterns_beside_other_blocks_grow_in_a_simulation_as_in_a_proof(seed):
     ticks = len(late) * loop["blocks"][name]["every"]
     push = np.zeros(130 * ticks)
     push[0] = 1.0
-    simulation = pytest.importorskip("wavesweep.simulation.from_spec")
+    needed("simulation")
+    from wavesweep.simulation import from_spec as simulation
+
     seen = simulation.simulated(load(spec_of_blocks(loop)), push).signals
     size = np.hypot.reduce([seen[each].reshape(-1, ticks) for each in ("place", *loop["blocks"])]).max(axis=1)
     late = (np.arange(len(size)) > 20) & (size > 1e-250 * size.max())

@@ -13,6 +13,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
 from support.frames import frames_of_controller, frames_of_drawing
+from support.missing import needed
 
 import wavesweep
 from wavesweep.engine.drawing.block_types import TYPES, BlockType
@@ -170,7 +171,9 @@ def large(matrix):
 def test_a_type_with_a_rule_moves_and_decays_as_the_table_says(kind, keys, size, run):
     push = np.random.default_rng(1).normal(size=400)
     expected, _ = marched(run, [0.0] * (3 + size), push)
-    simulation = pytest.importorskip("wavesweep.simulation.from_spec")
+    needed("simulation")
+    from wavesweep.simulation import from_spec as simulation
+
     found = simulation.simulated(loop_with(kind, keys, simulate={"frames": PATTERN}), push).signals["x"]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
     spec, still = loop_with(kind, keys), np.zeros(sum(PATTERN))
@@ -220,7 +223,9 @@ def test_a_type_without_a_rule_is_refused_by_name(kind):
     refused = rf"have a rule for steps that vary .*, found s \({kind}\)"
     with pytest.raises(UsageError, match=refused):
         wavesweep.stability_region(loop_with(kind, OTHERS[kind], **VARYING))
-    simulation = pytest.importorskip("wavesweep.simulation.from_spec")
+    needed("simulation")
+    from wavesweep.simulation import from_spec as simulation
+
     with pytest.raises(UsageError, match=refused):
         simulation.simulated(loop_with(kind, OTHERS[kind], simulate={"frames": PATTERN}), [1.0])
 

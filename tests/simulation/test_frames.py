@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from scipy.signal import butter
+from support.missing import needed
 from support.specs import INTEGRATIONS
 
 from wavesweep.engine.errors import SpecError, UsageError
@@ -126,7 +127,7 @@ def alike(symbol, ticks, delay, following):
 @pytest.mark.parametrize("step", ["elapsed", "nominal"])
 def test_patterns_grow_as_the_products_of_their_frames_do(kind, integration, step):
     """Two programs that share nothing but the page, and results at once, late, a frame late and lost."""
-    pytest.importorskip("wavesweep.for_all")
+    needed("for_all")
     from support.frames import frames_of_controller
 
     from wavesweep.for_all.frame_families import LOST, FramesInAnyOrder

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("flint", reason="python-flint is the witness")
 from stress.numbers import judge, question, unstable
 from support.specs import nested, values_of
 

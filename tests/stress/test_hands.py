@@ -1,8 +1,6 @@
 """Boxes of hands of one to four decades, against a search that knows nothing of how the walls came."""
 
 import pytest
-
-pytest.importorskip("flint", reason="python-flint is the witness of the other stress")
 from stress.hands import judge
 
 pytestmark = pytest.mark.slow

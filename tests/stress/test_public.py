@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("flint", reason="python-flint is the witness of the other stress")
 from stress.specs import FAMILIES
 from support.specs import nested
 

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("flint", reason="python-flint is the witness")
 from stress import responses
 from support.responses import loop_of
 

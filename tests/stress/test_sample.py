@@ -1,8 +1,6 @@
 """A sample of `python -m tests.stress`, of every family: no certified row is wrong, nothing crashes, no warning."""
 
 import pytest
-
-pytest.importorskip("flint", reason="python-flint is the witness")
 from stress import climbs
 from stress.command import NAMES, verdicts
 

@@ -3,8 +3,17 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from wavesweep.capabilities import CAPABILITIES
 
 _, _, listed = (Path(__file__).parents[2] / "ARCHITECTURE.md").read_text(encoding="utf-8").partition("## The capabilities")
 THERE = {each.name for each in CAPABILITIES}
 MISSING = set(re.findall(r"^\| `(\w+)/` \|", listed.partition("\n## ")[0], re.MULTILINE)) - THERE
+
+
+def needed(name: str) -> None:
+    """Skip a test that asks for this capability, where a copy is without it; where nothing is taken away it has to be there."""
+    if name in MISSING:
+        pytest.skip(f"asks for {name}, which is taken away")
+    assert name in THERE, name

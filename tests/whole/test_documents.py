@@ -155,7 +155,8 @@ def test_docstrings_of_the_library_have_every_parameter_and_examples_that_run(re
 @pytest.mark.thorough
 def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
     """As an editor does: the README's example has no fault, and its names have types, so that each misspelling is found."""
-    mypy = pytest.importorskip("mypy.api")
+    from mypy import api as mypy
+
     example = re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1)
     slips = ["wavesweep.zwidht(loop.spec)", "wavesweep.zwidth(loop.spec, jbos=3)", "loop.plot_zwith()", "loop.margins(cuts=1)"]
     (tmp_path / "right.py").write_text(example, encoding="utf-8")

@@ -8,7 +8,6 @@ a certificate that is gained has to be written there, one that is lost is a faul
 import numpy as np
 import pytest
 
-pytest.importorskip("flint", reason="python-flint is the witness")
 pytest.importorskip("wavesweep.prove", reason="what is answered is what doubles and balls prove together")
 from hard.columns import UPDATE, Counted, ends_of, expected, questions, text_of, update
 from hard.witness import Column

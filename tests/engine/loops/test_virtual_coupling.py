@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support import exact
+from support.missing import needed
 from support.specs import nested, random_values, values_of
 
 import wavesweep
@@ -78,7 +79,7 @@ def test_at_one_rate_it_is_the_impedance_of_adams_and_hannaford():
 @pytest.mark.parametrize(("B_VC", "damping"), [(0.4, 1.5), (0.1, 0.8)])
 def test_every_passive_hand_is_stable_as_far_as_colgate_and_schenkel_say(B_VC, damping):
     """With a rigid wall and velocity from differences: d > K_VC T/2 + B_VC."""
-    pytest.importorskip("wavesweep.passive")
+    needed("passive")
     changes = {"K_VE": 1e12, "velocity": "difference", "B_VC": B_VC, "damping": damping, "ratio": 2}
     spec = wavesweep.load(nested(values_of("dc-vc", **changes)) | {"sweep": {"K_VC": {"start": 1.0, "stop": 20000.0}}})
     found = intervals(spec, "K_VC", jobs=1, hands=hands_of(["passive"])).columns

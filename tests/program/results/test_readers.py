@@ -53,13 +53,7 @@ def sqlite_columns(path):
     return dict(zip(names, map(list, zip(*found.fetchall(), strict=True)), strict=True))
 
 
-def csvkit_columns(path):
-    agate = pytest.importorskip("agate")
-    table = agate.Table.from_csv(path)
-    return {name: list(column.values()) for name, column in zip(table.column_names, table.columns, strict=True)}
-
-
-READERS = [pandas_columns, polars_columns, duckdb_columns, sqlite_columns, csvkit_columns]
+READERS = [pandas_columns, polars_columns, duckdb_columns, sqlite_columns]
 
 
 def assert_same(found, expected):

@@ -45,7 +45,8 @@ def cluster():
 @pytest.mark.thorough
 def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
     """A pool of ours that joblib takes for its own has none of its attributes."""
-    joblib = pytest.importorskip("joblib")
+    import joblib
+
     calls = [joblib.delayed(abs)(-number) for number in range(3)]
     before = joblib.Parallel(n_jobs=2)(calls)
     intervals(long, jobs=2, backend="loky")

@@ -39,7 +39,6 @@ def test_bisection_by_feedback_looks_at_the_same_points_as_numpys():
 @pytest.mark.whole
 def test_random_loops_that_it_misses_are_certified_here():
     """A loop with filters of first order, and an angle for every degree."""
-    pytest.importorskip("flint", reason="python-flint is the witness")
     from decomposition_misses import ANGLES, first_order, tally
 
     columns, certified, wrong, *missed = tally(first_order, 9)

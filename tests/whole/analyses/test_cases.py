@@ -1,4 +1,4 @@
-"""Loops with their stable intervals, in `tests/cases`, against eigenvalues of a march through a frame.
+"""Loops with their stable intervals, in `tests/whole/cases`, against eigenvalues of a march through a frame.
 
 A case has a `story`, the tables of its `spec`, the number `along` which intervals are looked for within `span`, perhaps other
 `axes`, and `rows` in the order of the table: low end, high end (nan for none) and whether the row is certified. `felt` has the
@@ -18,7 +18,7 @@ from wavesweep.program.spec import load
 
 CASES = {
     f"{path.stem}-{number}": case
-    for path in sorted((Path(__file__).parents[2] / "cases").glob("*.toml"))
+    for path in sorted((Path(__file__).parents[1] / "cases").glob("*.toml"))
     for number, case in enumerate(tomllib.loads(path.read_text(encoding="utf-8"))["case"])
 }
 STEPS = 10.0 ** np.arange(-7, 0)  # of an end, how far from it the march is asked: rounding hides the nearest

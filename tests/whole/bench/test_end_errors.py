@@ -3,14 +3,12 @@
 import re
 from pathlib import Path
 
+import end_errors
 import numpy as np
 import pytest
+from support.specs import values_of
 
 import wavesweep
-
-pytest.importorskip("flint", reason="python-flint is the witness")
-import end_errors
-from support.specs import values_of
 
 ENDS, MOST = 1, 30  # ends of each condition, and loops to find them in: some have none
 
