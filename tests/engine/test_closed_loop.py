@@ -8,6 +8,7 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from scipy import signal
 from scipy.linalg import expm
 
 import wavesweep
@@ -63,13 +64,13 @@ def lifted_by_hand(k):
 def test_poles_radius_and_lifted_matrices_are_those_of_the_loop_run_by_hand():
     loop = pi_loop()
     frame, C_frame, B_frame, D_frame = lifted_by_hand(5.0)
-    poles = loop.poles(k=5.0)
+    poles = loop.poles({"k": 5.0})
     assert np.sort_complex(poles.z) == pytest.approx(np.sort_complex(np.linalg.eigvals(frame)), abs=1e-12)
     assert np.exp(poles.s[:2] * loop.frame_s) == pytest.approx(poles.z[:2], rel=1e-12)
-    assert loop.spectral_radius(k=[1.0, 5.0]) == pytest.approx(
+    assert loop.spectral_radius({"k": [1.0, 5.0]}) == pytest.approx(
         [np.abs(np.linalg.eigvals(lifted_by_hand(k)[0])).max() for k in (1.0, 5.0)], rel=1e-12
     )
-    lifted = loop.lifted(k=5.0)
+    lifted = loop.lifted({"k": 5.0})
     assert lifted.inputs == tuple(f"{name}[{tick}]" for tick in range(4) for name in ("ref", "load"))
     assert pytest.approx(D_frame, abs=1e-13) == lifted.D
     assert pytest.approx(C_frame @ frame @ B_frame, abs=1e-13) == lifted.C @ lifted.A @ lifted.B
@@ -86,21 +87,21 @@ def test_a_loop_is_stable_just_inside_every_end_and_not_just_outside(name):
     if name == "k":
         assert np.abs(np.linalg.eigvals(lifted_by_hand(end * inside)[0])).max() < 1
         assert np.abs(np.linalg.eigvals(lifted_by_hand(end * outside)[0])).max() > 1
-    assert loop.spectral_radius(**{name: [end * inside, end * outside]}) == pytest.approx([1, 1], abs=1e-6)
-    assert (loop.spectral_radius(**{name: [end * inside, end * outside]}) < 1).tolist() == [True, False]
+    assert loop.spectral_radius({name: [end * inside, end * outside]}) == pytest.approx([1, 1], abs=1e-6)
+    assert (loop.spectral_radius({name: [end * inside, end * outside]}) < 1).tolist() == [True, False]
 
 
 def test_intervals_of_many_loops_are_those_of_each_one():
     loop = pi_loop()
-    many = loop.stable_intervals("k", (0.0, 1000.0), **{"rates.tick_hz": [300.0, 500.0, 700.0]})
-    alone = [loop.stable_intervals("k", (0.0, 1000.0), **{"rates.tick_hz": rate}) for rate in (300.0, 500.0, 700.0)]
+    many = loop.stable_intervals("k", (0.0, 1000.0), {"rates.tick_hz": [300.0, 500.0, 700.0]})
+    alone = [loop.stable_intervals("k", (0.0, 1000.0), {"rates.tick_hz": rate}) for rate in (300.0, 500.0, 700.0)]
     assert many.loop.tolist() == [0, 1, 2]
     assert many.high == pytest.approx([each.high[0] for each in alone], rel=1e-12)
 
 
 def test_a_response_is_that_of_the_loop_run_until_it_is_steady():
     loop, hz = pi_loop(), np.array([0.0, 9.0])
-    response = loop.response(hz, "ref", "y", k=[0.8, 1.0])
+    response = loop.response(hz, "ref", "y", {"k": [0.8, 1.0]})
     assert response.value.shape == (2, 2)
     assert response.stable.all()
     assert (response.error < 1e-10).all()
@@ -118,7 +119,7 @@ def test_gains_are_the_extremes_of_the_lifted_map_over_the_circle():
     frame, C_frame, B_frame, D_frame = lifted_by_hand(2.0)
     z = np.exp(1j * np.linspace(0, np.pi, 20_001))[:, None, None]
     H = C_frame[0::2] @ np.linalg.solve(z * np.eye(4) - frame, B_frame[:, 0::2] + 0 * z) + D_frame[0::2, 0::2]
-    norm, index = loop.hinf_norm("ref", "y", k=2.0), loop.passivity_index("ref", "y", k=2.0)
+    norm, index = loop.hinf_norm("ref", "y", {"k": 2.0}), loop.passivity_index("ref", "y", {"k": 2.0})
     assert norm.certified
     largest = np.linalg.svd(H, compute_uv=False).max()  # of a grid: a little less than the peak between its points
     assert largest <= norm.value <= 1.0001 * largest
@@ -128,8 +129,8 @@ def test_gains_are_the_extremes_of_the_lifted_map_over_the_circle():
     smallest = np.linalg.eigvalsh((H + H.conj().swapaxes(-1, -2)) / 2).min()
     assert 1.0001 * smallest <= index.value <= smallest
     unstable = loop.stable_intervals("k", (0.0, 1000.0)).high[0] * 1.01
-    assert loop.hinf_norm("ref", "y", k=[2.0, unstable]).value.tolist() == [norm.value, np.inf]
-    assert loop.passivity_index("ref", "y", k=unstable).value == -np.inf
+    assert loop.hinf_norm("ref", "y", {"k": [2.0, unstable]}).value.tolist() == [norm.value, np.inf]
+    assert loop.passivity_index("ref", "y", {"k": unstable}).value == -np.inf
 
 
 def test_an_output_that_drifts_has_no_bound_on_its_gain_and_its_velocity_has():
@@ -146,6 +147,62 @@ def test_an_output_that_drifts_has_no_bound_on_its_gain_and_its_velocity_has():
     assert loop.hinf_norm("f", "x").value == np.inf
     assert loop.passivity_index("f", "x").value == -np.inf
     assert loop.hinf_norm("f", "v").value == pytest.approx(0.5, rel=1e-9)  # 1/d, at 0 Hz
+
+
+def test_a_loop_that_is_unstable_where_its_output_does_not_see_it_has_no_finite_gain():
+    plant = StateSpaceBlock([[1.0, 0.0], [0.0, -2.0]], [[1.0], [1.0]], [[0.0, 1.0]])
+    loop = loop_from_blocks({"p": plant}, {"p.u": "r"}, rate_hz=100, inputs=["r"], outputs={"y": "p.y"})
+    assert loop.spectral_radius() == pytest.approx(np.exp(0.01))
+    norm, index = loop.hinf_norm("r", "y"), loop.passivity_index("r", "y")
+    assert (norm.value, norm.certified) == (np.inf, True)
+    assert (index.value, index.certified) == (-np.inf, True)
+
+
+def test_what_continuous_blocks_give_each_other_acts_continuously_and_is_named():
+    """A gain between two plants is the eigenvalue of the whole; behind a hold it is that of the sampled one."""
+    filtered = StateSpaceBlock([[-30.0]], [[30.0]], [[1.0]])
+    blocks = {"plant": StateSpaceBlock(A, B, C), "sensor": filtered}
+
+    def highest(wires, **more):
+        loop = loop_from_blocks(blocks | more, wires, rate_hz=50, numbers={"kp": 1.0})
+        return loop, loop.stable_intervals("kp", (0, 1000)).high[0]
+
+    loop, continuous = highest({"plant.u": "-kp*sensor.y", "sensor.u": "plant.y"})
+    assert loop.assumptions == (
+        "plant.u: (-kp)*sensor.y acts continuously, other terms are held over each tick",
+        "sensor.u: (1)*plant.y acts continuously, other terms are held over each tick",
+    )
+    whole = np.block([[A, -continuous * B], [30.0 * C, np.array([[-30.0]])]])
+    assert np.linalg.eigvals(whole).real.max() == pytest.approx(0.0, abs=1e-9)
+    held, sampled = highest({"plant.u": "-kp*held.y", "held.u": "sensor.y", "sensor.u": "plant.y"}, held={"type": "hold"})
+    assert held.assumptions == ("sensor.u: (1)*plant.y acts continuously, other terms are held over each tick",)
+    assert sampled < 0.9 * continuous
+
+
+def test_a_time_that_python_control_leaves_open_is_asked_for_and_names_of_states_are_kept():
+    plant = control.ss(A, B, C, 0, states=["angle", "rate"], dt=0)
+    loop = pi_loop(plant)
+    assert loop.poles().states[:2] == ("plant angle", "plant rate")
+    assert loop.lifted().to_control().state_labels == list(loop.lifted().states)
+    assert set(loop.lifted().states) >= {"plant angle", "plant rate"}
+    for system in (control.ss(A, B, C, 0, dt=None), control.tf([1], [1, 2], dt=None)):
+        with pytest.raises(UsageError, match="a system that says its time: dt = 0 for continuous"):
+            pi_loop(system)
+    assert pi_loop(signal.StateSpace(A, B, C, [[0.0]])).poles().z == pytest.approx(loop.poles().z, abs=1e-12)
+
+
+def test_any_name_of_a_number_can_be_varied():
+    names = ("span", "source", "along", "numbers", "output", "prover")
+    wires = {"p.u": "-(" + " + ".join(names) + ")*p.y + r"}
+    plant = StateSpaceBlock([[-1.0]], [[1.0]], [[1.0]])
+    loop = loop_from_blocks(
+        {"p": plant}, wires, rate_hz=10, numbers=dict.fromkeys(names, 0.0), inputs=["r"], outputs={"y": "p.y"}
+    )
+    (limit,) = loop.stable_intervals("span", (0.0, 1000.0)).high
+    for name in names:
+        other = next(each for each in names if each != name)
+        assert loop.stable_intervals(other, (0.0, 1000.0), {name: 3.0}).high == pytest.approx([limit - 3.0])
+        assert loop.hinf_norm("r", "y", {name: 3.0}).value == pytest.approx(0.25)
 
 
 def test_systems_of_python_control_are_blocks_and_the_lifted_loop_is_one():
@@ -197,14 +254,14 @@ def test_all_mistakes_of_a_drawing_come_at_once():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda loop: loop.spectral_radius(kk=1.0), "kk: expected one of the numbers k; did you mean k?"),
-        (lambda loop: loop.spectral_radius(k="high"), "k: expected a finite number"),
-        (lambda loop: loop.poles(k=[1.0, 2.0]), "expected numbers for a single loop"),
+        (lambda loop: loop.spectral_radius({"kk": 1.0}), "kk: expected one of the numbers k; did you mean k?"),
+        (lambda loop: loop.spectral_radius({"k": "high"}), "k: expected a finite number"),
+        (lambda loop: loop.poles({"k": [1.0, 2.0]}), "expected numbers for a single loop"),
         (lambda loop: loop.stable_intervals("k", (2.0, 1.0)), "span: expected (low, high), low < high"),
-        (lambda loop: loop.stable_intervals("k", (0.0, 1.0), k=3.0), "k: expected other numbers than the one"),
+        (lambda loop: loop.stable_intervals("k", (0.0, 1.0), {"k": 3.0}), "k: expected other numbers than the one"),
         (lambda loop: loop.response(1.0, "y", "y"), "expected an input of the loop, one of ref, load, found 'y'"),
         (lambda loop: loop.response(300.0, "ref", "y"), "frequency_hz: expected numbers from 0 to 250 Hz"),
-        (lambda loop: loop.spectral_radius(**{"rates.tick_hz": -1.0}), "makes no loop: rates.tick_hz: expected a number > 0"),
+        (lambda loop: loop.spectral_radius({"rates.tick_hz": -1.0}), "makes no loop: rates.tick_hz: expected a number > 0"),
     ],
 )
 def test_a_wrong_call_says_what_was_expected(call, message):

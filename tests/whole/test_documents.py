@@ -170,6 +170,19 @@ def test_a_type_checker_knows_the_library_and_finds_slips(tmp_path):
     assert (code, "right.py" in said, faults) == (1, False, [*range(first, first + len(slips))]), said
 
 
+@pytest.mark.thorough
+def test_the_first_example_of_the_engine_has_types_throughout(tmp_path):
+    mypy = pytest.importorskip("mypy.api")
+    page = (ROOT / "docs" / "engine.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^(?:>>>|\.\.\.) (.*)$", re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0], re.MULTILINE)
+    (tmp_path / "first.py").write_text("\n".join(lines), encoding="utf-8")
+    options = ["--strict", "--python-executable", sys.executable, "--cache-dir", os.devnull, "--follow-imports=silent"]
+    depth = sys.getrecursionlimit()
+    said, _, code = mypy.run([*options, str(tmp_path / "first.py")])
+    sys.setrecursionlimit(depth)
+    assert code == 0, said
+
+
 @pytest.mark.parametrize(("name", "link"), LINKS)
 def test_links_lead_somewhere(name, link):
     """To a file that there is and, where the link names one, to a heading in it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing.expressions import Terms, text_of
 from wavesweep.engine.energy.lifted_map import TickMaps, damping_peak, squared_norm
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Rejected, check, computable, nearest
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from control import StateSpace
     from numpy.typing import ArrayLike, NDArray
 
+    Numbers = Mapping[str, ArrayLike] | None
     Floats = NDArray[np.float64]
     Bools = NDArray[np.bool_]
 
@@ -131,7 +133,7 @@ class LiftedStateSpace:
         """The same as a system of python-control, with dt of the frame (s)."""
         import control
 
-        names = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "states": list(self.states)}
         return control.ss(self.A, self.B, self.C, self.D, self.frame_s, **names)
 
 
@@ -139,15 +141,17 @@ class LiftedStateSpace:
 class ClosedLoop:
     """A closed loop of blocks that run at several rates, made by `loop_from_blocks` or `loop_from_drawing`.
 
-    Methods take other values of its numbers by name, each a number or an array; arrays broadcast together, and what is returned
-    has their shape. `loop.spectral_radius(kp=[1.0, 2.0], tau=0.01)` is two loops. A number that is not named keeps the value
-    that it was made with. The rate of the tick has the name `rates.tick_hz`.
+    Methods take other values of its numbers as a dict by name, each a number or an array; arrays broadcast together, and
+    what is returned has their shape. `loop.spectral_radius({"kp": [1.0, 2.0], "tau": 0.01})` is two loops. A number that is
+    not named keeps the value that it was made with. The rate of the tick has the name `rates.tick_hz`.
 
-    drawing: the structure. values: path -> value of each number.
+    drawing: the structure. values: path -> value of each number. state_names: names of states in place of those that the blocks
+    give them, such as "plant angle" for "plant x0".
     """
 
     drawing: Drawing
     values: Mapping[str, float]
+    state_names: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -165,13 +169,21 @@ class ClosedLoop:
         return tuple(name for name, *_ in self.drawing.outputs)
 
     @property
+    def assumptions(self) -> tuple[str, ...]:
+        """A sentence for each wire of which a part acts continuously, as springs do, and is not held over the ticks."""
+        return tuple(
+            f"{port}: {_sum(terms)} acts continuously, other terms are held over each tick"
+            for port, terms in self.drawing.couplings
+        )
+
+    @property
     def frame_s(self) -> float:
         """Period (s) after which all blocks are in step again."""
         drawn = self._single({}).drawn()
         return float(np.asarray(drawn.period)) * drawn.ticks
 
     def stable_intervals(
-        self, along: str, span: tuple[float, float], *, prover: Prover | None = None, **numbers: ArrayLike
+        self, along: str, span: tuple[float, float], numbers: Numbers = None, *, prover: Prover | None = None
     ) -> StableIntervals:
         """All stable intervals along one of the numbers, with a certificate.
 
@@ -185,10 +197,10 @@ class ClosedLoop:
             Name of the number; not one that decides how the loop is built, such as a number of ticks.
         span : tuple of float
             (low, high) of the range that is searched, in the unit of the number.
+        numbers : dict, optional
+            Other values of other numbers: name -> number or array.
         prover : callable, optional
             Is asked about stretches that doubles leave in doubt: `wavesweep.prove.prover.ball_prover`.
-        **numbers : float or array
-            Other values of the other numbers.
 
         Returns
         -------
@@ -213,7 +225,7 @@ class ClosedLoop:
             raise UsageError(f"along {along}: expected {expected}; ask for the spectral radius at its values")
         if ends is None or ends.shape != (2,) or not ends[0] < ends[1] or not computable(ends).all():
             raise UsageError(f"span: expected (low, high), low < high, found {span!r:.60}")
-        if key.path in map(self._path, numbers):
+        if key.path in map(self._path, numbers or {}):
             raise UsageError(f"{along}: expected other numbers than the one that the intervals are along")
         low, high = map(float, ends)
         by_drawing: dict[Drawing, list[tuple[NDArray[np.intp], Loops]]] = {}
@@ -226,13 +238,13 @@ class ClosedLoop:
         open_ends = {name: np.ascontiguousarray(records[name]) for name in ("open_low", "open_high")}
         return StableIntervals(loop=records["slice"].copy(), doubt=words(records["doubt"]), **columns, **open_ends)
 
-    def spectral_radius(self, **numbers: ArrayLike) -> Floats:
+    def spectral_radius(self, numbers: Numbers = None) -> Floats:
         """The largest modulus of the eigenvalues of a frame, without what nothing opposes (drift): below 1, it is stable.
 
         Parameters
         ----------
-        **numbers : float or array
-            Other values of numbers.
+        numbers : dict, optional
+            Other values of numbers: name -> number or array.
 
         Returns
         -------
@@ -252,13 +264,13 @@ class ClosedLoop:
         radii: Floats = self._of_batches(numbers, of_batch, 1)[0]
         return radii
 
-    def poles(self, **numbers: float) -> ClosedLoopPoles:
+    def poles(self, numbers: Numbers = None) -> ClosedLoopPoles:
         """The closed-loop poles of one loop, per frame.
 
         Parameters
         ----------
-        **numbers : float
-            Other values of numbers.
+        numbers : dict, optional
+            Other values of numbers: name -> number.
 
         Returns
         -------
@@ -288,9 +300,10 @@ class ClosedLoop:
             logarithm = np.log1p(delta)
         s = logarithm.real / period + 1j * (logarithm.imag / period)
         certain = certain_modes(delta, clear=clear)
-        return ClosedLoopPoles(1 + delta, s, damping_ratio(delta), certain, shares, tuple(names))
+        states = tuple(self.state_names.get(name, name) for name in names)
+        return ClosedLoopPoles(1 + delta, s, damping_ratio(delta), certain, shares, states)
 
-    def response(self, frequency_hz: ArrayLike, source: str, output: str, **numbers: ArrayLike) -> InputResponse:
+    def response(self, frequency_hz: ArrayLike, source: str, output: str, numbers: Numbers = None) -> InputResponse:
         """The steady response of an output to a sinusoidal input that is held over each tick.
 
         The component at the frequency of the input itself: a loop of several rates answers with images of it too.
@@ -301,8 +314,8 @@ class ClosedLoop:
             From 0 (the static limit) up to half the rate of the tick, Hz.
         source, output : str
             Names of an input and of an output.
-        **numbers : float or array
-            Other values of numbers.
+        numbers : dict, optional
+            Other values of numbers: name -> number or array.
 
         Returns
         -------
@@ -337,7 +350,7 @@ class ClosedLoop:
 
         return InputResponse(frequency, *self._of_batches(numbers, of_batch, 3))
 
-    def hinf_norm(self, source: str, output: str, **numbers: ArrayLike) -> ExtremeGain:
+    def hinf_norm(self, source: str, output: str, numbers: Numbers = None) -> ExtremeGain:
         """The largest gain from an input to an output: the H-infinity norm of the loop lifted over a frame.
 
         `sum |y[k]|^2 <= value^2 sum |u[k]|^2` over all ticks k, for every input that is held over the ticks, from rest. It is
@@ -348,13 +361,14 @@ class ClosedLoop:
         ----------
         source, output : str
             Names of an input and of an output.
-        **numbers : float or array
-            Other values of numbers.
+        numbers : dict, optional
+            Other values of numbers: name -> number or array.
 
         Returns
         -------
         ExtremeGain
-            In the output's unit per the input's; infinite for a loop that is not stable, or whose output drifts.
+            In the output's unit per the input's; infinite for a loop that is not stable, whether or not the output shows it, or
+            whose output drifts; NaN if it is not known whether the loop is stable.
 
         Raises
         ------
@@ -372,7 +386,7 @@ class ClosedLoop:
 
         return self._extreme(source, output, numbers, largest, np.inf)
 
-    def passivity_index(self, source: str, output: str, **numbers: ArrayLike) -> ExtremeGain:
+    def passivity_index(self, source: str, output: str, numbers: Numbers = None) -> ExtremeGain:
         """How passive the loop is between an input and an output: the least energy that it takes up per energy of the input.
 
         `sum u[k] y[k] >= value sum u[k]^2` over all ticks k, from rest: the loop is passive if the index is at least 0. It is
@@ -380,13 +394,13 @@ class ClosedLoop:
 
         Parameters
         ----------
-        source, output, **numbers
+        source, output, numbers
             As for `hinf_norm`.
 
         Returns
         -------
         ExtremeGain
-            In the output's unit per the input's; -inf for a loop that is not stable, or whose output drifts.
+            In the output's unit per the input's; -inf where `hinf_norm` is infinite, and NaN where it is NaN.
 
         Raises
         ------
@@ -404,13 +418,13 @@ class ClosedLoop:
 
         return self._extreme(source, output, numbers, smallest, -np.inf)
 
-    def lifted(self, **numbers: float) -> LiftedStateSpace:
+    def lifted(self, numbers: Numbers = None) -> LiftedStateSpace:
         """One loop from frame to frame, from all inputs to all outputs, one of each for every tick.
 
         Parameters
         ----------
-        **numbers : float
-            Other values of numbers.
+        numbers : dict, optional
+            Other values of numbers: name -> number.
 
         Returns
         -------
@@ -433,7 +447,8 @@ class ClosedLoop:
             tuple(f"{name}[{tick}]" for tick in range(drawn.ticks) for name in names) for names in (self.inputs, self.outputs)
         )
         labels, period = drawn.labels(), float(np.asarray(drawn.period)) * drawn.ticks
-        states = tuple(labels.get(state, state) for state in ticks.states)
+        named = (labels.get(state, state) for state in ticks.states)
+        states = tuple(self.state_names.get(name, name) for name in named)
         return LiftedStateSpace(np.eye(len(E)) + E, B, C, D, period, inputs, outputs, states)
 
     @property
@@ -463,10 +478,10 @@ class ClosedLoop:
             if name not in ends:
                 raise UsageError(f"expected an {side} of the loop, one of {', '.join(ends) or '(none)'}, found {name!r:.60}")
 
-    def _arrays(self, numbers: Mapping[str, ArrayLike]) -> tuple[tuple[int, ...], dict[str, Floats]]:
+    def _arrays(self, numbers: Numbers) -> tuple[tuple[int, ...], dict[str, Floats]]:
         """The shape that the values given have together, and path -> values, flat. Errors: UsageError."""
         arrays: dict[str, Floats] = {}
-        for name, argument in numbers.items():
+        for name, argument in (numbers or {}).items():
             key, values = self._key(name), real_numbers(argument)
             if values is None or not computable(values).all() or key.path in arrays:
                 raise UsageError(f"{name}: expected a finite number, or an array of them, once, found {argument!r:.60}")
@@ -479,7 +494,7 @@ class ClosedLoop:
         try:
             shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
         except ValueError:
-            shapes = ", ".join(f"{name} {np.shape(values)}" for name, values in numbers.items())
+            shapes = ", ".join(f"{name} {np.shape(values)}" for name, values in (numbers or {}).items())
             raise UsageError(f"expected arrays of numbers that broadcast together, found {shapes}") from None
         return shape, {path: np.broadcast_to(values, shape).ravel() for path, values in arrays.items()}
 
@@ -502,16 +517,14 @@ class ClosedLoop:
                 refuse_unsuitable(*loops)
                 yield batch, loops
 
-    def _single(self, numbers: Mapping[str, ArrayLike]) -> Loops:
+    def _single(self, numbers: Numbers) -> Loops:
         """The one loop of these numbers."""
         shape, arrays = self._arrays(numbers)
         if shape:
             raise UsageError(f"expected numbers for a single loop, found arrays of the shape {shape}")
         return next(loops for _, loops in self._batches(arrays))
 
-    def _of_batches(
-        self, numbers: Mapping[str, ArrayLike], of_batch: Callable[[Loops, int], tuple[Any, ...]], count: int
-    ) -> list[Any]:
+    def _of_batches(self, numbers: Numbers, of_batch: Callable[[Loops, int], tuple[Any, ...]], count: int) -> list[Any]:
         """What a function returns of batches of loops, `count` arrays `(loops, ...)`, in the shape of the numbers."""
         shape, arrays = self._arrays(numbers)
         results = [(members, of_batch(loops, members.size)) for members, loops in self._batches(arrays)]
@@ -523,11 +536,14 @@ class ClosedLoop:
         self,
         source: str,
         output: str,
-        numbers: Mapping[str, ArrayLike],
+        numbers: Numbers,
         extreme: Callable[[TickMaps], tuple[Floats, Floats, Bools]],
         unbounded: float,
     ) -> ExtremeGain:
-        """The extreme of stable loops between an input and an output, and `unbounded` of others."""
+        """The extreme of stable loops between an input and an output, and `unbounded` of others.
+
+        Modes that the output does not show are left out of the levels, but not of the verdict.
+        """
         self._refuse_ends(source, output)
 
         def of_port(port: Port) -> tuple[Floats, Floats, Bools]:
@@ -547,6 +563,15 @@ class ClosedLoop:
             value, frequency, certified = np.empty(size), np.empty(size), np.empty(size, bool)
             for members, port in ports_of_batch(loops.read, size, (source, output)):
                 value[members], frequency[members], certified[members] = of_port(port.observable())
+            radius = radii_of(loops.read, size)
+            value = np.where(radius < 1, value, np.where(np.isnan(radius), np.nan, unbounded))
+            frequency = np.where(radius < 1, frequency, np.nan)
+            certified = np.where(radius < 1, certified, radius > 1)
             return value, frequency, certified
 
         return ExtremeGain(*self._of_batches(numbers, of_batch, 3))
+
+
+def _sum(terms: Terms) -> str:
+    """A linear expression as a text."""
+    return " + ".join(f"({text_of(gain)})*{signal}" for signal, gain in terms)

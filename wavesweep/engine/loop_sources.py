@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,7 +17,9 @@ from wavesweep.engine.keys.checking import Mistakes
 from wavesweep.engine.keys.places import Place, leaves_of, read_dict, split_names
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import NDArray
+
+    Matrix = Sequence[Sequence[float | str]] | NDArray[Any]
 
 SAME_RATE = 1e-9  # relative difference from a whole number of ticks up to which a sample time is meant to be one
 
@@ -27,24 +29,29 @@ class StateSpaceBlock:
     """A linear block: `x' = A x + B u`, `y = C x + D u`, or `x[k+1] = A x[k] + B u[k]` at every so many ticks.
 
     A `(n, n)`, B `(n, m)`, C `(p, n)`, D `(p, m)`; D may be 0. Entries are numbers, or texts that are expressions in the
-    numbers of the loop, such as "-k/m". every: None for a continuous block, whose inputs are held over each tick, and which is
-    exact there; else it runs at the ticks phase, phase + every, and so on, and its outputs hold in between. inputs, outputs:
-    names of its ports.
+    numbers of the loop, such as "-k/m". every: None for a continuous block, which is exact between ticks; else it runs at the
+    ticks phase, phase + every, and so on, and its outputs hold in between. inputs, outputs: names of its ports. states:
+    names of its states; x0, x1, ... if there are none.
+
+    What a continuous block reads is held over each tick, but for the terms of its wire that read another continuous block:
+    these act continuously, as a spring between two masses has to. `loop.assumptions` names them. A program that computes
+    such a term from samples is drawn as a block of its own, `{"type": "hold"}`.
     """
 
-    A: ArrayLike
-    B: ArrayLike
-    C: ArrayLike
-    D: ArrayLike = 0
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix | Literal[0] = 0
     every: int | None = None
     phase: int = 0
     inputs: tuple[str, ...] = ("u",)
     outputs: tuple[str, ...] = ("y",)
+    states: tuple[str, ...] = ()
 
     def table(self) -> dict[str, Any]:
         """The block in the language of drawings."""
         matrices = {name: _rows(getattr(self, name)) for name in "ABC"}
-        direct = {} if np.ndim(self.D) == 0 and self.D == 0 else {"D": _rows(self.D)}
+        direct = {} if isinstance(self.D, int | float) and self.D == 0 else {"D": _rows(self.D)}
         ports = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
         return {"type": "ss", **matrices, **direct, **ports, **_timing(self.every, self.phase)}
 
@@ -105,13 +112,15 @@ def loop_from_blocks(
     ----------
     blocks : dict
         By name: a `StateSpaceBlock`; a state-space system or a transfer function of python-control or scipy.signal, which is
-        continuous or has a sample time of whole ticks; or the keys of any other block as a dict, see docs/blocks.md. Ports of
-        systems have the names that they have there if these are names; otherwise `u` and `y`, or `u0`, `u1`, ..., `y0`, ...
+        continuous or has a sample time of whole ticks; or the keys of any other block as a dict, see docs/blocks.md. Ports and
+        states of systems have the names that they have there if these are names; otherwise `u` and `y`, or `u0`, `u1`, ...,
+        `y0`, ..., and `x0`, ...
     wires : dict
         Input `"block.port"` -> expression that is linear in outputs of blocks and in inputs, such as `"ref - kp*plant.y"`. A
         port without a wire is a mistake; "0" leaves it at rest.
     rate_hz : float
-        Rate of the common tick (Hz), at which continuous blocks get their inputs.
+        Rate of the common tick (Hz), at which continuous blocks get what other blocks and inputs give them; what they give each
+        other acts continuously, see `ClosedLoop.assumptions`.
     numbers : dict, optional
         Numbers that expressions read by name, and that can be varied.
     inputs : iterable of str, optional
@@ -126,7 +135,7 @@ def loop_from_blocks(
     Raises
     ------
     UsageError
-        For a system that is no block, or with a sample time that is no whole number of ticks.
+        For a system that is no block, or with a sample time that is open or no whole number of ticks.
     SpecError
         With all other mistakes at once.
 
@@ -143,29 +152,36 @@ def loop_from_blocks(
     >>> intervals.high.round(6), intervals.certified
     (array([503.355615]), array([ True]))
     """
+    read = {name: _block(name, block, rate_hz) for name, block in blocks.items()}
     tables = {
         "rates": {"tick_hz": rate_hz},
         "numbers": numbers or {},
-        "block": {name: _table(name, block, rate_hz) for name, block in blocks.items()},
+        "block": {name: block.table() if isinstance(block, StateSpaceBlock) else block for name, block in read.items()},
         "wire": wires,
         "ports": {"inputs": {name: name for name in inputs}, "outputs": outputs or {}},
     }
-    return loop_from_drawing(tables)
+    state_names: dict[str, str] = {}
+    for name, block in read.items():
+        if isinstance(block, StateSpaceBlock):
+            state_names |= {f"{name} x{index}": f"{name} {state}" for index, state in enumerate(block.states)}
+    return replace(loop_from_drawing(tables), state_names=state_names)
 
 
-def _table(name: str, block: Any, rate_hz: float) -> Mapping[str, Any]:
-    """A block in the language of drawings."""
-    if isinstance(block, Mapping):
+def _block(name: str, block: Any, rate_hz: float) -> StateSpaceBlock | Mapping[str, Any]:
+    """A block as matrices or in the language of drawings."""
+    if isinstance(block, StateSpaceBlock | Mapping):
         return block
-    if isinstance(block, StateSpaceBlock):
-        return block.table()
-    every = _every(name, getattr(block, "dt", None), rate_hz)
+    dt = getattr(block, "dt", None)
+    if dt is None and not type(block).__module__.startswith("scipy.signal"):  # where None means continuous
+        expected = "a system that says its time: dt = 0 for continuous, or its sample time in s"
+        raise UsageError(f"block {name}: expected {expected}, found dt = None, which leaves it open")
+    every = _every(name, dt, rate_hz)
     if all(hasattr(block, matrix) for matrix in "ABCD"):
-        ports = (
-            _ports(getattr(block, f"{side}_labels", None), size, letter)
-            for side, size, letter in zip(("input", "output"), np.shape(block.D)[::-1], "uy", strict=True)
-        )
-        return StateSpaceBlock(block.A, block.B, block.C, block.D, every, 0, *ports).table()
+        outputs, inputs = np.shape(block.D)
+        labels = [getattr(block, f"{side}_labels", None) for side in ("input", "output", "state")]
+        ports = _ports(labels[0], inputs, "u"), _ports(labels[1], outputs, "y")
+        states = tuple(labels[2]) if labels[2] and all(map(is_name, labels[2])) else ()
+        return StateSpaceBlock(block.A, block.B, block.C, block.D, every, 0, *ports, states)
     if hasattr(block, "num") and hasattr(block, "den"):
         coefficients = [np.squeeze(np.asarray(array, float)) for array in (block.num, block.den)]
         if all(array.ndim < 2 for array in coefficients):
@@ -177,8 +193,8 @@ def _table(name: str, block: Any, rate_hz: float) -> Mapping[str, Any]:
 
 
 def _every(name: str, dt: Any, rate_hz: float) -> int | None:
-    """The ticks in a sample time (s); None of a continuous system."""
-    if dt is None or (dt == 0 and dt is not True):
+    """The ticks in a sample time (s), 0 or None of a continuous system, which has none."""
+    if not dt:
         return None
     ticks: float = dt * rate_hz
     if dt is True or not ticks > 0 or abs(ticks - round(ticks)) > SAME_RATE * ticks:
@@ -200,7 +216,7 @@ def _ports(labels: list[str] | None, size: int, letter: str) -> tuple[str, ...]:
     return (letter,) if size == 1 else tuple(f"{letter}{index}" for index in range(size))
 
 
-def _rows(matrix: ArrayLike) -> list[Any]:
+def _rows(matrix: Matrix) -> list[Any]:
     """A matrix as a list of rows, entries that are texts included."""
     rows: list[Any] = np.array(matrix, dtype=object).tolist()
     return rows
