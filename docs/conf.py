@@ -24,8 +24,8 @@ copybutton_line_continuation_character = "\\"
 SECTIONS = {
     "Start": "haptics drives first-drawing paper gallery",
     "Concepts": "concepts controllers",
-    "Guides": "questions check sweeps gains identify measured for-all frames margins poles drawn-loops axes design export "
-    "results clusters",
+    "Guides": "questions check sweeps gains identify measured for-all contact frames margins poles drawn-loops axes design "
+    "export results clusters",
     "Reference": "commands keys blocks tables other-programs json library engine",
     "Background": "proof accuracy safety speed",
 }

@@ -72,6 +72,7 @@ def _entry_points() -> Iterator[str]:
 # Rows of guarantees are listed in this order, from what promises least: those of for_all before those of passive.
 CAPABILITIES = (
     Capability("for_all", tables=("for_all",), offers=("boxes", "guarantee", "keys", "on_check")),
+    Capability("contact", tables=("for_all.contact",), offers=("guarantee", "keys", "on_check")),
     Capability(
         "check",
         {"check": "Judge a spec's own design, and say what to do next."},
@@ -170,6 +171,7 @@ CAPABILITIES = (
 TABLES = MappingProxyType(
     {
         "for_all": "for_all",
+        "for_all.contact": "contact",
         "simulate": "simulation",
         "measured": "identification",
         "design": "designs",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from types import MappingProxyType
 from typing import Any
@@ -61,8 +61,8 @@ class Section:
 class SpecTable:
     """A table of a spec.
 
-    path: of the table, "design" or, in a table of the core, "sweep.require". build: from a `Request` to the value, adding all
-    mistakes; None if the spec does not have the table. keys: by path. sections: it itself or tables in it, which have axes.
+    path: of the table, "design" or, in a table that holds axes, "sweep.require". build: from a `Request` to the value, adding
+    all mistakes; None if the spec does not have the table. keys: by path. sections: it itself or tables in it, which have axes.
     spans: keys that may be given as a span. named: keys that are tables with names of the user's own. signals: keys that name
     signals of a drawn loop. always: whether the table is part of every request; otherwise `demand` raises the mistakes that
     keep it from being part of one, see `Spec.asking`. starts: whether `init` shows its keys. described: its tables with names
@@ -147,15 +147,19 @@ def _keys(some: Iterable[SpecTable]) -> dict[str, Key]:
 
 @cache
 def sections() -> Mapping[tuple[str, ...], Section]:
-    """Return the tables with axes by path; [bode] of a drawn loop alone has keys beside the frequencies."""
-    inner = (path.split(".") for path in tables())
-    core_sections = {
-        ("sweep",): Section(("along", *(path[1] for path in inner if path[0] == "sweep"))),
-        ("bode",): Section(("from", "to")),
-    }
-    return core_sections | {
-        tuple(path.split(".")): a_section for table in tables().values() for path, a_section in table.sections.items()
-    }
+    """Return the tables with axes by path; [bode] of a drawn loop alone has keys beside the frequencies.
+
+    Tables of capabilities in one of these are keys of it.
+    """
+    found = {("sweep",): Section(("along",)), ("bode",): Section(("from", "to"))}
+    for table in tables().values():
+        found |= {tuple(path.split(".")): section for path, section in table.sections.items()}
+    for path in tables():
+        parent, _, name = path.rpartition(".")
+        if (parent,) in found:
+            section = found[parent,]
+            found[parent,] = replace(section, own=(*section.own, name))
+    return found
 
 
 def section_of(path: tuple[str, ...]) -> tuple[str, ...]:

@@ -112,6 +112,8 @@ def named(name: str) -> dict[str, Description]:
     Empty for an unknown name.
     """
     path = SYMBOLS.get(name, name)
+    if path in study_keys() and path in EVERY_KEY:  # also one in a table with names of the user's own
+        return {path: described(EVERY_KEY[path], path)}
     if table := next((table for table in TABLES if path == table or path.startswith(f"{table}.")), ""):
         return {table: TABLES[table]}
     if blocks := _blocks(path):

@@ -109,9 +109,14 @@ def _studies(shapes: Shapes) -> Schema:
     sweep, bode = (keys_of_studies[name]["properties"] for name in ("sweep", "bode"))
     bode["frequency_hz"] = _axis(STUDY_KEYS["bode.frequency_hz"])
     table_shapes = {table.path: table.schema(shapes) for table in tables().values()}
-    inner = {path.removeprefix("sweep."): shape for path, shape in table_shapes.items() if path.startswith("sweep.")}
     outer = {path: shape for path, shape in table_shapes.items() if "." not in path}
-    return {"sweep": shapes.axes(sweep | inner), "bode": shapes.axes(bode), **outer}
+    for path, shape in table_shapes.items():
+        parent, _, name = path.rpartition(".")
+        if parent == "sweep":
+            sweep[name] = shape
+        elif parent in outer:
+            outer[parent]["properties"][name] = shape
+    return {"sweep": shapes.axes(sweep), "bode": shapes.axes(bode), **outer}
 
 
 def _block(kind: str) -> Schema:

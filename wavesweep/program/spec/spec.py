@@ -243,17 +243,22 @@ class Spec(Studies):
             table[last] = value
         along = {"along": self.along} if self.along else {}
         inner, like_sweep, others = self._written_tables()
-        found["sweep"] = {**along, **inner, **{axis.name: axis.written() for axis in self.sweep}}
+        swept = {axis.name: axis.written() for axis in self.sweep}
+        found["sweep"] = {**along, **inner.pop("sweep", {}), **swept}
         bode = (self._frequencies, *self.bode)
+        for parent, tables_in_it in inner.items():
+            like_sweep[parent] = like_sweep.get(parent, {}) | tables_in_it
         return found | like_sweep | {"bode": dict(self.route) | {axis.name: axis.written() for axis in bode}} | others
 
     def _written_tables(self) -> tuple[dict, dict, dict]:
-        """The tables of capabilities: those in [sweep], those that hold axes as it does, and all others."""
+        """The tables of capabilities: those in others, by these, those that hold axes as [sweep] does, and all others."""
         found: tuple[dict, dict, dict] = {}, {}, {}
         for table in sorted(tables().values(), key=lambda table: not table.always):  # the order decides the digest
             value = getattr(self, table.name)
             if value is not None and (table.always or table.name in self.parts) and (written := value.written()):
-                found[0 if "." in table.path else 1 if table.path in table.sections else 2][table.name] = written
+                parent = table.path.rpartition(".")[0]
+                place = found[0].setdefault(parent, {}) if parent else found[1 if table.path in table.sections else 2]
+                place[table.name] = written
         return found
 
     def _written(self) -> dict[tuple[str, ...], object]:

@@ -1,0 +1,180 @@
+"""A wall that pushes and never pulls: proofs held against responses and motions from elsewhere."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import wavesweep
+from wavesweep.contact.circle_check import Multiplier, open_angles
+from wavesweep.contact.motions import motion_beyond
+from wavesweep.contact.stretches import Line
+from wavesweep.contact.wall_loop import WallLoop
+from wavesweep.engine.search.open_loops import open_loops
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import own_loop
+
+WALL = ("environment.K_VE", "environment.B_VE")
+MASS, DAMPING, PERIOD = 0.1, 1.5, 0.02
+SLOW = {
+    "controller": {"kind": "dc-slow"},
+    "device": {"mass": MASS, "damping": DAMPING},
+    "rates": {"ratio": 20},
+}
+FIG4 = {
+    "controller": {"kind": "pmw", "b": 10.0},
+    "environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0},
+    "device": {"velocity": "difference"},
+    "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
+}
+
+
+def wall_loop(spec) -> WallLoop:
+    """The loop of a spec cut at its wall."""
+    return WallLoop.of(open_loops(own_loop(load(spec), WALL[0]).read, *WALL).cut)
+
+
+def sampled_device():
+    """The device over a frame, `x[k+1] = A x[k] + b f[k]` of position and speed, f held."""
+    continuous = np.array([[0.0, 1.0, 0.0], [0.0, -DAMPING / MASS, 1 / MASS], [0.0, 0.0, 0.0]])
+    held = expm(continuous * PERIOD)
+    return held[:2, :2], held[:2, 2]
+
+
+def any_multiplier(rng, lags=6):
+    """Weights at random, most of them zero, with a sum below 1."""
+    weights = rng.random(2 * lags) * (rng.random(2 * lags) < 0.4)
+    weights *= rng.random() / max(weights.sum(), 1e-3)
+    return Multiplier(weights[:lags], weights[lags:])
+
+
+def test_what_is_proved_holds_at_every_angle_of_a_response_computed_elsewhere():
+    """A sampled mass by python-control at thousands of angles; both answers occur often."""
+    rng, loop = np.random.default_rng(93), wall_loop(SLOW)
+    angles = np.concatenate([np.geomspace(1e-6, 0.1, 400), np.linspace(0.1, np.pi, 4000)])
+    A, b = sampled_device()
+    system = control.ss(A, -b[:, None], np.eye(2), 0, PERIOD)
+    x, v = system(np.exp(1j * angles), squeeze=True)
+    said = []
+    for _ in range(300):
+        multiplier, wall = any_multiplier(rng), rng.random(2) * np.array([200.0, 4.0])
+        lags = np.arange(1, 7)
+        back = np.exp(-1j * np.outer(angles, lags))
+        M = 1 - back @ multiplier.before - back.conj() @ multiplier.after
+        values = (M * (1 - wall[0] * x - wall[1] * v)).real
+        proved = not open_angles(loop, wall[None], multiplier).size
+        assert not proved or values.min() > 0
+        assert proved or values.min() < 1e-4 * np.abs(values).max()
+        said.append(proved)
+    assert 30 < sum(said) < 270
+
+
+@pytest.mark.parametrize(
+    "multiplier",
+    [Multiplier(np.array([0.6]), np.array([0.4])), Multiplier(np.array([-0.1]), np.array([0.2]))],
+    ids=["the sum is 1", "a weight is negative"],
+)
+def test_weights_of_no_multiplier_prove_nothing(multiplier):
+    assert np.isnan(open_angles(wall_loop(SLOW), np.array([[10.0, 1.0]]), multiplier)).all()
+
+
+def test_a_pole_that_a_wall_drives_outwards_is_refused():
+    """A wall of negative stiffness: the residue of its pole at z = 1 has the wrong sign."""
+    nothing = Multiplier(np.zeros(1), np.zeros(1))
+    assert not open_angles(wall_loop(SLOW), np.array([[1.0, 0.0]]), nothing).size
+    assert np.isnan(open_angles(wall_loop(SLOW), np.array([[-1.0, 0.0]]), nothing)).all()
+
+
+def test_errors_of_the_frame_count():
+    """A wall next to its limit is not proved if the frame is known to 1e-4 only."""
+    loop = wall_loop(FIG4)
+    line = Line.of(loop, 0, 5.0)
+    piece = line.proved(0.0, 1198.0)
+    assert not open_angles(loop, line.walls(0.0, 1198.0), piece.multiplier).size
+    rough = replace(loop, dE=loop.dE + 1e-4 * np.abs(loop.E))
+    assert open_angles(rough, line.walls(0.0, 1198.0), piece.multiplier).size
+
+
+@pytest.mark.parametrize(
+    ("damping", "limit", "share"),
+    [(0, 698.5, 0.62), (1, 798.5, 0.759), (5, 1198.5, 0.999), (15, 2198.5, 0.999)],
+)
+def test_figure_4_is_proved_up_to_a_motion_that_goes_on(damping, limit, share):
+    """Up to a share of the linear limit, beyond which some wall goes on for ever, or all of it."""
+    line = Line.of(wall_loop(FIG4), 0, float(damping))
+    stretch = line.stretch(0.0, limit)
+    assert stretch.low == 0
+    assert stretch.high > share * limit
+    motion = motion_beyond(line, stretch.high, limit)
+    assert (motion is None) == (damping > 3)
+    assert motion is None or motion.value < 1.005 * stretch.high
+
+
+def level_wall(motion):
+    """A wall that is level about the points of a motion and rises with slope 1 between them."""
+    order = np.argsort(motion.reading)
+    reading, force = motion.reading[order], motion.force[order]
+    room = (np.diff(reading) - np.diff(force)) / 2
+    corners = np.concatenate([reading[:-1] + room, reading[1:] - room])
+    return np.sort(corners), np.repeat(force, 2)[1:-1]
+
+
+def march(wall, readings, forces, push, state, frames):
+    """The forces of a wall on a sampled mass, of the equations of this test alone."""
+    A, b = sampled_device()
+    found = []
+    for _ in range(frames):
+        found.append(np.interp(wall @ state, readings, forces))
+        state = A @ state + b * (push - found[-1])
+    return np.array(found)
+
+
+def test_a_motion_that_refutes_goes_on_though_it_is_disturbed():
+    """Direct coupling to the slow wall: marched from a start that is off by a thousandth."""
+    line = Line.of(wall_loop(SLOW), 0, 0.3)
+    linear = wavesweep.compile(SLOW).stable_intervals(along="K_VE", span=(0, 500), B_VE=[0.3])
+    interval = float(linear.high[0])
+    stretch = line.stretch(0.0, interval)
+    motion = motion_beyond(line, stretch.high, interval, inside=3e-3)
+    assert 0.1 * interval < stretch.high < motion.value < interval
+    A, b = sampled_device()
+    wall, period = np.array([motion.value, 0.3]), motion.force.size
+    steady = np.zeros(2)
+    for k in range(400 * period):
+        steady = A @ steady + b * (motion.push - motion.force[k % period])
+    steady[0] += (motion.reading[0] - wall @ steady) / wall[0]
+    readings, forces = level_wall(motion)
+    assert (np.diff(forces) >= -1e-12).all()
+    assert (np.diff(readings) - np.diff(forces) >= -1e-12).all()
+    disturbed = steady + np.array([1e-3 * motion.reading.max() / wall[0], 0.0])
+    found = march(wall, readings, forces, motion.push, disturbed, 2000)
+    assert np.ptp(found[-period:]) > 0.5 * np.ptp(motion.force)
+
+
+def any_wall(rng):
+    """A curve of slopes from 0 to 1: the clip, one that saturates, one that softens, or steps."""
+    kind = rng.integers(4)
+    if kind == 0:
+        return np.array([-1e6, 0.0, 1e6]), np.array([0.0, 0.0, 1e6])
+    if kind == 1:
+        return np.array([-1e6, 0.0, 1.0, 1e6]), np.array([0.0, 0.0, 1.0, 1.0])
+    steps = rng.exponential(size=20) * 10 ** rng.uniform(-2, 1)
+    slopes = rng.random(20) if kind == 2 else rng.integers(0, 2, 20)
+    readings, forces = np.cumsum(np.append(0, steps)), np.cumsum(np.append(0, steps * slopes))
+    return np.append(-1e6, readings), np.append(0.0, forces)
+
+
+@pytest.mark.slow
+def test_random_walls_and_starts_come_to_rest_where_it_is_proved():
+    """A rude search: none of 100 marches next to the end of what is proved goes on."""
+    rng = np.random.default_rng(5)
+    line = Line.of(wall_loop(SLOW), 0, 0.3)
+    stretch = line.stretch(0.0, 60.0)
+    for _ in range(100):
+        readings, forces = any_wall(rng)
+        push = rng.uniform(0, 0.95) * min(forces[-1], 3.0)
+        start = rng.standard_normal(2) * 10.0 ** rng.uniform(-3, 1, 2)
+        found = march(np.array([stretch.high, 0.3]), readings, forces, push, start, 2000)
+        assert np.ptp(found[-200:]) < 1e-3 * (np.ptp(found) + 1e-3)

@@ -1,0 +1,158 @@
+"""[for_all] contact: the key, the rows of tables, and the line of `check`."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from tests.contact.test_proof import FIG4, SLOW
+from wavesweep import SpecError, UsageError
+from wavesweep.contact.on_check import lines
+from wavesweep.contact.rows import FREE, LINEAR
+from wavesweep.contact.verdict import verdict
+from wavesweep.program.spec import load
+from wavesweep.program.tables.frame import framed
+from wavesweep.program.tables.interval_table import intervals
+
+pytestmark = pytest.mark.asks("for_all")
+SWEEP = {"K_VE": {"start": 0, "stop": 2000}}
+DRAWN = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"k": 100.0, "b": 0.3},
+    "block": {
+        "handle": {"type": "mass", "mass": 0.1, "damping": 1.5},
+        "wall": {"type": "hold", "every": 20},
+    },
+    "wire": {"wall.u": "k*handle.x + b*handle.v", "handle.f": "f_h - wall.y"},
+    "ports": {
+        "hand": {"force": "f_h", "displacement": "handle.x"},
+        "wall": {"stiffness": "k", "damping": "b"},
+    },
+    "sweep": {"k": {"start": 0, "stop": 2000}},
+}
+
+
+def spec_of(tables, **more):
+    """A spec with contact."""
+    return load({**tables, "sweep": SWEEP, "for_all": {"contact": True}} | more)
+
+
+def contact_rows(spec):
+    """The rows of contact of a table."""
+    frame = framed(intervals(spec))
+    return frame[frame["guarantee"] == "contact"]
+
+
+def test_rows_of_contact_stand_beside_those_of_the_linear_wall():
+    """Figure 4 at four dampings: each proof ends next to what is refuted."""
+    spec = spec_of(FIG4, sweep={**SWEEP, "B_VE": [0, 1, 5, 10]})
+    frame = framed(intervals(spec))
+    own, rows = (frame[frame["guarantee"] == word] for word in ("spec", "contact"))
+    share = rows["high"].to_numpy() / own["high"].to_numpy()
+    assert share == pytest.approx([0.622, 0.759, 0.9998, 0.9998], abs=2e-3)
+    assert rows["certified"].all()
+    assert rows["settled"].all()
+    assert (rows["fails_from"] > rows["high"]).all()
+    assert (rows["fails_from"] < 1.01 * rows["high"]).all()
+    texts = rows["counterexample"].tolist()
+    assert [text == LINEAR for text in texts] == [False, False, True, True]
+    assert texts[0].startswith("a wall through (")
+
+
+def test_intervals_along_the_damping_are_proved_too():
+    """The end of a proof along B_VE is one of proofs along K_VE, to the resolution of both."""
+    sweep = {"along": "B_VE", "B_VE": {"start": 0, "stop": 50}, "K_VE": [100]}
+    along = spec_of(SLOW, sweep=sweep)
+    (row,) = contact_rows(along).itertuples()
+    assert row.high < 49
+    beyond = contact_rows(spec_of(SLOW, environment={"B_VE": 1.01 * row.high}))
+    inside = contact_rows(spec_of(SLOW, environment={"B_VE": 0.99 * row.high}))
+    assert inside["high"].max() > 100
+    assert not ((beyond["low"] < 100) & (beyond["high"] > 100)).any()
+
+
+def test_a_drawn_loop_has_the_same_rows_as_its_controller():
+    drawn = contact_rows(spec_of(DRAWN, sweep=DRAWN["sweep"]))
+    own = contact_rows(spec_of(SLOW, environment={"B_VE": 0.3}))
+    assert drawn["high"].to_numpy() == pytest.approx(own["high"].to_numpy(), rel=2e-3)
+
+
+def test_a_loop_that_is_unstable_without_its_wall_has_no_row():
+    """A local model that is too stiff: the wall that is never touched is one of the walls."""
+    spec = spec_of({"controller": {"kind": "dc-lm"}, "local_model": {"K_LM": 4e4}})
+    (row,) = contact_rows(spec).itertuples()
+    assert (row.intervals, row.certified, row.settled) == (0, True, True)
+    assert verdict(spec) == {"verdict": "refuted", "counterexample": FREE}
+
+
+def test_a_spec_is_written_with_the_key_again():
+    spec = spec_of(FIG4)
+    assert spec.tables()["for_all"] == {"contact": True}
+    assert load(spec.tables()).sha256 == spec.sha256
+    assert spec.sha256 != load({**FIG4, "sweep": SWEEP}).sha256
+    assert load({**FIG4, "sweep": SWEEP, "for_all": {"contact": False}}).contact is None
+    both = {"contact": True, "device.mass": {"start": 0.09, "stop": 0.1}}
+    assert {*spec_of(FIG4, for_all=both).tables()["for_all"]} == {"contact", "device.mass"}
+
+
+def test_contact_beside_a_range_has_rows_of_both():
+    both = {"contact": True, "device.mass": {"start": 0.09, "stop": 0.1}}
+    frame = framed(intervals(spec_of(FIG4, for_all=both)))
+    assert frame["guarantee"].tolist() == ["spec", "for_all", "contact"]
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        ({"for_all": {"contact": 1}}, "for_all.contact: expected true or false, found 1"),
+        ({"for_all": {"contct": True}}, "did you mean `contact`?"),
+    ],
+)
+def test_a_wrong_key_is_refused(more, text):
+    with pytest.raises(SpecError, match="for_all") as refused:
+        spec_of(FIG4, **more)
+    assert text in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("tables", "more", "text"),
+    [
+        (FIG4, {"sweep": {"along": "b", "b": {"start": 1, "stop": 50}}}, "found controller.b"),
+        (DRAWN | {"ports": {}}, {"sweep": {"along": "k", "k": [0, 9]}}, "the numbers of a wall"),
+        (FIG4, {"sweep": SWEEP, "rates": {"slow_hz": 60}}, "several times in it"),
+    ],
+    ids=["along another number", "no wall", "rates that do not divide"],
+)
+def test_what_the_proof_is_not_about_is_refused(tables, more, text):
+    if "wire" in tables and not tables["ports"]:
+        tables = tables | {"wire": {"wall.u": "k*handle.x + b*handle.v", "handle.f": "-wall.y"}}
+    with pytest.raises(UsageError) as refused:
+        intervals(spec_of(tables, **more))
+    assert text in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "expected"),
+    [(430, 0, "proved"), (450, 0, "refuted"), (1300, 5, "refuted")],
+)
+def test_the_verdict_on_the_own_wall(stiffness, damping, expected):
+    wall = {"K_VE": stiffness, "B_VE": damping}
+    spec = spec_of({**FIG4, "environment": {**FIG4["environment"], **wall}})
+    found = verdict(spec)
+    assert found["verdict"] == expected
+    assert (found["counterexample"] == LINEAR) == (damping == 5)
+
+
+@pytest.mark.asks("check")
+def test_check_says_it():
+    """In its facts and in a line of its own."""
+    found = wavesweep.verdict(spec_of(FIG4).tables())
+    assert found["contact"] == {"verdict": "proved", "counterexample": ""}
+    ((rank, line),) = lines(spec_of(FIG4), found)
+    assert rank == 1
+    assert line.endswith("own stiffness and damping: proved to come to rest")
+
+
+def test_the_library_gives_the_rows():
+    loop = wavesweep.compile(spec_of(FIG4).tables())
+    frame = loop.stable_intervals(along="K_VE", span=(0, 2000), B_VE=[1.0])
+    assert np.flatnonzero(frame["guarantee"] == "contact").size == 1

@@ -1,0 +1,54 @@
+"""The rows of intervals that hold for every wall that pushes and never pulls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from wavesweep.program.row_kinds import RowKind
+
+if TYPE_CHECKING:
+    from wavesweep.program.analyses.interval_jobs import Guarantee
+    from wavesweep.program.sweep.job import Job
+
+_GAP = "between what is proved and what is refuted more than 1 % is not known"
+ROWS = {
+    "contact": RowKind(
+        "every wall that pushes and never pulls, softens or saturates",
+        "proved through contact and loss of contact",
+        "proved through contact",
+        "#CC79A7",
+        1,
+        "proved",
+        "nowhere proved through contact",
+        "largest proved through contact",
+        proved=True,
+        column="guarantee",
+        unsettled=f"{{rows}} of {{words}} not settled: {_GAP}",
+    )
+}
+HANDS: dict[str, str] = {}
+
+
+def of_word(kind: str, more: str | None) -> Guarantee | None:  # noqa: ARG001
+    """No word of --for-hands is read here; see `program.tables.hand_rows`."""
+    return None
+
+
+def of_run(own: Job, asked: Iterable[Guarantee]) -> Iterable[Guarantee]:
+    """The guarantees of a run: that of contact after those that come before.
+
+    Errors: UsageError for hands, requirements, or a number, beside which it cannot be had.
+    """
+    spec = own.grid.spec
+    if not spec.contact:
+        return asked
+    from wavesweep.contact.rows import ContactGuarantee, refuse
+    from wavesweep.engine.errors import UsageError
+
+    if hands := [each.word for each in asked if each.word]:
+        expected = "no --for-hands, since its rows are of the spec's own hand"
+        raise UsageError(f"[for_all] contact: expected {expected}, found {', '.join(hands)}")
+    spec.refuse_require("[for_all] contact")
+    refuse(spec, own.asked.axis.path)
+    return [*asked, ContactGuarantee()]

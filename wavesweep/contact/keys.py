@@ -1,0 +1,46 @@
+"""The key `contact` of [for_all]: whether answers have to hold through contact as well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from wavesweep.engine.keys.key import Key
+from wavesweep.program.reading.tables import SpecTable, TableValue
+
+if TYPE_CHECKING:
+    from wavesweep.program.spec.schema import Shapes
+    from wavesweep.program.spec.studies import Request
+
+PATH = "for_all.contact"
+KEY = Key(
+    PATH,
+    "boolean",
+    False,
+    "",
+    "intervals for every wall that pushes and never pulls as well: rows with guarantee = contact",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Contact(TableValue):
+    """That intervals are asked for through contact too."""
+
+    def written(self) -> bool:
+        """Return the key as a spec could give it."""
+        return True
+
+
+def build(request: Request) -> Contact | None:
+    """Return the value and add its mistakes; None if contact is not asked for."""
+    leaf = request.belongs.keys.get(PATH)
+    asked = request.mistakes.check(KEY, leaf) if leaf else False
+    return Contact() if asked else None
+
+
+def schema(shapes: Shapes) -> dict[str, Any]:
+    """Return the JSON Schema of the key."""
+    return shapes.value(KEY)
+
+
+TABLE = SpecTable(path=PATH, build=build, keys={PATH: KEY}, always=True, schema=schema)

@@ -1,0 +1,137 @@
+"""Stretches of a number of the wall that are proved: found by steps, checked on the circle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.contact.circle_check import Multiplier, open_angles
+from wavesweep.contact.multipliers import LEAST, Sampled
+from wavesweep.contact.wall_loop import WallLoop
+
+# Shares of a linear interval, where a first value is looked for.
+SEEDS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9)
+NEAR = 2e-4  # of a linear interval, how near to its ends a proof is tried
+RESOLVED = 1e-3  # of the end that is found, how far the next failure is known to be
+STEPS = 12  # at most, towards an end
+SAMPLED_AGAIN = 4  # times at most, with angles at which the check fails
+MORE_ANGLES = 20  # of these
+PIECES = 6  # at most of a stretch, each with a multiplier of its own
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """Values from low to high that are proved with one multiplier."""
+
+    low: float
+    high: float
+    multiplier: Multiplier
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Values that are proved in pieces, each of which begins where the next one ends."""
+
+    pieces: tuple[Piece, ...]
+
+    @property
+    def low(self) -> float:
+        """Where it begins."""
+        return self.pieces[-1].low
+
+    @property
+    def high(self) -> float:
+        """Where it ends."""
+        return self.pieces[0].high
+
+
+@dataclass(slots=True)
+class Line:
+    """Walls of a loop along one of their numbers: index 0 is K, with B `fixed`; 1 is B, K fixed."""
+
+    loop: WallLoop
+    index: int
+    fixed: float
+    sampled: Sampled
+
+    @staticmethod
+    def of(loop: WallLoop, index: int, fixed: float) -> Line:
+        """Begin with the usual angles."""
+        return Line(loop, index, fixed, Sampled.of(loop, np.zeros(0)))
+
+    def walls(self, *values: float) -> np.ndarray:
+        """The walls of these values, `(values, 2)`."""
+        walls = np.full((len(values), 2), float(self.fixed))
+        walls[:, self.index] = values
+        return walls
+
+    def proved(self, low: float, high: float, *, whole: bool = True) -> Piece | None:
+        """A piece from low to high that is checked; None if no multiplier is found.
+
+        whole: whether it has to begin at low; otherwise it begins where the best multiplier at high
+        ceases to serve.
+        """
+        start = low
+        for _ in range(SAMPLED_AGAIN):
+            ends = self.walls(low, high) if whole else self.walls(high)
+            multiplier, margin = self.sampled.multiplier(ends)
+            if not margin > LEAST:
+                return None
+            if not whole:
+                reached, _ = self.sampled.reach(multiplier, self.fixed, self.index)
+                start = max(low, reached + NEAR * (high - reached))
+            open_ = open_angles(self.loop, self.walls(start, high), multiplier)
+            if not open_.size:
+                return Piece(start, high, multiplier)
+            if np.isnan(open_).any():
+                return None
+            angles = np.concatenate([self.sampled.angles, open_[:MORE_ANGLES]])
+            self.sampled = Sampled.of(self.loop, angles)
+        return None
+
+    def end(self, seed: float, limit: float) -> float:
+        """The value nearest to `limit` that a multiplier serves at the sampled angles.
+
+        seed: a value that some multiplier serves. Each step takes the multiplier of a value as far
+        as it serves, or else halves the way that is left.
+        """
+        best, beyond, value = seed, limit, seed
+        for _ in range(STEPS):
+            multiplier, margin = self.sampled.multiplier(self.walls(value))
+            if margin > LEAST:
+                reach = self.sampled.reach(multiplier, self.fixed, self.index)
+                up = limit > seed
+                reached = min(reach[up], beyond) if up else max(reach[up], beyond)
+                best = max(value, reached) if up else min(value, reached)
+            else:
+                beyond = value
+            if abs(beyond - best) <= RESOLVED * max(abs(best), abs(beyond)):
+                break
+            value = best + 0.5 * (beyond - best)
+        return best
+
+    def stretch(self, low: float, high: float) -> Stretch | None:
+        """The stretch that is proved within (low, high); None if none is found.
+
+        low, high: of an interval in which the linear loop is stable.
+        """
+        whole = self.proved(low, high)
+        if whole is not None:
+            return Stretch((whole,))
+        values = [low + share * (high - low) for share in SEEDS]
+        margins = (self.sampled.multiplier(self.walls(value))[1] for value in values)
+        serves = (value for value, margin in zip(values, margins, strict=True) if margin > LEAST)
+        seed = next(serves, None)
+        if seed is None:
+            return None
+        bottom, top = self.end(seed, low), self.end(seed, high)
+        pieces: list[Piece] = []
+        for step in range(PIECES):
+            at = pieces[-1].low if pieces else top - step * RESOLVED * (top - bottom)
+            piece = self.proved(bottom, at) or self.proved(bottom, at, whole=False)
+            if piece:
+                pieces.append(piece)
+            if (pieces and not piece) or (piece and piece.low <= bottom):
+                break
+        return Stretch(tuple(pieces)) if pieces else None
