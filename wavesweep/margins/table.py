@@ -12,7 +12,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.key import RATIO
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Spec
-from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, from_spec, plain
+from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, counted_doubts, from_spec, in_doubt, plain
 from wavesweep.program.tables.table import Table, facts_of, held
 
 METHOD = (
@@ -109,7 +109,9 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         rows_of = {name: columns[name][whose == of].tolist() for name in ("margin", *names)}
         return {margin: {name: plain(rows_of[name][at]) for name in names} for at, margin in enumerate(rows_of["margin"])}
 
-    tally = {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1), "margins": rows("spec")}
+    doubts = counted_doubts(columns["doubt"])
+    tally = {"rows": len(whose), "doubts": doubts}
+    tally |= {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1), "margins": rows("spec")}
     of_all = rows("for_all", "fails_below", "fails_from", "settled", "counterexample") if "guarantee" in columns else {}
     return tally | ({"for_all": of_all} if of_all else {})
 
@@ -129,6 +131,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         else:
             at = f", at {hz:.4g} Hz within the frame (once a frame {omega / (2 * pi):.4g} Hz)"
         yield _line(name, margin, at)
+    yield from in_doubt(found["doubts"], found["rows"], "not certified")
     if of_all := found.get("for_all"):
         yield "proved for all numbers of [for_all] (for_all):", False
         unstable = next(iter(of_all.values()))

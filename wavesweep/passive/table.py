@@ -233,6 +233,8 @@ def _filter_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "controller": facts["spec"]["controller"]["kind"],
         "tolerance": facts["tolerance"],
         "highest_order": int(columns["lp1_order"].max()),
+        "rows": len(columns["certified"]),
+        "certified_rows": int(columns["certified"].sum()),
         "sufficient_orders": [
             {"cutoff_hz": cutoff, "order": None if np.isnan(least_order) else int(least_order)}
             for cutoff, least_order in order.items()
@@ -248,6 +250,8 @@ def _filter_lines(found: Numbers) -> Iterator[Line]:
     beyond = [f"{row['cutoff_hz']:g} Hz" for row in orders if row["order"] is None]
     if beyond and sufficient:
         yield f"no order up to {found['highest_order']} is enough at {', '.join(beyond)}", False
+    if found["certified_rows"] < found["rows"]:
+        yield f"{found['rows'] - found['certified_rows']} of {count(found['rows'], 'row')} not certified", True
     if found["controller"] == "pmw-lm":
         yield "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough", False
     elif found["controller"] != "pmw":

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
-from wavesweep.program.tables.kind import Line, Numbers, count, from_spec, plain, whole_kind
+from wavesweep.program.tables.kind import Line, Numbers, count, from_spec, in_doubt, plain, whole_kind
 from wavesweep.program.tables.table import Table, facts_of
 
 LOCUS = 300  # values of the number by default
@@ -155,8 +155,10 @@ def _lines(found: Numbers) -> Iterator[Line]:
             yield f"  {in_words(mode)}", not mode["stable"]
         if len(found["modes"]) > MOST:
             yield f"  and {count(len(found['modes']) - MOST, 'faster mode')}, which the table has", False
-    if "overflow" in found["doubts"]:
-        yield f"not known at {count(found['doubts']['overflow'], 'value')} (overflow)", True
+    doubts = dict(found["doubts"])
+    if overflows := doubts.pop("overflow", 0):
+        yield f"not known at {count(overflows, 'value')} (overflow)", True
+    yield from in_doubt(doubts, found["poles"], "not known to be stable or unstable", "pole")
 
 
 KINDS = (whole_kind("poles", _numbers, _lines, "wavesweep.poles.figure.poles", again=from_spec(poles, "over")),)

@@ -16,7 +16,7 @@ from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.tables.interval_sentences import open_in_words
-from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, plain, whole_kind
+from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, in_doubt, plain, whole_kind
 from wavesweep.program.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
@@ -124,6 +124,8 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "slices": dict(facts["slices"]),
         "open": list(facts["open"]),
         "doubts": dict(facts["doubts"]),
+        "rows": len(columns["doubt"]),
+        "doubtful_rows": counted_doubts(columns["doubt"]),
         "ends": ends,
     }
 
@@ -157,6 +159,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield f"stability sets no end of it in the range searched, {searched}", False
     for end in found["ends"]:
         yield from _end_lines(name, end)
+    yield from in_doubt(found["doubtful_rows"], found["rows"], "not certified", "derivative")
 
 
 def _end_lines(name: str, end: Numbers) -> Iterator[Line]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from wavesweep.program.columns import Columns
 from wavesweep.program.reading.devices import DEVICES
-from wavesweep.program.tables.kind import Line, Numbers, Recompute, plain, whole_kind
+from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, in_doubt, plain, whole_kind
 from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
 from wavesweep.simulation.keys import RANDOM, entry_of
@@ -296,11 +296,13 @@ def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     stable, radius = facts["linear_loop"]["stable"], facts["linear_loop"]["spectral_radius"]
     off = {f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")}
     verdict = {"stable": stable, "undecided": not stable and (radius is None or radius == 1)}
-    return {"frequencies": len(columns["frequency_hz"]), **verdict, **(off if stable else dict.fromkeys(off))}
+    doubts = counted_doubts(columns["doubt"][columns["doubt"] != "unstable"])
+    return {"frequencies": len(columns["frequency_hz"]), "doubts": doubts, **verdict, **(off if stable else dict.fromkeys(off))}
 
 
 def _response_lines(found: Numbers) -> Iterator[Line]:
     where = f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
+    yield from in_doubt(found["doubts"], found["frequencies"], "without a reliable value")
     if found["undecided"]:
         yield f"{where}: the loop is not known to be stable, and may have no steady response to compare it with", True
         return

@@ -174,7 +174,9 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
     for spec, of_spec in numbers.get("specs", {}).items():
         yield f"{spec}: {Sentences(of_spec).one_line()}", bool(of_spec["doubts"])
     of_kinds = numbers.get("guarantees") or numbers.get("hands", {})
-    yield from ((Sentences(of_kind, word).one_line(), False) for word, of_kind in of_kinds.items())
+    for word, of_kind in of_kinds.items():
+        in_doubt = bool(of_kind["doubts"]) and not row_kinds()[word].searched
+        yield Sentences(of_kind, word).one_line(), in_doubt
     if words := [word for word in of_kinds if row_kinds()[word].unsettled]:
         kind, unsettled = row_kinds()[words[0]], numbers.get("rows_not_settled") or numbers.get("rows_of_the_box_not_proved")
         if unsettled:

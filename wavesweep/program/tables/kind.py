@@ -165,6 +165,16 @@ def counted_doubts(words: np.ndarray) -> dict[str, int]:
     return dict(Counter(word for word in words.tolist() if word).most_common())
 
 
+def in_doubt(doubts: Mapping[str, int], rows: int, what: str, noun: str = "row") -> Iterator[Line]:
+    """Yield the warning about rows in doubt, if there are any.
+
+    doubts: how many have each word. what: is not so of them. noun: what is in a row.
+    """
+    if doubts:
+        words = ", ".join(f"{word} {number}" for word, number in doubts.items())
+        yield f"{sum(doubts.values())} of {count(rows, noun)} {what} ({words})", True
+
+
 def count(number: int, noun: str) -> str:
     """A number and its noun."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
