@@ -42,7 +42,7 @@ def pytest_report_header():
 
 
 def pytest_collection_modifyitems(items):
-    """Tests that read such a fixture are thorough; of parameters that are sampled, those that are left out are thorough.
+    """Tests that read such a fixture are thorough; of parameters that are sampled, the others are no tests.
 
     WAVESWEEP_EACH=5 in the environment leaves each fifth test, and all that run a command.
     """
@@ -55,11 +55,11 @@ def pytest_collection_modifyitems(items):
         gone = {name for mark in item.iter_markers("asks") for name in mark.args} - THERE
         if gone or (MISSING and item.get_closest_marker("whole")):
             item.add_marker(pytest.mark.skip(reason="asks for capabilities that are taken away"))
+    left_out = set()
     for number, same in sampled.values():
         kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}
-        for at, item in enumerate(same):
-            if at not in kept:
-                item.add_marker("thorough")
+        left_out |= {item for at, item in enumerate(same) if at not in kept}
+    items[:] = [item for item in items if item not in left_out]
     for item in items:
         if item.get_closest_marker("thorough"):
             item.add_marker("slow")

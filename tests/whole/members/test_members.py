@@ -46,9 +46,9 @@ def test_a_row_that_is_missing_is_found(name, seed):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("ten", range(100))
+@pytest.mark.parametrize("ten", range(2))
 @pytest.mark.parametrize("name", KINDS)
-def test_members_of_thousands_of_sets_keep_what_is_claimed(name, ten):
+def test_members_of_more_sets_keep_what_is_claimed(name, ten):
     for seed in range(10 * ten, 10 * ten + 10):
         claim, rng = drawn(name, seed)
         found = claim.contradicted(rng, TRIES)

@@ -39,7 +39,7 @@ def test_intervals_for_every_passive_hand_hold_where_an_expression_peaks(seed):
 
 @pytest.mark.thorough
 @pytest.mark.asks("passive", "margins")
-@pytest.mark.parametrize("seed", range(1000))
+@pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("make", [mean_members.mean_range, mean_members.mean_hands, mean_members.mean_margins])
-def test_claims_about_thousands_of_expressions_hold_where_these_are_narrow(make, seed):
+def test_claims_about_more_expressions_hold_where_these_are_narrow(make, seed):
     assert not contradictions(make, [seed])
