@@ -321,3 +321,76 @@ def test_intervals_of_a_loop_that_conserves_name_what_finds_them():
     tally = kind.tally(table)
     assert table.watched(tally.add).columns["intervals"].tolist() == [0]
     assert any("require = { bounded = true }" in line for line, _ in kind.lines(tally.numbers(table.facts)))
+
+
+SAMPLED = {  # a drive whose velocity is a difference of means of readings: its loop has a real eigenvalue at -0.124
+    "rates": {"tick_hz": 1000},
+    "numbers": {"KP": 160.18, "KV": 243.45, "M": 95.1089, "Fv": 203.5034, "g": 35.15065188248547},
+    "block": {
+        "axis": {"type": "mass", "mass": "M", "damping": "Fv"},
+        "two": {"type": "mean", "n": 2},
+        "dq": {"type": "difference"},
+    },
+    "wire": {"two.u": "axis.x", "dq.u": "two.y", "axis.f": "-g*KV*(KP*axis.x + dq.y)"},
+    "sweep": {"along": "KP", "KP": {"start": 0, "stop": 5000}},
+}
+
+
+def sampled_modes(KP, g=35.15065188248547, M=95.1089, Fv=203.5034, KV=243.45, T=1e-3):
+    """Eigenvalues of the drive, run by hand: position, velocity, the reading before, and the mean before."""
+    decay = np.exp(-Fv / M * T)
+    moved, turned = (1 - decay) * M / Fv, (T - (1 - decay) * M / Fv) / Fv
+    u = -g * KV * np.array([KP + 1 / (2 * T), 0, 1 / (2 * T), -1 / T])
+    rows = [np.array([1, moved, 0, 0]) + turned * u, np.array([0, decay, 0, 0]) + (1 - decay) / Fv * u]
+    return np.linalg.eigvals([*rows, [1, 0, 0, 0], [0.5, 0, 0.5, 0]])
+
+
+def pair_ratio(KP):
+    """The least damping ratio of complex pairs."""
+    s = np.log(np.array([z for z in sampled_modes(KP).astype(complex) if abs(z.imag) > 1e-9]))
+    return (-s.real / np.abs(s)).min(initial=1.0)
+
+
+@pytest.mark.parametrize("which", [{"modes": "oscillating"}, {"slower_than": 0.001}])
+def test_modes_that_do_not_count_need_no_damping_ratio(which):
+    """The end is where the pair of the drive has the ratio, by its eigenvalues run by hand."""
+    table = wavesweep.compile(SAMPLED).stable_intervals(require={"damping_ratio": 0.7, **which})
+    (row,) = table.itertuples()
+    assert row.certified
+    assert row.low == 0
+    assert row.high == pytest.approx(52.699, abs=1e-3)
+    assert pair_ratio(row.high * (1 - 1e-7)) > 0.7 > pair_ratio(row.high * (1 + 1e-7))
+
+
+def test_a_pair_that_becomes_real_needs_no_ratio_any_more_and_is_certified_up_to_there():
+    """z^2 + a z + 0.3 = 0: a pair of size 0.55 turns to z = -0.55 as a grows, and is two real ones from a = 2 sqrt(0.3) on."""
+    second = {"type": "ss", "discrete": True, "A": [[0, 1], [-0.3, "-a"]], "B": [[0], [1]], "C": [[1, 0]]}
+    tables = {"rates": {"tick_hz": 1}, "numbers": {"a": 0.5}, "block": {"p": second}, "wire": {"p.u": "0"}}
+    found = wavesweep.compile(tables).stable_intervals(
+        "a", (-1.2, 1.29), require={"damping_ratio": 0.3, "modes": "oscillating"}
+    )
+    size, spiral = np.sqrt(0.3), 0.3 / np.sqrt(1 - 0.09)
+    angle = -np.log(size) / spiral  # where the pair is on the spiral
+    assert found.certified.all()
+    assert found.high.iloc[0] == pytest.approx(-2 * size * np.cos(angle), rel=1e-9)
+    assert found.low.iloc[1] == pytest.approx(2 * size, rel=1e-9)
+    assert found.high.iloc[1] == 1.29
+    all_modes = wavesweep.compile(tables).stable_intervals("a", (-1.2, 1.29), require={"damping_ratio": 0.3})
+    assert all_modes.high.max() == pytest.approx(found.high.iloc[0], rel=1e-9)
+
+
+def test_an_answer_nowhere_names_the_mode_that_is_in_the_way():
+    table = intervals(load(SAMPLED | {"sweep": SAMPLED["sweep"] | {"require": {"damping_ratio": 0.7}}}), jobs=1)
+    kind = kind_named(table.kind)
+    mode = table.facts["in_the_way"]
+    real = min(sampled_modes(mode["value"]), key=lambda z: z.real)
+    assert (mode["z_re"], mode["z_im"]) == (pytest.approx(real.real, rel=1e-6), 0)
+    assert mode["time_constant_s"] == pytest.approx(-1e-3 / np.log(-real.real), rel=1e-6)
+    assert mode["hz"] == pytest.approx(500)
+    tally = kind.tally(table)
+    for block in table.blocks():
+        tally.add(block)
+    (line,) = [text for text, _ in kind.lines(tally.numbers(table.facts)) if text.startswith("none: nearest at KP = ")]
+    assert "where the mode z = -0.12" in line
+    assert "(500 Hz, damping ratio 0.5" in line
+    assert "falls to 1/e in 0.00047" in line

@@ -8,6 +8,8 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.stability.intervals import Intervals
 from wavesweep.engine.stability.spectrum import GONE
+from wavesweep.require.damped import EVERY, Damped
+from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import SETTLED, GainBound
 
 LEAST = 1e-6  # of a radius: what is left of a smaller one's eigenvalues is rounding
@@ -20,15 +22,15 @@ BOUNDED = "of a loop that conserves energy, [sweep] require = { bounded = true }
 @dataclass(frozen=True, slots=True)
 class Bound:
     """Bounds on the eigenvalues of a drawing's frame: their size `radius`, the time `settling` (s) in which a mode is down to
-    SETTLED, and its damping ratio, 0 if none is required; or that a loop which conserves is `bounded`. gain: what a gain stays
-    below; None if none is required.
+    SETTLED, and how it is `damped`, None if that is not required; or that a loop which conserves is `bounded`. gain: what a
+    gain stays below; None if none is required.
 
     The protocol is that of `engine.search.question`.
     """
 
     radius: float = 1.0
     settling: float = np.inf
-    damping_ratio: float = 0.0
+    damped: Damped | None = None
     bounded: bool = False
     gain: GainBound | None = None
 
@@ -41,17 +43,17 @@ class Bound:
     @property
     def cost(self) -> float:
         """Seconds per slice by discs and for a gain; 0 of bounds on the size alone."""
-        return BY_DISCS * bool(self.damping_ratio or self.bounded) + BY_GAIN * bool(self.gain)
+        return BY_DISCS * bool(self.damped or self.bounded) + BY_GAIN * bool(self.gain)
 
     @property
     def of_size(self) -> "Bound | None":
         """The bounds on the size alone; None if there are none."""
-        return replace(self, damping_ratio=0.0) if self.radius < 1 or self.settling < np.inf else None
+        return replace(self, damped=None) if self.radius < 1 or self.settling < np.inf else None
 
     @property
     def on_circle(self) -> bool:
         """Whether a mode that meets its bound is on a circle."""
-        return not self.damping_ratio
+        return not self.damped
 
     def over(self, frames: int) -> "Bound":
         """The same for so many frames in place of one."""
@@ -68,17 +70,17 @@ class Bound:
 
     def logarithms(self, period, omega) -> np.ndarray:
         """The logarithms of eigenvalues of that frequency (rad/s) that are just as large as they may be, `(..., 2)`."""
-        spiral = -omega * period * self.damping_ratio / np.sqrt(1 - self.damping_ratio**2)
-        return (
-            np.stack([np.log(self.radius_of(period)), np.maximum(spiral, np.log(GONE))], -1) + 1j * (omega * period)[..., None]
-        )
+        ratio = self.damped.ratio if self.damped else 0.0
+        spiral = -omega * period * ratio / np.sqrt(1 - ratio**2)
+        gone = self.damped.gone(period) if self.damped else GONE
+        sizes = np.stack([np.log(self.radius_of(period)), np.maximum(spiral, np.log(gone))], -1)
+        return sizes + 1j * (omega * period)[..., None]
 
     def intervals(self, frames, errors, span, columns: int, period, bounds, resolved) -> Intervals:
         """The intervals in which every mode has the damping ratio, or is bounded in a loop that conserves."""
         from wavesweep.require.by_discs import along_by_discs
-        from wavesweep.require.discs import RequiredCircle, Spiral
 
-        place = RequiredCircle() if self.bounded else Spiral(self.damping_ratio)
+        place = RequiredCircle() if self.bounded else self.damped.spiral(period)
         return along_by_discs(frames, errors, span, columns, period, bounds, resolved, place)
 
     def within_gain(self, loops, along: str, span, period, bounds, resolved, stable: Intervals) -> Intervals:
@@ -90,20 +92,38 @@ class Bound:
         loops = loops._replace(drawing=drawing)
         return along_gain(loops, along, span, period, bounds, resolved, route, self.gain, stable)
 
+    def in_the_way(self, loops, along: str, span) -> dict[str, float]:
+        """The mode that keeps a single loop from what is required; see `mode_in_the_way`. Empty if a gain is required."""
+        from wavesweep.require.in_the_way import mode_in_the_way
+
+        return {} if self.gain else mode_in_the_way(self, loops, along, span)
+
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
         way = f"{of_size}; of frames over the required radius, whose unit circle is its circle" if self.of_size else ""
         discs = DISCS.format("each other and the unit circle" if self.bounded else "the spiral of the damping ratio")
-        modes = [discs if self.damping_ratio or self.bounded else "", way]
+        modes = [discs if self.damped or self.bounded else "", way]
         return "; and ".join(filter(None, [*modes, of_size if self.gain and not any(modes) else "", GAIN if self.gain else ""]))
 
     def refuse_rates(self, name: str) -> None:
         """Raise UsageError for a time to settle or the band of a gain, along a number that changes the time of a frame."""
-        refused = "settling" if self.settling < np.inf else "band_hz" if self.gain and self.gain.band_hz else ""
+        refused, expected = "", ""
+        if self.settling < np.inf:
+            refused, expected = "settling", "expected radius in its place"
+        elif self.damped and self.damped.slower_than:
+            refused, expected = "slower_than", "expected all modes"
+        elif self.gain and self.gain.band_hz:
+            refused, expected = "band_hz", "expected a gain at all frequencies"
         if refused:
-            expected = "expected radius in its place" if refused == "settling" else "expected a gain at all frequencies"
             instead = f"or list its values in [sweep] ({name} = [...]) and look along another number"
             raise UsageError(f"{name} changes the time of a frame: {expected}, found {refused}; {instead}")
+
+
+def words_of_mode(mode: Mapping[str, float], name: str, unit: str) -> str:
+    """A mode in the way, in words; see `in_the_way`."""
+    from wavesweep.require import in_the_way
+
+    return in_the_way.words_of_mode(mode, name, unit)
 
 
 def words_of(written: Mapping[str, object]) -> str:
@@ -111,13 +131,17 @@ def words_of(written: Mapping[str, object]) -> str:
     words = {
         "radius": "within {:g} per frame",
         "settling": f"down to {100 * SETTLED:g} % in {{:g}} s",
-        "damping_ratio": "of a damping ratio of at least {:g}",
         "bounded": "on the unit circle",
     }
     modes = " and ".join(text.format(written[name]) for name, text in words.items() if name in written)
+    damped = ""
+    if "damping_ratio" in written:
+        asked = Damped(written["damping_ratio"], written.get("modes", EVERY), written.get("slower_than", 0.0))
+        damped = asked.words()
     gain = written.get("gain")
     said = [
-        f"every mode {modes}" if modes else "stability",
+        f"every mode {modes}" if modes else "",
+        damped or ("" if modes else "stability"),
         gain and f"a gain of at most {gain['at_most']:g} from {gain['from']} to {gain['to']}{_band(gain)}",
     ]
     return " and ".join(filter(None, said))

@@ -105,13 +105,14 @@ class _LoopsInDiscs:
         label = np.full(column.size, OPEN)
         inside = np.flatnonzero(inside_range)
         if inside.size:
-            label[inside] = verdicts(E[inside], dE[inside], rims[inside], self.place)
+            place = self.place.at(self.columns[column[inside]])
+            label[inside] = verdicts(E[inside], dE[inside], rims[inside], place)
         return label
 
     def worst(self, column, p):
         """Of each loop the eigenvalue less 1 that is farthest outside of its place, and by how much."""
         E, _ = self.at(np.full(p.size, np.searchsorted(self.columns, column)), p)
         delta = np.linalg.eigvals(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)).astype(complex)
-        beyond = self.place.beyond(delta)
+        beyond = self.place.at(np.full(p.size, column)).beyond(delta)
         most = beyond.argmax(-1)[:, None]
         return np.take_along_axis(delta, most, -1)[:, 0], np.take_along_axis(beyond, most, -1)[:, 0]

@@ -1,6 +1,6 @@
 """Discs about the eigenvalues of matrices, and whether these are all in their place: within a spiral, or on the unit circle."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -23,11 +23,19 @@ class Spiral:
     """The eigenvalues of modes with at least the damping ratio `ratio`, above 0 and below 1.
 
     A mode of the frame's eigenvalue z has s = log(z)/T, the principal logarithm, T being the time of the frame, and the damping
-    ratio `-Re s/|s|`. So z has to be within `r = exp(-c |angle|)`, `c = ratio/sqrt(1 - ratio^2)`, or within GONE of 0.
+    ratio `-Re s/|s|`. So z has to be within `r = exp(-c |angle|)`, `c = ratio/sqrt(1 - ratio^2)`, or within `gone` of 0, a
+    number or `(columns, 1)`. pairs: whether complex pairs alone have to, and real eigenvalues only within the unit circle. One
+    that is alone in a disc about a real number is real, as its conjugate is in the disc too.
     """
 
     ratio: float
+    gone: object = GONE
+    pairs: bool = False
     smooth: ClassVar[bool] = True
+
+    def at(self, columns) -> "Spiral":
+        """The same for some of the columns, by an index or a mask."""
+        return replace(self, gone=self.gone[columns]) if np.ndim(self.gone) else self
 
     @property
     def c(self) -> float:
@@ -37,12 +45,12 @@ class Spiral:
     @property
     def least(self) -> float:
         """The size up to which eigenvalues may have any angle."""
-        return max(GONE, np.exp(-np.pi * self.c))
+        return np.maximum(self.gone, np.exp(-np.pi * self.c))
 
     @property
     def small(self) -> float:
         """The size up to which eigenvalues are taken together."""
-        return min(SMALL, self.least / 4)
+        return min(SMALL, float(np.min(self.least)) / 4)
 
     def refuse(self, E) -> None:
         """Every loop can be damped."""
@@ -51,7 +59,12 @@ class Spiral:
         """By how much eigenvalues `1 + delta` are outside, in the logarithm."""
         with np.errstate(all="ignore"):
             s = np.log1p(delta)
-            return np.where(delta == -1, -np.inf, np.minimum(s.real + self.c * np.abs(s.imag), s.real - np.log(GONE)))
+            of_spiral = s.real + self.c * np.where(self._free(delta), 0.0, np.abs(s.imag))
+            return np.where(delta == -1, -np.inf, np.minimum(of_spiral, s.real - np.log(self.gone)))
+
+    def _free(self, delta):
+        """Eigenvalues less 1 that need no damping ratio, since they are real and below 0."""
+        return self.pairs & (delta.imag == 0) & (delta.real < -1)
 
     def room(self, delta):
         """How large discs may be that are on one side."""
@@ -59,12 +72,21 @@ class Spiral:
         x, y = s.real, np.abs(s.imag)
         apart = np.minimum(_distance(x, y, c), _distance(x, 2 * np.pi - y, c))  # from both sides of the spiral's end
         of_spiral = -z * np.expm1(-apart)
-        of_spiral = np.where(x + c * y > 0, np.minimum(of_spiral, z - GONE), of_spiral)
+        outside = x + c * y > 0
+        of_spiral = np.where(outside, np.minimum(of_spiral, z - self.gone), of_spiral)
+        if self.pairs:  # outside, a pair of a negative real part must not become real; real ones may be anywhere in the circle
+            becoming_real = outside & (delta.real < -1)
+            of_spiral = np.where(becoming_real, np.minimum(of_spiral, np.abs(delta.imag)), of_spiral)
+            of_spiral = np.where(self._free(delta), 1 - z, of_spiral)
         return np.fmax.reduce([of_spiral, self.least - z, z - 1])
 
     def label(self, delta, radius, room):
         """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`; room: see there."""
         clear, outside = radius < room, self.beyond(delta) > 0
+        free = self._free(delta)
+        if free.any():
+            alone = ~_meeting(1 + delta, radius, 1 + delta, radius)
+            clear &= ~free | alone | (np.abs(1 + delta) + radius < self.least)
         bad = (outside & ~_with_others(delta, radius, ~clear)).any(-1)
         return np.where(clear.all(-1) & ~outside.any(-1), GOOD, np.where(bad, BAD, OPEN))
 
@@ -79,6 +101,10 @@ class RequiredCircle:
 
     small: ClassVar[float] = SMALL
     smooth: ClassVar[bool] = False
+
+    def at(self, columns) -> "RequiredCircle":  # noqa: ARG002
+        """The same for all columns."""
+        return self
 
     def refuse(self, E) -> None:
         """Raise UsageError for frames less identity, `(points, r, r)`, of a loop that does not conserve but for rounding."""
@@ -132,7 +158,7 @@ def verdicts(E, dE, rims, place):
         loss = off.sum(-1).max(-1)
         entries = (SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])) / (1 - loss)[:, None, None]
         label, finite = np.full(len(E), OPEN), np.isfinite(entries).all((-1, -2)) & (loss < FINE)
-        label[finite] = _of_entries(delta[finite], balance(entries[finite])[0], place)
+        label[finite] = _of_entries(delta[finite], balance(entries[finite])[0], place.at(finite))
     return label
 
 

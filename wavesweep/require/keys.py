@@ -10,6 +10,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Leaf, show
 from wavesweep.engine.keys.key import Key, by_path, number, positive, word
 from wavesweep.program.reading.tables import SpecTable, TableValue
+from wavesweep.require.damped import EVERY, OSCILLATING, Damped
 from wavesweep.require.gain_bound import BASE_BAND, LIFTED, GainBound
 
 if TYPE_CHECKING:
@@ -43,6 +44,22 @@ KEYS = by_path(
             "eigenvalue",
             low=0.001,
             high=0.999,
+        ),
+        word(
+            "sweep.require.modes",
+            EVERY,
+            "which modes need the damping ratio",
+            {
+                EVERY: "also one that changes its sign from frame to frame, a real eigenvalue below 0",
+                OSCILLATING: "those with a complex pair of eigenvalues; real ones have to be stable",
+            },
+        ),
+        positive(
+            "sweep.require.slower_than",
+            None,
+            "s",
+            "modes that fall to 1/e in less time than this need no damping ratio",
+            high=1e6,
         ),
         Key(
             "sweep.require.bounded",
@@ -84,18 +101,21 @@ HZ = Key(f"{PATH}.gain.band_hz", "number", None, "Hz", "", low=0.0, high=1e12)
 class Require(TableValue):
     """The bounds on every mode: its eigenvalue of a frame, the time (s) in which it is down to SETTLED, its damping ratio.
 
-    bounded: whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
+    modes, slower_than: which modes need the damping ratio, and those that fall to 1/e in less time (s) do not. bounded:
+    whether the modes of a loop that conserves have to stay on the unit circle, in place of all of these.
     """
 
     radius: float | None = None
     settling: float | None = None
     damping_ratio: float | None = None
+    modes: str = EVERY
+    slower_than: float | None = None
     bounded: bool = False
     gain: GainBound | None = None
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        table = {name: value for name, value in asdict(self).items() if value}
+        table = {name: value for name, value in asdict(self).items() if value and value != EVERY}
         return table | ({"gain": self.gain.written()} if self.gain else {})
 
     def refuse_stability_alone(self, name: str, what: str) -> None:
@@ -111,7 +131,8 @@ class Require(TableValue):
         """The same for the search: bounds on the eigenvalues of the frames of a drawing."""
         from wavesweep.require.bound import Bound
 
-        return Bound(self.radius or 1.0, self.settling or inf, self.damping_ratio or 0.0, self.bounded, self.gain)
+        damped = Damped(self.damping_ratio, self.modes, self.slower_than or 0.0) if self.damping_ratio else None
+        return Bound(self.radius or 1.0, self.settling or inf, damped, self.bounded, self.gain)
 
 
 def build(request: Request) -> Require | None:
@@ -127,6 +148,9 @@ def build(request: Request) -> Require | None:
     numbers = mistakes.read(KEYS_BY_NAME, leaves, PATH)
     if numbers.get("bounded") and len(numbers) > 1:
         mistakes.refuse(leaves["bounded"], f"{PATH}.bounded", "true alone", "other requirements as well", of_key=False)
+    for name in ("modes", "slower_than"):
+        if name in numbers and "damping_ratio" not in numbers:
+            mistakes.refuse(leaves[name], f"{PATH}.{name}", "damping_ratio beside it", "none", of_key=False)
     gain = {name.removeprefix("gain."): numbers.pop(name) for name in OF_GAIN if name in numbers}
     _refuse_missing(mistakes, leaves, band)
     if band:

@@ -136,6 +136,7 @@ class LoopSummary:
             "least": self._least_numbers(),
             "few_slices": self._slices if few else [],
             **({"lengths": lengths} if lengths else {}),
+            **({"in_the_way": dict(blocking)} if (blocking := self._facts.get("in_the_way")) else {}),
         }
 
     def _extreme(self, extreme: Extreme, **facts: Any) -> dict[str, Any] | None:

@@ -38,6 +38,7 @@ def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, 
     result = run({stage.hand: stage.job for stage in stages}, Work.of(work))
     timings = {name: number for name, number in result.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, result.certified, timings) | {"warnings": result.warnings}
+    facts |= _in_the_way(stages[0], result)
     axes, kind = {axis.name: axis.values for axis in stages[0].job.grid.axes}, KINDS[2 if hands else 0]
 
     def blocks() -> Iterator[Columns]:
@@ -175,6 +176,26 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     facts |= {"require": job.asked.require.written()} if job.asked.require else {}
     facts |= _limits_of_walls(spec, job.asked.axis.path, swept)
     return facts | (hands.facts() if hands else {})
+
+
+def _in_the_way(stage, result) -> dict:
+    """A fact of the first row without an interval that has what is required: the mode that keeps the loop from it."""
+    from wavesweep.engine.stability.radii import frames_of
+    from wavesweep.program.sweep.grid import own_loop
+
+    job = stage.job
+    if not job.asked.require:
+        return {}
+    for block in result.blocks(stage.hand):
+        (rows,) = np.nonzero(block["certified"] & (block["intervals"] == 0))
+        if rows.size:
+            place = {axis.path: block[axis.name][rows[0]].item() for axis in job.grid.axes}
+            loops = own_loop(job.grid.spec.with_values(place) if place else job.grid.spec)
+            axis, bound = job.asked.axis, job.asked.require.bound.over(frames_of(loops))
+            mode = bound.in_the_way(loops, axis.path, (axis.start, axis.stop))
+            at = {axis.name: place[axis.path] for axis in job.grid.axes}
+            return {"in_the_way": {"at": at, **mode}} if mode else {}
+    return {}
 
 
 def _limits_of_walls(spec, along, swept) -> dict:
