@@ -238,7 +238,9 @@ def test_the_table_says_what_is_required():
     assert again["high"][0] == table.columns["high"][1]
 
 
-NAMES = "radius, settling, damping_ratio, bounded, gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
+NAMES = (
+    "radius, settling, damping_ratio, modes, slower_than, bounded, gain.from, gain.to, gain.at_most, gain.band_hz, gain.measure"
+)
 CONSERVES = (
     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found one that takes or "
     "gives energy; leave bounded out, and stable intervals are found"
