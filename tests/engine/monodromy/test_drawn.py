@@ -16,7 +16,8 @@ from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.engine.monodromy.open_frame import cut_of, open_frame
 from wavesweep.engine.monodromy.periodic import frame_of, in_a_row, then, ticks_of
-from wavesweep.engine.monodromy.product import product_with_errors
+from wavesweep.engine.monodromy.product import product_with_errors, product_with_tight_errors
+from wavesweep.engine.monodromy.rounding import ENTRIES
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import port_of
 from wavesweep.engine.response.steady import respond
@@ -172,14 +173,32 @@ def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
     kinds, angles, units = r.integers(0, 3, length), (0.02, 0.03, 0.04), np.array([[1.0, 0.1], [10.0, 1.0]])
     turns = [np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) for angle in angles]
     changes = [0.999 * turn * units - np.eye(2) for turn in turns]
-    E, dE = product_with_errors(kinds, changes, [np.abs(each) for each in changes])
     exact = [[Fraction(i == j) for j in range(2)] for i in range(2)]
     ticks = [[[Fraction(each[i, j]) + (i == j) for j in range(2)] for i in range(2)] for each in changes]
     for kind in kinds.tolist():
         exact = [[sum(row[k] * exact[k][j] for k in range(2)) for j in range(2)] for row in ticks[kind]]
-    off = np.array([[float(abs(Fraction(E[i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
-    assert np.all(off <= dE)
-    assert np.all(dE <= 100 * length * np.finfo(float).eps * units)
+    for bounded, most in ((product_with_errors, 100), (product_with_tight_errors, 20)):
+        E, dE = bounded(kinds, changes, [np.abs(each) for each in changes])
+        off = np.array([[float(abs(Fraction(E[i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
+        assert np.all(off <= dE)
+        assert np.all(dE <= most * length * np.finfo(float).eps * units)
+
+
+def test_tight_bounds_on_a_frame_hold_the_errors_of_its_ticks():
+    """Each tick is off by what its terms may be off by, at random; the product of those is within the bounds, and not far."""
+    r = np.random.default_rng(5)
+    kinds = np.repeat(r.integers(0, 3, 40), r.integers(1, 40, 40))
+    slow = np.diag([-0.02, -0.3, -0.001, -1.0])
+    changes = [slow + 0.02 * r.normal(size=(4, 4)) for _ in range(3)]
+    sizes = [1e6 * np.abs(change) for change in changes]
+    E, dE = product_with_tight_errors(kinds, changes, sizes)
+    farthest = np.zeros_like(E)
+    for _ in range(200):
+        off = [change + ENTRIES * size * r.choice([-1, 1], (4, 4)) for change, size in zip(changes, sizes, strict=True)]
+        farthest = np.maximum(farthest, np.abs(product_with_tight_errors(kinds, off, sizes)[0] - E))
+    assert (farthest <= dE).all()
+    assert (dE < 20 * farthest).all()
+    assert (dE < product_with_errors(kinds, changes, sizes)[1] / 2).all()
 
 
 def test_a_state_that_a_tick_forgets_is_forgotten_exactly():

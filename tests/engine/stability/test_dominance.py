@@ -76,8 +76,8 @@ def tiles_of(matrices, off):
     """What is proved of a family whose entries may be off by so much, or left open, part by part."""
     found = []
 
-    def keep(*given):
-        found.append(covering.tiles_of(*given))
+    def keep(*given, **more):
+        found.append(covering.tiles_of(*given, **more))
         return found[0]
 
     with pytest.MonkeyPatch.context() as patch:

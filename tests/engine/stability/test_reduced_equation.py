@@ -70,7 +70,7 @@ def test_regions_are_those_of_the_eigenvalues_at_all_values(seed):
 @pytest.mark.parametrize(("gain", "ends"), [(0.5, []), (1.5, []), (0.995, [0.5])])
 def test_what_is_clear_is_proved_without_eigenvectors(gain, ends, monkeypatch):
     """`z^(n + 1) = gain + p/100`, whose roots are all of one size, and cross at once."""
-    monkeypatch.setattr(along_any, "tiles_of", lambda *_: pytest.fail("the frames' eigenvectors were asked for"))
+    monkeypatch.setattr(along_any, "tiles_of", lambda *_, **__: pytest.fail("the frames' eigenvectors were asked for"))
     parts = np.zeros((3, STATES + 1, STATES + 1))
     parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
     parts[0, 0, -1], parts[1, 0, -1] = gain, 0.01
@@ -85,7 +85,9 @@ def test_a_crossing_that_newtons_method_does_not_find_is_left_open(monkeypatch):
     nothing = np.zeros(0)
     monkeypatch.setattr(reduced_equation.ReducedEquation, "crossings", lambda *_: (np.zeros(0, int), nothing, nothing, nothing))
     monkeypatch.setattr(reduced_equation, "MOST_BOXES", 20_000)
-    monkeypatch.setattr(along_any, "tiles_of", lambda *_: reduced_equation.Tiles.of(np.zeros(0, int), nothing, nothing, 0))
+    monkeypatch.setattr(
+        along_any, "tiles_of", lambda *_, **__: reduced_equation.Tiles.of(np.zeros(0, int), nothing, nothing, 0)
+    )
     parts = np.zeros((3, STATES + 1, STATES + 1))
     parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
     parts[0, 0, -1], parts[1, 0, -1] = 0.995, 0.01

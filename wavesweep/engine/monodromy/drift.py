@@ -9,7 +9,7 @@ from wavesweep.engine.loops.from_drawing import POSITION, REACTION
 from wavesweep.engine.loops.integrator_modes import shifts
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.periodic import Ticks, frame_of, known_frames, ticks_of
-from wavesweep.engine.monodromy.product import product_with_errors
+from wavesweep.engine.monodromy.product import product_with_errors, product_with_tight_errors
 from wavesweep.engine.monodromy.rounding import ALIKE, ROUNDING, balance, measured_frame, radius_hidden
 from wavesweep.engine.monodromy.unit_circle import solve
 
@@ -293,10 +293,16 @@ def closed(ticks: Ticks, drift: MarginalModes) -> np.ndarray:
     return filled(without_drift(frame_of(ticks), drift))
 
 
-def errors_of_closed(ticks: Ticks, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms."""
+def errors_of_closed(ticks: Ticks, drift: MarginalModes, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms.
+
+    tight: whether the bounds are those of `product_with_tight_errors`.
+    """
     changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
-    E, dE = product_with_errors(ticks.kind, changes, sizes, per_loop=True)
+    if tight:
+        E, dE = product_with_tight_errors(ticks.kind, changes, sizes)
+    else:
+        E, dE = product_with_errors(ticks.kind, changes, sizes, per_loop=True)
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
 
 

@@ -6,12 +6,15 @@ I + E, which keeps the distance of slow poles from 1 in all its digits, and repe
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
+from itertools import groupby
 
 import numpy as np
 
 from wavesweep.engine.monodromy.batches import in_parts
 from wavesweep.engine.monodromy.periodic import in_a_row
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
+
+WIDE = 16  # ticks, or stretches of them, one after the other, over which errors are summed up
 
 
 def product_with_errors(
@@ -44,6 +47,67 @@ def product_with_errors(
         pair = in_parts(of_loops, batch, changes[0].shape[-1], np.result_type(*changes))
     E, dE = pair[..., 0, :, :], pair[..., 1, :, :]
     return np.where(still, -np.eye(*still.shape), E), np.where(still, 0.0, dE)
+
+
+def product_with_tight_errors(
+    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `product_with_errors` does per loop, with bounds hundreds of times as tight.
+
+    It takes some ten times as long. In a row of ticks I + E_k, each with an error d_k, let S_k be
+    what is before it, and T_k what is behind it, both less identity. To first order the product
+    is off by the sum of `(I + T_k) (d_k (I + S_k) + r_k)`, r_k being the rounding of this step.
+    So sizes are taken of products whose terms have cancelled, and not anew wherever two stretches
+    are joined. Stretches that repeat are multiplied once: rows of up to WIDE are one tick of
+    another row.
+    """
+    kinds, still = tuple(kind.tolist()), ~pattern_of(kind, changes)
+    batch, n = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes))), changes[0].shape[-1]
+
+    def of_loops(index):
+        ticks, errors = (
+            [np.broadcast_to(M, (*batch, n, n))[index] if M.ndim > 2 else M for M in matrices] for matrices in (changes, sizes)
+        )
+        E = in_a_row(list(kinds), ticks, lambda P, Q: P + Q + Q @ P)
+        once = dict(enumerate(zip(ticks, (ENTRIES * size for size in errors), strict=True)))
+        again, dE = _of_steps(_steps_of(kinds), once)
+        return np.stack(np.broadcast_arrays(E, dE + np.abs(E - again)), axis=-3)
+
+    with np.errstate(all="ignore"):
+        pair = in_parts(of_loops, batch, n, np.result_type(*changes))
+    return np.where(still, -np.eye(n), pair[..., 0, :, :]), np.where(still, 0.0, pair[..., 1, :, :])
+
+
+@lru_cache(maxsize=64)
+def _steps_of(kinds):
+    """Kinds of ticks as a row of at most WIDE steps, each of which is a kind or again such a row."""
+    return _narrowed(tuple(_narrowed(tuple(alike)) for _, alike in groupby(kinds)))
+
+
+def _narrowed(steps):
+    while len(steps) > WIDE:
+        steps = tuple(steps[first : first + WIDE] for first in range(0, len(steps), WIDE))
+    return steps
+
+
+def _of_steps(steps, known):
+    """The product of steps and the bound on its error; known: those of steps that were multiplied before."""
+    if steps not in known:
+        known[steps] = _in_sequence([_of_steps(step, known) for step in steps])
+    return known[steps]
+
+
+def _in_sequence(factors):
+    eye, before = np.eye(factors[0][0].shape[-1]), [np.zeros_like(factors[0][0])]
+    for E, _ in factors:
+        before.append(before[-1] + E + E @ before[-1])
+    total, behind = 0.0, np.zeros_like(factors[0][0])
+    for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
+        size = np.abs(E)
+        own = (error + ROUNDING * size) @ np.abs(eye + ahead) + ROUNDING * (2 * size + np.abs(ahead))
+        total = total + np.abs(eye + behind) @ own
+        behind = behind + E + behind @ E
+    return before[-1], total
 
 
 def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False) -> np.ndarray:

@@ -6,6 +6,7 @@ prover.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -31,32 +32,41 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     variable = FROM_ZERO if span[0] == 0 and bends_at_zero(loops.drawing, along) else ""
     variable = BENT if along in WALL and span[0] >= 0 else variable
     balls = question.prover(loops, along, frames.period) if question.prover and not bound else None
+    stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
     intervals = stable_along_any(
-        frames.frames, span, slices.size, frames.period, frames.bounds, variable, frames.errors, balls, frames.resolved
+        frames.frames,
+        span,
+        slices.size,
+        frames.period,
+        frames.bounds,
+        variable,
+        frames.errors,
+        balls,
+        frames.resolved,
+        tight=partial(frames.errors, tight=True),
+        from_one=stops_a_drift and span[0] == 0 and variable != FROM_ZERO,
     )
-    if span[0] <= 0 <= span[1] and not bound:
-        intervals = _meeting_one_at_zero(question, intervals, loops)
+    if stops_a_drift:
+        intervals = _meeting_one_at_zero(span, intervals)
     return in_own_time(intervals, loops, along)
 
 
-def _meeting_one_at_zero(question, intervals, loops):
-    """Intervals that end at 0 with an eigenvalue 1, if a drift of the loop is stopped by the number alone.
-
-    An end is there if it is as near as ends are promised.
-    """
-    from wavesweep.engine.stability.crossings import SLIVER
+def _drifts_at_zero_alone(question, loops):
+    """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1 where the number is 0."""
     from wavesweep.engine.stability.radii import drift_of
 
-    nothing = SLIVER * (question.span[1] - question.span[0])
-    near = {end: np.abs(getattr(intervals, end)) <= nothing for end in ("low", "high")}
-    if not any(map(np.any, near.values())):
-        return intervals
     held, free = (drift_of(loops.changed({question.along: value})) for value in (np.array(question.span), 0.0))
-    if len(free.constant) + len(free.varying) <= len(held.constant) + len(held.varying):
-        return intervals
-    changes = {}
-    for end, at_zero in near.items():
-        omega = getattr(intervals, f"{end}_omega")
-        changes[end] = np.where(at_zero, 0.0, getattr(intervals, end))
+    return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
+
+
+def _meeting_one_at_zero(span, intervals):
+    """Intervals that end at 0 with an eigenvalue 1; an end is there if it is as near as ends are promised."""
+    from wavesweep.engine.stability.crossings import SLIVER
+
+    nothing, changes = SLIVER * (span[1] - span[0]), {}
+    for end in ("low", "high"):
+        value, omega = getattr(intervals, end), getattr(intervals, f"{end}_omega")
+        at_zero = np.abs(value) <= nothing
+        changes[end] = np.where(at_zero, 0.0, value)
         changes[f"{end}_omega"] = np.where(at_zero & ~(omega > 0), 0.0, omega)  # another mode may cross there as well
     return replace(intervals, **changes)

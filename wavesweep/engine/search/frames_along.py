@@ -91,8 +91,11 @@ class FramesAlong:
             return _frames(filled(without_drift(E, self.drift)), facts, p.shape)
         return None
 
-    def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
-        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
+    def errors(self, number, p, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution.
+
+        tight: see `errors_of_closed`.
+        """
         p = np.where(p == 0, TINY, p)
         try:
             ticks = (
@@ -102,9 +105,12 @@ class FramesAlong:
             if p.size == 1:
                 return (np.full((1, max(2, len(self.drift.remaining)), max(2, len(self.drift.remaining))), np.nan),) * 2
             points = zip(*(array.reshape(-1, 1) for array in np.broadcast_arrays(number, p)), strict=True)
-            return tuple(np.concatenate(arrays) for arrays in zip(*(self.errors(*point) for point in points), strict=True))
+            return tuple(
+                np.concatenate(arrays) for arrays in zip(*(self.errors(*point, tight=tight) for point in points), strict=True)
+            )
         with np.errstate(all="ignore"):
-            E, dE = (np.broadcast_to(array, (p.size, *array.shape[-2:])) for array in errors_of_closed(ticks, self.drift))
+            arrays = errors_of_closed(ticks, self.drift, tight=tight)
+        E, dE = (np.broadcast_to(array, (p.size, *array.shape[-2:])) for array in arrays)
         if self.radius is None:
             return E, dE
         radius = np.broadcast_to(self.radius[number], p.shape)

@@ -32,18 +32,41 @@ ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their pane
 
 
 def stable_along_any(
-    frames, span, columns: int, period, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None, resolved=None
+    frames,
+    span,
+    columns: int,
+    period,
+    bounds=(-np.inf, np.inf),
+    variable="",
+    errors=None,
+    balls=None,
+    resolved=None,
+    *,
+    tight=None,
+    from_one: bool = False,
 ) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
     period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
     """
-    regions = regions_along_any(frames, span, columns, bounds, variable, errors, balls, resolved)
+    regions = regions_along_any(
+        frames, span, columns, bounds, variable, errors, balls, resolved, tight=tight, from_one=from_one
+    )
     return intervals_of(regions, doubts_of(regions, np.full(columns, NONE)), period)
 
 
 def regions_along_any(
-    frames, span, columns: int, bounds=(-np.inf, np.inf), variable="", errors=None, balls=None, resolved=None
+    frames,
+    span,
+    columns: int,
+    bounds=(-np.inf, np.inf),
+    variable="",
+    errors=None,
+    balls=None,
+    resolved=None,
+    *,
+    tight=None,
+    from_one: bool = False,
 ) -> Regions:
     """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
 
@@ -59,6 +82,8 @@ def regions_along_any(
     balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
     resolved(column, low, high, offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
     if scale is 0, with t from low to high, `(n,)` all; see `loops.resolution`. By default they have none anywhere.
+    tight(column, p): what errors does, with bounds that are tighter and take longer, for windows that are too wide otherwise.
+    from_one: whether an eigenvalue is exactly 1 at the low end of the span, see `leaving_one`; not for FROM_ZERO.
 
     The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
     these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
@@ -87,13 +112,14 @@ def regions_along_any(
         return function(column, p)
 
     errors = partial(_rounded, frames) if errors is None else errors
-    functions = partial(through, frames), partial(through, errors)
+    functions = partial(through, frames), partial(through, errors), partial(through, errors if tight is None else tight)
     order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
     few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
     portions = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
     balls = balls and _in_variable(balls, v.into, v.out)
     narrow = resolved and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale))
-    regions = Regions.join([_regions(*functions, ends, names, bounds[:, names], slack, balls, narrow) for names in portions])
+    given = slack, balls, narrow, from_one
+    regions = Regions.join([_regions(*functions, ends, names, bounds[:, names], *given) for names in portions])
     # The range's ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
     lows, highs = (
@@ -150,12 +176,12 @@ def _rounded(frames, column, p):
     return E, 4 * EPS * np.abs(E)
 
 
-def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Regions:
+def _regions(frames, errors, tight, span, names, bounds, slack, balls, resolved, from_one) -> Regions:
     """The regions of some columns in the variable; slack: how far an end may be off; see `regions_along_any` for the rest."""
 
-    def of_errors(column, t):
+    def of_errors(column, t, function=errors):
         column, t = np.broadcast_arrays(column, t)
-        return errors(names[column.ravel()], t.ravel())
+        return function(names[column.ravel()], t.ravel())
 
     def of_frames(column, t):
         return Frames.of(frames(names[column], t))
@@ -170,14 +196,17 @@ def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Reg
         for line in DelayLines.of(E).lines:  # which then take over values as they are
             units[:, line] = units[:, line[:1]]
     if (units != 1).any():
-        ratio, plain, rough = units[:, None, :] / units[:, :, None], of_frames, of_errors
+        ratio, plain, in_states = units[:, None, :] / units[:, :, None], of_frames, of_errors
 
         def scaled(E, column, t):
             factors = ratio[np.broadcast_to(column, t.shape).ravel()]
             return E * factors if E.shape[-1] == factors.shape[-1] else np.full_like(E, np.nan)
 
         of_frames = lambda column, t: replace(sampled := plain(column, t), E=scaled(sampled.E, column, t))  # noqa: E731
-        of_errors = lambda column, t: tuple(scaled(M, *np.broadcast_arrays(column, t)) for M in rough(column, t))  # noqa: E731
+
+        def of_errors(column, t, function=errors):
+            return tuple(scaled(M, *np.broadcast_arrays(column, t)) for M in in_states(column, t, function))
+
     narrow = resolved and (lambda column, low, high: resolved(names[column], low, high))
     panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds, narrow, E.shape[-1])
     tiles_of_kinds, panels = (
@@ -185,9 +214,14 @@ def _regions(frames, errors, span, names, bounds, slack, balls, resolved) -> Reg
         [] if panels is None else panels.without_forgotten(),
     )
     for reduced, states in panels:
-        off = lambda *at, states=states: (M[:, states[:, None], states] for M in of_errors(*at))  # noqa: E731
+        off, near = (
+            lambda *at, states=states, function=function: (M[:, states[:, None], states] for M in of_errors(*at, function))
+            for function in (errors, tight)
+        )
         tiles = tiles_by_lines(reduced, off, points, span, slack)
-        tiles_of_kinds.append(tiles_of(reduced, off, span, names.size, slack) if tiles is None else tiles)
+        if tiles is None:
+            tiles = tiles_of(reduced, (off, near), span, names.size, slack, from_one=from_one)
+        tiles_of_kinds.append(tiles)
     tiles = Tiles.join(tiles_of_kinds)
     attached = slack(span[0]), slack(span[1])
     if balls is not None:

@@ -1,6 +1,6 @@
 """The spans of columns covered by proofs of dominance, and by windows about the crossings that these leave open."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +10,7 @@ from wavesweep.engine.rows import Rows, different
 from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING, SEARCH
 from wavesweep.engine.stability.dominance import DominanceTests, ExactFrames
 from wavesweep.engine.stability.entries import EPS, Panels, nodes, sizes_of
+from wavesweep.engine.stability.leaving_one import proved_from_one
 from wavesweep.engine.stability.regions import Regions
 
 NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
@@ -24,7 +25,7 @@ SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of t
 FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
 TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
-SHORT = 1e-12  # relative: a stretch so short is given up
+SHORT = 1e-3  # of what an end may be off: a stretch so short is given up
 UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside
 
 
@@ -64,12 +65,15 @@ class _OpenStretches(Rows):
     steps: np.ndarray
 
 
-def tiles_of(panels: Panels, errors, span, columns: int, slack) -> Tiles:
-    """Return the tiles that could be proved; errors, slack: see `stable_along_any`."""
+def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: bool = False) -> Tiles:
+    """Return the tiles that could be proved; errors: with tight ones; these, slack, from_one: see `regions_along_any`."""
     unstable, open_ = _unstable_by_traces(panels)
+    done = [unstable]
+    if from_one:
+        beside, open_ = _beside_one(panels, errors[1], span[0], open_)
+        done.append(beside)
     share = min(1.0, (FULL / panels.error.shape[-1]) ** 3)  # a test takes as long as a few products of matrices
     left = np.maximum(LEAST, share * (MOST_TESTS + FOR_EACH * np.bincount(panels.column, minlength=columns)))
-    done = [unstable]
     for _ in range(ROUNDS):
         column = panels.column[open_.panel]
         np.subtract.at(left, column, 1)
@@ -79,7 +83,21 @@ def tiles_of(panels: Panels, errors, span, columns: int, slack) -> Tiles:
         with np.errstate(all="ignore"):
             proved, open_ = _Test(panels, errors, span, slack, open_).results()
         done += proved
-    return _with_ends_in_gaps(Tiles.join(done), errors, slack)
+    return _with_ends_in_gaps(Tiles.join(done), errors[0], slack)
+
+
+def _beside_one(panels, errors, low, open_):
+    """The tiles next to the low end of the span, where an eigenvalue is 1, and what is left open."""
+    first = np.flatnonzero(open_.low == low)
+    if not first.size:
+        return Tiles.of(first, *np.zeros((2, 0)), 0), open_
+    at = open_.panel[first]
+    reached, outside = proved_from_one(panels, at, errors, low)
+    begin, proved = open_.low.copy(), reached > low
+    begin[first] = np.minimum(reached, open_.high[first])
+    tiles = Tiles.of(panels.column[at], np.full(at.size, low), begin[first], outside).take(proved)
+    left = replace(open_, low=begin, place=(begin + open_.high) / 2)
+    return tiles, left.take(begin < open_.high)
 
 
 def _with_ends_in_gaps(tiles, errors, slack):
@@ -164,9 +182,10 @@ class _Test:
 
     def __init__(self, panels, errors, span, slack, open_):
         self.open, self.span, self.column = open_, span, panels.column[open_.panel]
-        self.half = half = panels.half[open_.panel]
-        tests = np.flatnonzero(open_.steps > CROSSING)
-        exact = ExactFrames(tests, *(errors(self.column[tests], open_.place[tests]) if tests.size else (None, None)))
+        self.half, self.n = panels.half[open_.panel], panels.error.shape[-1]
+        half = self.half
+        exact = self._exact(errors)
+        self.short = SHORT * slack(open_.place)
         self.pad = 4 * EPS * np.abs(span).max() / half
         length = (open_.high - open_.low) / half
         x = (open_.place - panels.middle[open_.panel]) / half
@@ -195,6 +214,17 @@ class _Test:
         self.rough = (unsure / np.abs(slope) > off) | (eps > FIRM * off)
         self.overlaid = ((self.models.excess > 0) & ~closed).any(1)
 
+    def _exact(self, errors):
+        """The frames at the places next to crossings; from the second time on with tight bounds."""
+        tests = np.flatnonzero(self.open.steps > CROSSING)
+        n, again = self.n, self.open.steps[tests] > CROSSING + 1
+        E, off = np.empty((2, tests.size, n, n))
+        for function, chosen in zip(errors, (~again, again), strict=True):
+            if chosen.any():
+                at = tests[chosen]
+                E[chosen], off[chosen] = function(self.column[at], self.open.place[at])
+        return ExactFrames(tests, E, off)
+
     def results(self):
         """Return the new tiles, and the stretches that are open."""
         open_, a, b = self.open, self.open.low, self.open.high
@@ -202,7 +232,7 @@ class _Test:
         (left, right), outside = self._reached(inner)
         proved = left < inner[0], right > inner[1]
         failed = self.closing & ~((proved[0] | (inner[0] <= a)) & (proved[1] | (inner[1] >= b)))
-        again = self.closing & (failed | (self.rough & (open_.steps <= CROSSING))) & (open_.steps < 2 * CROSSING)
+        again = self.closing & (failed | (self.rough & (open_.steps <= CROSSING + 1))) & (open_.steps < 2 * CROSSING)
         tiles = []
         for side, (low, high) in enumerate(((left, inner[0]), (inner[1], right))):
             new = proved[side] & ~again
@@ -233,7 +263,7 @@ class _Test:
             (place, np.where(halved, inner[1], place), 0),
         )
         for low, high, sign in sides:
-            long = np.flatnonzero((high - low > SHORT * (np.abs(low) + np.abs(high))) & ~moving)
+            long = np.flatnonzero((high - low > self.short) & ~moving)
             gone = np.abs((high if sign < 0 else low) - place)[long]
             stretches.append(self._rest(long, low[long], high[long], sign, gone))
         return _OpenStretches.join(stretches)

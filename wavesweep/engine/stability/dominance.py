@@ -135,6 +135,36 @@ class ExactFrames:
     off: np.ndarray
 
 
+def rounding_of(n) -> float:
+    """Return the relative rounding of products of up to five matrices of n states."""
+    return 16 * (n + 4) * EPS / 2
+
+
+def expansions(panels: Panels, at, x, pad, exact: ExactFrames) -> tuple[np.ndarray, ...]:
+    """Return the terms of the frames less identity about places of panels, `(tests, ORDER, n, n)`, the sizes of what each is a
+    sum of, and bounds on the errors of the entries: at the places, and by how much more they are off for each h from there.
+
+    The arguments are those of `DominanceTests`.
+    """
+    n, m = panels.error.shape[-1], at.size
+    degree = DEGREES[1] if panels.coefficients[at, DEGREES[0] + 1 :].any() else DEGREES[0]
+    T, c = taylor(x, degree), panels.coefficients[at, : degree + 1].reshape(m, degree + 1, n * n)
+    D, aD = ((t @ series).reshape(m, ORDER, n, n) for t, series in ((T, c), (np.abs(T), np.abs(c))))
+    error, drift = panels.error[at].copy(), np.zeros((m, n, n))
+    exact_tests = exact.tests
+    if exact_tests.size:
+        # The model's error e, which is known at the place itself, changes by |e'| <= 4 degree max |e| times h at most: e is
+        # a polynomial of that degree, of rounding, and q g as in `panels_of`, where |q'| < degree + 3 within the panel,
+        # and |g'| < 2.2 max |g|, as the rim is 0.45 away (Cauchy).
+        off = np.abs(exact.E - D[exact_tests, 0]) <= 2 * (error[exact_tests] + exact.off)
+        drift[exact_tests], D[exact_tests, 0] = 4 * degree * error[exact_tests], exact.E
+        error[exact_tests] = np.where(off.all((1, 2), keepdims=True), exact.off, np.inf)
+    error += pad[:, None, None] * np.abs(D[:, 1])
+    lost = ~np.isfinite(D[:, 0]).all((1, 2))
+    D[lost], error[lost] = 0.0, np.inf
+    return D, aD, error, drift
+
+
 class DominanceTests:
     """Tests about places of panels, one element each; see this file's head.
 
@@ -143,28 +173,14 @@ class DominanceTests:
 
     def __init__(self, panels: Panels, at, x, pad, wanted, exact: ExactFrames):
         """at: panels of the tests; x: places on them, from -1 to 1, known to `pad`; wanted: half of what is to be proved."""
-        n, m = panels.error.shape[-1], at.size
-        degree = DEGREES[1] if panels.coefficients[at, DEGREES[0] + 1 :].any() else DEGREES[0]
-        T, c = taylor(x, degree), panels.coefficients[at, : degree + 1].reshape(m, degree + 1, n * n)
-        D, aD = ((t @ series).reshape(m, ORDER, n, n) for t, series in ((T, c), (np.abs(T), np.abs(c))))
-        error, drift, eye = panels.error[at].copy(), np.zeros((m, n, n)), np.eye(n)
-        exact_tests = exact.tests
-        if exact_tests.size:
-            # The model's error e, which is known at the place itself, changes by |e'| <= 4 degree max |e| times h at most: e is
-            # a polynomial of that degree, of rounding, and q g as in `panels_of`, where |q'| < degree + 3 within the panel,
-            # and |g'| < 2.2 max |g|, as the rim is 0.45 away (Cauchy).
-            off = np.abs(exact.E - D[exact_tests, 0]) <= 2 * (error[exact_tests] + exact.off)
-            drift[exact_tests], D[exact_tests, 0] = 4 * degree * error[exact_tests], exact.E
-            error[exact_tests] = np.where(off.all((1, 2), keepdims=True), exact.off, np.inf)
-        error += pad[:, None, None] * np.abs(D[:, 1])
-        lost = ~np.isfinite(D[:, 0]).all((1, 2))
-        D[lost], error[lost] = 0.0, np.inf
+        D, aD, error, drift = expansions(panels, at, x, pad, exact)
+        n = panels.error.shape[-1]
         X, Z, block = eigenbasis(D[:, 0])
         B = Z[:, None] @ D @ X[:, None]
         w, self.real = np.diagonal(B[:, 0], axis1=1, axis2=2), (X.imag == 0).all(1)
-        aZ, aX, rounding = np.abs(Z), np.abs(X), 16 * (n + 4) * EPS / 2  # of products of up to five matrices
+        aZ, aX, rounding = np.abs(Z), np.abs(X), rounding_of(n)
         self.e0, self.e1 = aZ @ (error + rounding * np.abs(D[:, 0])) @ aX, aZ @ (drift + rounding * aD[:, 1:].sum(1)) @ aX
-        self.e2, self.G = aZ @ panels.rest[at] @ aX, np.abs(Z @ X - eye) + rounding * aZ @ aX
+        self.e2, self.G = aZ @ panels.rest[at] @ aX, np.abs(Z @ X - np.eye(n)) + rounding * aZ @ aX
         K = _turning(B, w, wanted, block)
         B0, B1, B2, B3 = B.swapaxes(0, 1)
         KB0, K2 = K @ B0, K @ K
