@@ -279,7 +279,7 @@ def _proved_roots(coefficients, noise):
         if not rows.size:
             return
         roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
-        proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
+        proved = roots.complete
         yield rows[proved], roots.take(proved)
         rows = rows[~proved]
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.monodromy.cut import ADVANCE, FIRST, OFFSET, VELOCITY, LinearFractional
+from wavesweep.engine.monodromy.resolvent import Inverse, ManyStates
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2
@@ -52,26 +53,37 @@ def terms(cut: LinearFractional, w) -> Terms:
 def terms_and_inverse(cut: LinearFractional, w) -> tuple[Terms, np.ndarray]:
     """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I - E` for `end_errors`."""
     w = np.asarray(w)
-    back, state = _states(cut, w)
-    return terms_of(cut, w, _outputs(cut, state)), back
+    resolvent = Inverse(inverse(_shifted(cut, w)))
+    return terms_of(cut, w, _outputs(cut, _states(cut, w, resolvent))), resolvent.matrix
 
 
-def _states(cut, w, back=None):
-    """Return the inverse of `w I - E`, and the states for a unit force.
+def real_terms(cut: LinearFractional, w: float, states: ManyStates) -> Terms:
+    """Return the terms of the characteristic equation of a single loop of many states at a real point, arrays of one."""
+    w = np.array([w])
+    G = _outputs(cut, _states(cut, w, states.at(w)))
+    return terms_of(cut, w, G.real)
 
-    back: the inverse at a point so near that one refinement corrects for the distance; it is returned in place of the inverse.
+
+def _states(cut, w, resolvent):
+    """Return the states for a unit force.
 
     One step of refinement makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980). That of a plain
     solve is small only relative to the largest entry, and states may differ in size by ten decades.
     """
-    back = inverse(_shifted(cut, w)) if back is None else back
-    state = back @ cut.B
-    return back, state + back @ _left(cut, w, state)
+    state = resolvent.reached(cut.B)
+    return state + resolvent.reached(_left(cut, w, state))
 
 
 def _left(cut, w, state):
     """Return what states leave of their equations, `B - (w I - E) state`."""
-    return cut.B - w[..., None, None] * state + times(cut.E, state)
+    return cut.B - w[..., None, None] * state + _moved(cut.E, state)
+
+
+def _moved(E, state):
+    """Return `E state`; states of one loop at many points as one product."""
+    if E.ndim > 2 or state.ndim < 3:
+        return times(E, state)
+    return np.ascontiguousarray(times(E, state[..., 0].T).T)[..., None]
 
 
 def _shifted(cut, w):
@@ -104,21 +116,20 @@ def residual(t: Terms, K, B, least=0.0):
 
 
 class PolishedCrossings(NamedTuple):
-    """theta: the angles (rad per frame). value: the number there. converged: whether Newton's last step is at rounding.
-    inverse: of `w I - E` there or next to it, `(seeds, n, n)`."""
+    """theta: the angles (rad per frame). value: the number there. converged: whether Newton's last step is at rounding."""
 
     theta: np.ndarray
     value: np.ndarray
     converged: np.ndarray
-    inverse: np.ndarray
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
-def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> PolishedCrossings:
+def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> tuple[PolishedCrossings, np.ndarray]:
     """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the seeds theta.
 
     cut: one loop per seed. fixed: the other number, per seed. scale: the largest value of interest; if K is beyond it,
-    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K.
+    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K. Returns the crossings, and
+    the inverses of `w I - E` there or next to them, `(seeds, n, n)`.
     Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
     """
     theta, value, inverses = theta.astype(float), np.full(theta.shape, np.nan), None
@@ -127,35 +138,70 @@ def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> PolishedCr
         if not active.size and inverses is not None:
             break
         loops = cut if active.size == theta.size else cut.at(active)
-        (now, slope), back, speed = _value_and_slope(loops, along, fixed[active], theta[active])
-        far = np.abs(now) > scale
-        now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
-        step = -now.imag / slope.imag
-        step = np.where(np.isfinite(step), step, 0.0)
-        size = np.abs(step)
-        small = size <= LAST_STEP * np.minimum(theta[active], np.pi - theta[active])
-        least, most = NEAREST_END * theta[active], np.pi - NEAREST_END * (np.pi - theta[active])
-        theta[active] = np.clip(theta[active] + step, least, most)
-        estimate = now.real + step * slope.real  # its error is the square of the step
-        value[active] = np.where(far, 1 / estimate, estimate)
-        done[active] = small & (slope.imag != 0)
+        w = on_circle(theta[active])
+        resolvent = Inverse(inverse(_shifted(loops, w)))
+        curve, speed = _value_and_slope(loops, along, fixed[active], w, resolvent)
+        step = _newton(*curve, theta[active], scale)
+        theta[active], value[active], done[active] = step.theta, step.value, step.converged
         if inverses is None:
-            inverses = back
+            inverses = resolvent.matrix
         else:
-            inverses[active] = back
-        far_off[active] = size * speed > NEAR
-        active = active[~small]
+            inverses[active] = resolvent.matrix
+        far_off[active] = step.size * speed > NEAR
+        active = active[~step.last]
     moved = np.flatnonzero(far_off)
     if moved.size:  # by more than what one refinement makes up for
         inverses[moved] = inverse(_shifted(cut.at(moved), on_circle(theta[moved])))
-    return PolishedCrossings(theta, value, done, inverses)
+    return PolishedCrossings(theta, value, done), inverses
 
 
-def _value_and_slope(cut, along, fixed, theta):
-    """Return K(theta) and dK/dtheta, complex, as a pair; the inverse there; and the relative change of the states per angle."""
-    w = on_circle(theta)
-    back, state = _states(cut, w)
-    turn = back @ state
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+def polish_of_many_states(
+    cut: LinearFractional, states: ManyStates, along: str, fixed: float, theta, scale
+) -> PolishedCrossings:
+    """`polish` for a single loop of many states, without inverses, and so in little memory."""
+    theta, value, done = theta.astype(float), np.full(theta.shape, np.nan), np.zeros(theta.shape, bool)
+    for first in range(0, theta.size, states.most):
+        active = np.arange(first, min(first + states.most, theta.size))
+        for _ in range(ROUNDS):
+            if not active.size:
+                break
+            w = on_circle(theta[active])
+            curve, _ = _value_and_slope(cut, along, fixed, w, states.at(w))
+            step = _newton(*curve, theta[active], scale)
+            theta[active], value[active], done[active] = step.theta, step.value, step.converged
+            active = active[~step.last]
+    return PolishedCrossings(theta, value, done)
+
+
+class _Step(NamedTuple):
+    """theta, value, converged: see `PolishedCrossings`. size: of the step. last: whether no other one is needed."""
+
+    theta: np.ndarray
+    value: np.ndarray
+    converged: np.ndarray
+    size: np.ndarray
+    last: np.ndarray
+
+
+def _newton(now, slope, theta, scale) -> _Step:
+    """A step of Newton's method from K(theta) and dK/dtheta; see `polish`."""
+    far = np.abs(now) > scale
+    now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
+    step = -now.imag / slope.imag
+    step = np.where(np.isfinite(step), step, 0.0)
+    size = np.abs(step)
+    small = size <= LAST_STEP * np.minimum(theta, np.pi - theta)
+    least, most = NEAREST_END * theta, np.pi - NEAREST_END * (np.pi - theta)
+    estimate = now.real + step * slope.real  # its error is the square of the step
+    value = np.where(far, 1 / estimate, estimate)
+    return _Step(np.clip(theta + step, least, most), value, small & (slope.imag != 0), size, small)
+
+
+def _value_and_slope(cut, along, fixed, w, resolvent):
+    """Return K(theta) and dK/dtheta, complex, as a pair; and the relative change of the states per angle."""
+    state = _states(cut, w, resolvent)
+    turn = resolvent.reached(state)
     G, dG = _outputs(cut, state), -times(cut.C, turn)[..., 0]
     with np.errstate(all="ignore"):
         speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
@@ -163,7 +209,7 @@ def _value_and_slope(cut, along, fixed, theta):
     if cut.integrates:
         of_x = dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET]
         slopes = Terms(1.0, of_x, w * dG[..., VELOCITY] + G[..., VELOCITY])
-    return _solved(terms_of(cut, w, G), slopes, along, fixed, w), back, speed
+    return _solved(terms_of(cut, w, G), slopes, along, fixed, w), speed
 
 
 def _solved(t, slopes, along, fixed, w):
@@ -174,7 +220,7 @@ def _solved(t, slopes, along, fixed, w):
         return value, (slopes.unit - fixed * d_fixed - value * d_solved) / solved * (1j * (1 + w))
 
 
-def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back=None, least: float = 0.0):
+def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, resolvent=None, least: float = 0.0):
     """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
     The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
@@ -182,14 +228,15 @@ def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, back
     of the loop's entries. The third is the residual that a rounding of every entry leaves.
 
     cut: one loop per crossing. value: of the number. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
-    z = 1 or -1. back: inverses of `w I - E` there or next to it. To first order an entry's change reaches the equation as
+    z = 1 or -1. resolvent: there or next to it. To first order an entry's change reaches the equation as
     `y dE R B`, R the resolvent and y what it makes of the row that the numbers read, and so does the value; if that
     grazes the real axis, the angle changes by `Im dK/Im K'`, which moves K by `Re K'` times as much.
     """
     w, pair = np.asarray(w), (value, fixed) if along == FIRST else (fixed, value)
-    back, state = _states(cut, w, back)
+    resolvent = Inverse(inverse(_shifted(cut, w))) if resolvent is None else resolvent
+    state = _states(cut, w, resolvent)
     G, row = _outputs(cut, state), _read_row(cut, w, pair, cut.C)
-    left = _adjoint(cut, w, row, back)
+    left = _adjoint(cut, w, row, resolvent)
     t = terms_of(cut, w, G)
     slope = (left * state[..., 0]).sum(-1)
     if cut.integrates:
@@ -215,12 +262,11 @@ def _read_row(cut, w, pair, rows):
     return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., VELOCITY, :]
 
 
-def _adjoint(cut, w, row, back):
+def _adjoint(cut, w, row, resolvent):
     """Return `row (w I - E)^-1`, `(..., n)`, refined."""
-    turned = np.swapaxes(back, -1, -2)
-    left = (turned @ row[..., None])[..., 0]
-    change = row - w[..., None] * left + times(np.swapaxes(cut.E, -1, -2), left[..., None])[..., 0]
-    change = (turned @ change[..., None])[..., 0]
+    left = resolvent.row(row)
+    change = row - w[..., None] * left + _moved(np.swapaxes(cut.E, -1, -2), left[..., None])[..., 0]
+    change = resolvent.row(change)
     # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.
     return left + np.where(np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True), change, 0.0)
 

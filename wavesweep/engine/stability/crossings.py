@@ -9,8 +9,9 @@ import numpy as np
 
 from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
-from wavesweep.engine.stability.boundary import polish, terms_and_inverse, terms_of
-from wavesweep.engine.stability.real_roots import isolate
+from wavesweep.engine.monodromy.resolvent import ManyStates
+from wavesweep.engine.stability.boundary import polish, real_terms, terms_and_inverse, terms_of
+from wavesweep.engine.stability.real_roots import Roots, isolate
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
@@ -142,7 +143,8 @@ class Crossings:
     included). jump: growth of the count of unstable eigenvalues as the number grows past the value. inverse: index of
     the inverse of `w I - E` at the crossing or next to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of
     that column is proved complete. above: `(columns,)`, growth of the number of unstable eigenvalues from the low end of the
-    span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known.
+    span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known. many: the resolvent of a
+    single loop of many states, of which there are no inverses.
     """
 
     column: np.ndarray
@@ -153,28 +155,36 @@ class Crossings:
     inverses: np.ndarray
     complete: np.ndarray
     above: np.ndarray
+    many: ManyStates | None = None
 
 
-def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
-    """Return the crossings of the columns with the loops `cut.at(owner)` and the other number `fixed`.
-
-    polynomial: of each loop, `(loops, ...)`. The eigenvalue moves outward with the sign of d Im K/d theta at an interior
-    crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the
-    sign of the polynomial. A column in which a root may be at such an end itself (an undamped device crosses twice at z = 1, at
-    K = 0) is not complete. Crossings that are surely outside the span are only counted.
-    """
+def roots_of(polynomial: Polynomial, owner, fixed) -> Roots:
+    """Return the roots of the polynomials of columns with the loops `owner` and the other number `fixed`."""
     coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(owner, axis=0)
     n = coefficients.shape[-1]
     noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
+    roots.proved[~np.isfinite(coefficients).all(-1)] = False
+    return roots
+
+
+def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial, roots: Roots) -> Crossings:
+    """Return the crossings of the columns with the loops `cut.at(owner)` and the other number `fixed`.
+
+    polynomial: of each loop, `(loops, ...)`; roots: of each column, see `roots_of`. The eigenvalue moves outward with the sign
+    of d Im K/d theta at an interior crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at
+    z = 1 and -1 it moves with the sign of the polynomial. A column in which a root may be at such an end itself (an undamped
+    device crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span are only counted.
+    """
     column, index = np.nonzero(roots.inside)
     cosine, jump = roots.value[column, index], -2.0 * roots.slope_sign[column, index]
     side = _side(polynomial, owner[column], fixed[column], cosine, span)
     above = np.bincount(column, jump * (side > 0), minlength=fixed.size)
     column, cosine, jump = (array[side == 0] for array in (column, cosine, jump))
     seed = angle(cosine, polynomial.scale[owner[column]])
-    theta, value, converged, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
-    complete = roots.proved & np.isfinite(coefficients).all(-1)
+    polished, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
+    theta, value, converged = polished
+    complete = roots.proved.copy()
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed)) | ~converged
     complete[column[astray]] = False
@@ -213,8 +223,8 @@ def _side(polynomial, owner, fixed, cosine, span):
     return (high > unsure[1]).astype(int) - (low < -unsure[0])
 
 
-def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
-    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there.
+def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one, many=None):
+    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there; many: see `Crossings`.
 
     A crossing is (column, value, theta, jump, inverse), the last of which is an index of its inverse. The value is infinite if
     there is no crossing.
@@ -223,7 +233,10 @@ def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, s
     """
     values, inverses = [], []
     for w in (0.0, -2.0):
-        t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
+        if many is None:
+            t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
+        else:
+            t, inverse = real_terms(cut.at(0), w, many), np.zeros((0, *cut.E.shape[-2:]))
         inverses.append(inverse)
         if w == 0.0 and cut.integrates:
             values.append(np.full(fixed.shape, 0.0 if along == FIRST else np.inf))

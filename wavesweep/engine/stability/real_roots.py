@@ -31,6 +31,11 @@ class Roots(Rows):
     open_at_one: np.ndarray
     open_at_minus_one: np.ndarray
 
+    @property
+    def complete(self) -> np.ndarray:
+        """`(rows,)`, whether the list is proved and no root is at an end."""
+        return self.proved & ~self.open_at_one & ~self.open_at_minus_one
+
 
 def isolate(coefficients, noise) -> Roots:
     """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`.

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.engine.monodromy.cut import FIRST, LinearFractional, close, errors_of_closed
+from wavesweep.engine.monodromy.resolvent import Inverse
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.boundary import end_errors
@@ -39,6 +40,12 @@ class Regions(Rows):
     unstable: np.ndarray
     doubt: np.ndarray
     residual: np.ndarray
+
+    @classmethod
+    def none(cls) -> "Regions":
+        """Return no regions."""
+        nothing, no_number = np.zeros(0), np.zeros(0, int)
+        return cls(no_number, nothing, nothing, nothing, nothing, no_number, no_number, nothing)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,15 +192,28 @@ def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
     of_stable = np.flatnonzero((unstable[spans.has_previous] == 0) | (unstable[spans.has_next] == 0))
     column, value, theta = (array[of_stable] for array in (column, value, theta))
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
-    back = crossings.inverses.take(crossings.inverse[spans.order[of_stable]], axis=0)
     least = NEAR_ZERO * (span[1] - span[0])
-    left, moved, usual = end_errors(cut.at(owner[column]), along, *places, back, least)
+    if crossings.many is None:
+        resolvent = Inverse(crossings.inverses.take(crossings.inverse[spans.order[of_stable]], axis=0))
+        left, moved, usual = end_errors(cut.at(owner[column]), along, *places, resolvent, least)
+    else:
+        left, moved, usual = _errors_of_many_states(cut.at(owner[0]), along, places, crossings.many, least)
     # At z = 1 an integrating loop meets the equation 0 = 0 at K = 0, by structure.
     error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
     firm = moved <= FIRM * (np.abs(value) + least)
     doubt[of_stable] = np.where(clear & firm, NONE, ROUNDING)
     return error, doubt
+
+
+def _errors_of_many_states(loop, along, places, many, least):
+    """`end_errors` of a single loop of many states, in portions."""
+    errors = np.zeros((3, places[0].size))
+    for first in range(0, places[0].size, many.most):
+        portion = slice(first, first + many.most)
+        fixed, value, w, on_axis = (array[portion] for array in places)
+        errors[:, portion] = end_errors(loop, along, fixed, value, w, on_axis, many.at(w), least)
+    return errors
 
 
 def count_where_clear(spans: CutSpan, index, matrices):

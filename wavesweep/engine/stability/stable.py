@@ -9,12 +9,13 @@ from wavesweep.engine.monodromy.periodic import size_of
 from wavesweep.engine.monodromy.radius import cut_within
 from wavesweep.engine.monodromy.rounding import UNEVEN, uneven_units
 from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
-from wavesweep.engine.stability.crossings import crossings, sampled_polynomial, warp_scale
+from wavesweep.engine.stability.crossings import crossings, roots_of, sampled_polynomial, warp_scale
 from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of, without_any
 from wavesweep.engine.stability.regions import Regions, regions
 from wavesweep.engine.stability.spectrum import count_outside
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
+FEW_STATES = 8  # up to which they have enough of them for all that arcs could prove
 ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
@@ -89,16 +90,17 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     pending, answered, done = np.arange(fixed.size), np.zeros(fixed.size, bool), []
     cut, overflown = _finite(cut)
     divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
-    for method in (_by_arcs,) if cut.order > MOST_STATES else (_by_polynomial, _by_polynomial_alone):
+    methods = _methods(cut.order)
+    for method in methods:
         rows = pending[divided[pending]] if method is _by_polynomial_alone else pending
         if not rows.size:
             continue
-        labelled, doubt = method(cut, owner[rows], along, fixed[rows], span)
         lost = overflown[owner[rows]]
+        followed = ~lost & (_by_arcs in methods or divided[rows]) & (method is not methods[-1])
+        labelled, doubt = method(cut, owner[rows], along, fixed[rows], span, followed)
         labelled = replace(labelled, unstable=np.where(lost[labelled.column], -1, labelled.unstable))
         doubt = np.where(lost, OVERFLOW, doubt)
-        last = ~divided[rows] if method is _by_polynomial else True
-        answered_now = (doubt == NONE) | lost | last
+        answered_now = (doubt == NONE) | ~followed
         answers = labelled.take(answered_now[labelled.column])
         done.append((replace(answers, column=rows[answers.column]), rows[answered_now], doubt[answered_now]))
         answered[rows[answered_now]] = True
@@ -110,6 +112,15 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     return intervals_of(joined, doubt, np.broadcast_to(cut.period, cut.batch)[owner])
 
 
+def _methods(order: int) -> list:
+    """The methods for loops of so many states, in their order."""
+    if order > MOST_STATES:
+        return [_by_arcs]
+    if order > FEW_STATES:
+        return [_by_polynomial, _by_polynomial_alone, _by_arcs]
+    return [_by_polynomial, _by_polynomial_alone]
+
+
 def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
     """Return the loops with those that overflowed replaced by zeros, and which these are."""
     bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
@@ -118,13 +129,23 @@ def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
     return cut, bad
 
 
-def _by_polynomial(cut, owner, along, fixed, span, *, alone=False):
-    """Return regions and doubts from one polynomial per loop, shared by all its columns."""
+def _by_polynomial(cut, owner, along, fixed, span, followed, *, alone=False):
+    """Return regions and doubts from one polynomial per loop, shared by all its columns.
+
+    followed: `(columns,)`, whether another method is there for a column: it is left to that one if its roots are not proved.
+    """
     polynomial = cut.remembered(
         (along, alone),
         lambda: sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=alone), cut.batch), alone=alone),
     )
-    return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
+    roots = roots_of(polynomial, owner, fixed)
+    rows = np.flatnonzero(roots.complete | ~followed)
+    doubt = np.full(fixed.size, CROWDED)
+    if not rows.size:
+        return Regions.none(), doubt
+    crossed = crossings(cut, owner[rows], along, fixed[rows], span, polynomial, roots.take(rows))
+    labelled, doubt[rows] = _judged(cut, owner[rows], along, fixed[rows], span, crossed)
+    return replace(labelled, column=rows[labelled.column]), doubt
 
 
 def _by_polynomial_alone(*columns):
@@ -132,11 +153,18 @@ def _by_polynomial_alone(*columns):
     return _by_polynomial(*columns, alone=True)
 
 
-def _by_arcs(cut, owner, along, fixed, span):
-    """The same for loops with long delays, from interpolants on arcs of the circle."""
-    from wavesweep.engine.stability.arcs import arc_crossings
+def _by_arcs(cut, owner, along, fixed, span, _):
+    """The same from interpolants on arcs of the circle, for loops of more states than a polynomial has digits for."""
+    from wavesweep.engine.stability.arcs import arc_crossings, columns_together
 
-    return _judged(cut, owner, along, fixed, span, arc_crossings(cut.at(owner), along, fixed, span))
+    parts, doubts, step = [], [], columns_together(cut.order)
+    for first in range(0, fixed.size, step):
+        some = slice(first, first + step)
+        crossed = arc_crossings(cut.at(owner[some]), along, fixed[some], span)
+        labelled, doubt = _judged(cut, owner[some], along, fixed[some], span, crossed)
+        parts.append(replace(labelled, column=first + labelled.column))
+        doubts.append(doubt)
+    return Regions.join(parts), np.concatenate(doubts)
 
 
 def _judged(cut, owner, along, fixed, span, crossed) -> tuple[Regions, np.ndarray]:

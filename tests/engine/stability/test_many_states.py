@@ -1,0 +1,133 @@
+"""Loops of more states than a polynomial has digits for: their arcs of the circle, and the forms in which they are sampled."""
+
+import mpmath
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.monodromy import triangular
+from wavesweep.engine.monodromy.cut import FIRST, close
+from wavesweep.engine.monodromy.resolvent import ManyStates
+from wavesweep.engine.monodromy.triangular import TriangularForm
+from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.engine.stability import arcs
+from wavesweep.engine.stability.arcs import arc_crossings
+from wavesweep.engine.stability.boundary import polish, polish_of_many_states
+from wavesweep.engine.state_space import StateSpace
+from wavesweep.program.sweep.grid import own_loop
+
+
+def drawn_chain(masses, damping=0.2, delay=0):
+    """Masses in a row, of which the first is on a spring K that is read once in 20 ticks, perhaps late."""
+    near = {i: [j for j in (i - 1, i + 1) if 0 <= j < masses] for i in range(masses)}
+    wires = {f"m{i}.f": " ".join(f"-50*(m{i}.x-m{j}.x)-{damping}*(m{i}.v-m{j}.v)" for j in near[i]) for i in range(masses)}
+    blocks = {f"m{i}": {"type": "mass", "mass": 0.1, "damping": 0.5} for i in range(masses)}
+    read = "d.y" if delay else "h.y"
+    late = {"d": {"type": "delay", "steps": delay, "every": 20}} if delay else {}
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 20.0},
+        "block": blocks | {"h": {"type": "hold", "every": 20}} | late,
+        "wire": wires | {"h.u": "m0.x", "m0.f": wires["m0.f"] + f" - K*{read}"} | ({"d.u": "h.y"} if delay else {}),
+    }
+
+
+def cut_of(tables):
+    loops: Loops = own_loop(wavesweep.compile(tables).spec)
+    cut = exact_cut(loops, "K")
+    return cut if cut.batch else cut.at(np.newaxis)
+
+
+@pytest.mark.parametrize(
+    ("masses", "damping", "delay"), [(10, 0.2, 0), (12, 0.02, 0), (14, 2.0, 4), (30, 0.2, 0), (40, 0.2, 6)]
+)
+def test_loops_of_20_states_and_more_are_certified_in_doubles(masses, damping, delay):
+    """And their ends are where the eigenvalues of the loop with the number in place change sides."""
+    tables = drawn_chain(masses, damping, delay)
+    table = wavesweep.compile(tables).stable_intervals("K", (1, 1000))
+    cut = cut_of(tables)
+    assert len(table) == 1
+    assert table.certified.all()
+    assert table.low[0] == 1.0
+    ends = table.high[0] * np.array([1 - 1e-7, 1 + 1e-7])
+    radii = np.abs(1 + np.linalg.eigvals(close(cut.at((0, None)), ends, np.zeros(2)))).max(-1)
+    assert radii[0] < 1 < radii[1]
+
+
+def random_system(seed, n):
+    """A loop with lightly damped and some equal poles."""
+    random = np.random.default_rng(seed)
+    z = (1 - 10.0 ** random.uniform(-4, -1, n // 2)) * np.exp(1j * random.uniform(0.01, 3, n // 2))
+    z[1] = z[0] + seed % 2 * 1e-6
+    E = np.zeros((n, n))
+    for k, value in enumerate(z):
+        E[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[value.real, value.imag], [-value.imag, value.real]]
+    E += np.triu(random.normal(size=(n, n)), 2) / 5
+    change = np.linalg.qr(random.normal(size=(n, n)))[0] * 2.0 ** random.integers(-9, 9, n)
+    return StateSpace(
+        np.linalg.solve(change, E @ change)[None] - np.eye(n),
+        random.normal(size=(1, n, 1)),
+        random.normal(size=(1, 1, n)),
+        random.normal(size=(1, 1, 1)),
+    )
+
+
+@pytest.mark.parametrize("close_to", [0.0, np.inf])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, close_to):
+    """Against 60 digits, in eigenvectors and in those of Schur, at and next to lightly damped and equal poles."""
+    n = 8
+    opened = random_system(seed, n)
+    monkeypatch.setattr(triangular, "CLOSE", close_to)
+    form = TriangularForm.of(opened[0])
+    assert form.diagonal == (close_to > 0)
+    angles = np.abs(np.angle(1 + np.linalg.eigvals(opened[0][0])))
+    theta = np.concatenate([np.linspace(0.05, 3.1, 5), angles[::2] * (1 + 1e-6)])[None]
+    system = StateSpace(*(matrix[:, None] for matrix in form.system(opened)))
+    found = arcs._boundary(system, form, theta, 2.0, np.zeros(1, int))
+    eps = np.finfo(float).eps
+    with mpmath.workdps(60):
+        E, B, C, D = (mpmath.matrix(matrix[0].tolist()) for matrix in opened)
+        for at, angle in enumerate(theta[0]):
+            z = mpmath.expj(float(angle))
+            H = (C * mpmath.lu_solve((z - 1) * mpmath.eye(n) - E, B) + D)[0]
+            value, beyond = -H.imag / mpmath.sin(float(angle)), 1 - 4 * abs(H) ** 2
+            assert abs(value - float(found.value[0, at])) <= eps * found.size[0, at]
+            assert abs(beyond - float(found.beyond[0, at])) <= eps * found.unsure[0, at]
+
+
+@pytest.mark.parametrize("delay", [0, 60])
+def test_the_resolvent_of_many_states_is_the_inverse(delay):
+    """In eigenvectors, and along delay lines."""
+    E = cut_of(drawn_chain(2 if delay else 20, 0.2, delay)).E[0]
+    many, random = ManyStates.of(E), np.random.default_rng(1)
+    assert isinstance(many.form, TriangularForm) == (not delay)
+    w = on_circle(np.array([0.1, 0.5, 2.0]))
+    exact = np.linalg.inv(w[:, None, None] * np.eye(len(E)) - E)
+    columns, rows = random.normal(size=(3, len(E), 1)) + 0j, random.normal(size=(3, len(E))) + 0j
+    reached, read = many.at(w).reached(columns), many.at(w).row(rows)
+    np.testing.assert_allclose(reached, exact @ columns, atol=1e-8 * np.abs(exact @ columns).max())
+    np.testing.assert_allclose(read, (rows[:, None] @ exact)[:, 0], atol=1e-8 * np.abs(rows[:, None] @ exact).max())
+
+
+@pytest.mark.parametrize("delay", [0, 60])
+def test_crossings_of_many_states_are_polished_as_those_of_few(monkeypatch, delay):
+    cut = cut_of(drawn_chain(2 if delay else 12, 0.2, delay))
+    theta = np.array([0.3, 1.1, 2.0, 2.9])
+    many = ManyStates.of(cut.at(0).E)
+    few, _ = polish(cut.at(np.zeros(4, int)), FIRST, np.zeros(4), theta, 1e3)
+    found = polish_of_many_states(cut.at(0), many, FIRST, 0.0, theta, 1e3)
+    np.testing.assert_array_equal(few.converged, found.converged)
+    known = few.converged
+    assert known.any()
+    np.testing.assert_allclose(found.theta[known], few.theta[known], rtol=1e-9)
+    np.testing.assert_allclose(found.value[known], few.value[known], rtol=1e-9)
+    whole = arc_crossings(cut, FIRST, np.zeros(1), (0.0, 1000.0))
+    monkeypatch.setattr(arcs, "MANY_STATES", 10)
+    alone = arc_crossings(cut, FIRST, np.zeros(1), (0.0, 1000.0))
+    assert whole.many is None or delay
+    assert alone.many is not None
+    np.testing.assert_allclose(alone.value, whole.value, rtol=1e-9)
+    np.testing.assert_array_equal(alone.jump, whole.jump)
