@@ -7,15 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
+from wavesweep.engine.monodromy.cut import ERRORS, FIRST, LinearFractional
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
 from wavesweep.engine.monodromy.resolvent import ManyStates
+from wavesweep.engine.monodromy.unit_circle import inverse
 from wavesweep.engine.stability.boundary import polish, real_terms, terms_and_inverse, terms_of
 from wavesweep.engine.stability.real_roots import Roots, isolate
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
 NEAR_SEED = 1e-4  # of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed
+SMALL = 0.1  # of a resolvent, what errors of entries may change it by
 NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
 
 
@@ -51,10 +53,11 @@ def warp_scale(cut: LinearFractional, *, alone: bool = False):
     return np.clip(mean, NEAREST, FARTHEST)
 
 
-def sampled_polynomial(cut: LinearFractional, along: str, scale, *, alone: bool = False) -> Polynomial:
+def sampled_polynomial(cut: LinearFractional, along: str, scale, rough, *, alone: bool = False) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
-    alone: whether the other number is 0, and its half of the polynomial is left out.
+    rough: `(loops,)`, those whose noise counts the errors of their entries as well. alone: whether the other number is 0, and
+    its half of the polynomial is left out.
 
     The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
     `f(phi) = Im[(unit - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of
@@ -65,7 +68,7 @@ def sampled_polynomial(cut: LinearFractional, along: str, scale, *, alone: bool 
     """
     count = cut.order + SPARE
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
-    solved, fixed, unit = _scaled(cut, np.exp(1j * phi), scale, along)
+    solved, fixed, unit, w = _scaled(cut, np.exp(1j * phi), scale, along)
     fixed = 0 * fixed if alone else fixed
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
     on_unit, on_fixed = unit * solved.conj(), fixed * solved.conj()
@@ -78,6 +81,13 @@ def sampled_polynomial(cut: LinearFractional, along: str, scale, *, alone: bool 
     curve, noise = _sines([divided[0].imag, -divided[1].imag], sizes, transform, cut.order - factors)
     real = [samples * np.sin(phi) for samples in (on_unit.real, on_fixed.real, np.abs(solved) ** 2)]
     value, value_noise = _sines(real, [*size[:2], size[2] ** 2], transform, cut.order + 1)
+    at = np.flatnonzero(rough)
+    if at.size:
+        sizes = [np.abs(samples[0, at]) for samples in (unit, fixed, solved)]
+        errors = _errors_of_entries(cut.at(at), along, w[at], *sizes)
+        weight = 1 / (1 - np.cos(phi)) ** factors
+        noise[at] += 2 * np.stack([(error * weight).max(-1) for error in errors[:2]], -1)  # a mean times 2 sin
+        value_noise[at] += 2 * np.stack([error.max(-1) for error in errors], -1)
     return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
 
 
@@ -124,7 +134,40 @@ def _scaled(cut, zeta, scale, along):
     size = size / np.abs(size * pole[0]).max(-1, keepdims=True)
     pole = pole * size
     terms = terms_of(cut, w, np.moveaxis(over * size[:, None] + cut.D * pole[:, :, None], -2, -1), pole)
-    return *terms.along(along), terms.unit
+    return *terms.along(along), terms.unit, w
+
+
+@np.errstate(all="ignore")
+def _errors_of_entries(cut, along, w, unit, fixed, solved):
+    """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`, infinite if not known.
+
+    unit, fixed, solved: sizes of these terms, `(loops, points)`. With the resolvent R and the bounds dE, the resolvent for
+    E + X is `R (1 - X R)^-1`, of which no entry is larger than those of `N |R|`, `N = (1 - |R| dE)^-1`. All terms have the pole
+    polynomial as a factor, which X multiplies by `det(1 - R X)`; its logarithm is at most `-log det(1 - |R| dE)`, since that is
+    the sum of `tr((|R| dE)^k)/k`.
+    """
+    E, B, C = (getattr(cut, name)[:, None] for name in "EBC")
+    dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
+    one = np.eye(E.shape[-1])
+    R = inverse(w[..., None, None] * one - E)
+    state, row, R = np.abs(R @ B), np.abs(C @ R), np.abs(R)
+    reach = R @ dE
+    known = np.isfinite(reach).all((-1, -2))
+    reach = np.where(known[..., None, None], reach, 0.0)
+    known &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < SMALL
+    reach = np.where(known[..., None, None], reach, 0.0)
+    grown_R = inverse(one - reach) @ R
+    grown_row = row + row @ dE @ grown_R
+    entering = dE @ state + dB
+    of_G = (grown_row @ entering + dC @ (state + grown_R @ entering) + dD)[..., 0]
+    pole = unit / np.abs(w) if cut.integrates else unit
+    of_solved, of_fixed = terms_of(cut, np.abs(w), of_G * pole[..., None], 0.0).along(along)
+    factor = np.linalg.det(one - reach) ** -2.0
+    errors = []
+    for size, error in ((unit, 0.0), (fixed, of_fixed), (solved, of_solved)):
+        moved = size * of_solved + error * (solved + of_solved)
+        errors.append(np.where(known, moved * factor + size * solved * (factor - 1), np.inf))
+    return errors
 
 
 def angle(cosine, scale):

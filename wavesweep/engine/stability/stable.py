@@ -134,17 +134,21 @@ def _by_polynomial(cut, owner, along, fixed, span, followed, *, alone=False):
 
     followed: `(columns,)`, whether another method is there for a column: it is left to that one if its roots are not proved.
     """
-    polynomial = cut.remembered(
-        (along, alone),
-        lambda: sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=alone), cut.batch), alone=alone),
-    )
+    rough = cut.remembered("rough", lambda: _is_rough(cut))
+
+    def sampled():
+        scale = np.broadcast_to(warp_scale(cut, alone=alone), cut.batch)
+        return sampled_polynomial(cut, along, scale, rough, alone=alone)
+
+    polynomial = cut.remembered((along, alone), sampled)
     roots = roots_of(polynomial, owner, fixed)
     rows = np.flatnonzero(roots.complete | ~followed)
     doubt = np.full(fixed.size, CROWDED)
     if not rows.size:
         return Regions.none(), doubt
     crossed = crossings(cut, owner[rows], along, fixed[rows], span, polynomial, roots.take(rows))
-    labelled, doubt[rows] = _judged(cut, owner[rows], along, fixed[rows], span, crossed)
+    labelled = regions(cut, owner[rows], along, fixed[rows], span, crossed)
+    doubt[rows] = doubts_of(labelled, np.where(crossed.complete, NONE, CROWDED))
     return replace(labelled, column=rows[labelled.column]), doubt
 
 
@@ -157,22 +161,16 @@ def _by_arcs(cut, owner, along, fixed, span, _):
     """The same from interpolants on arcs of the circle, for loops of more states than a polynomial has digits for."""
     from wavesweep.engine.stability.arcs import arc_crossings, columns_together
 
+    rough = cut.remembered("rough", lambda: _is_rough(cut))[owner]  # an arc counts no errors of entries
     parts, doubts, step = [], [], columns_together(cut.order)
     for first in range(0, fixed.size, step):
         some = slice(first, first + step)
         crossed = arc_crossings(cut.at(owner[some]), along, fixed[some], span)
-        labelled, doubt = _judged(cut, owner[some], along, fixed[some], span, crossed)
+        labelled = regions(cut, owner[some], along, fixed[some], span, crossed)
+        doubt = doubts_of(labelled, np.where(crossed.complete, NONE, CROWDED))
         parts.append(replace(labelled, column=first + labelled.column))
-        doubts.append(doubt)
+        doubts.append(np.where(rough[some], np.maximum(doubt, ROUNDING), doubt))
     return Regions.join(parts), np.concatenate(doubts)
-
-
-def _judged(cut, owner, along, fixed, span, crossed) -> tuple[Regions, np.ndarray]:
-    """Return the regions between the crossings, and the doubt of each column."""
-    labelled = regions(cut, owner, along, fixed, span, crossed)
-    doubts = doubts_of(labelled, np.where(crossed.complete, NONE, CROWDED))
-    rough = cut.remembered("rough", lambda: _is_rough(cut))[owner]
-    return labelled, np.where(rough, np.maximum(doubts, ROUNDING), doubts)
 
 
 def _is_rough(cut):
