@@ -69,15 +69,15 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         yield 0 if limit in swept_limits else 2 + distance(limit), _limit(spec, limit)
         if going_on := _going_on(spec, limit):
             yield DETAIL, f"  {going_on}"
-    for state in ("stable", "unstable"):
+    for said, stable in (("stable at every value", True), ("stable at no value", False)):
         # By its intervals: at an end of one, as Kp = 0 is of a loop that drifts there, a value counts as not inside.
         spans = ", ".join(
             f"{limit['name']} {limit['from']:g} to {limit['to']:g}{_unit(spec, limit['name'])}"
             for limit in found["limits"]
-            if limit not in bounded and bool(limit["intervals"]) == (state == "stable")
+            if limit not in bounded and bool(limit["intervals"]) == stable
         )
         if spans:
-            yield 5, f"{state} at every value searched: {spans}"
+            yield 5, f"{said} searched: {spans}"
 
 
 def _limit(spec: Spec, limit: Facts) -> str:

@@ -157,9 +157,6 @@ class BoundModule(Protocol):
     def words_of(self, written: Mapping[str, object]) -> str:
         """What is required, in words; written: its table."""
 
-    def words_of_mode(self, mode: Mapping[str, float], name: str, unit: str) -> str:
-        """A mode that is in the way of what is required, in words; name, unit: of the number along which intervals are."""
-
 
 class OnCheckModule(AsYouLike, Protocol):
     """What `check` says in addition."""

@@ -92,11 +92,15 @@ class Bound:
         loops = loops._replace(drawing=drawing)
         return along_gain(loops, along, span, period, bounds, resolved, route, self.gain, stable)
 
-    def in_the_way(self, loops, along: str, span) -> dict[str, float]:
-        """The mode that keeps a single loop from what is required; see `mode_in_the_way`. Empty if a gain is required."""
-        from wavesweep.require.in_the_way import mode_in_the_way
-
-        return {} if self.gain else mode_in_the_way(self, loops, along, span)
+    def beyond(self, delta, period: float) -> np.ndarray:
+        """By how much eigenvalues less 1 of a loop miss what is required of modes, in the logarithm."""
+        if self.bounded:
+            return RequiredCircle().beyond(delta)
+        with np.errstate(divide="ignore"):
+            of_size = np.log(np.abs(1 + delta)) - np.log(self.radius_of(period))
+        if not self.damped:
+            return of_size
+        return np.maximum(of_size, self.damped.spiral(np.array([period])).beyond(delta)[0])
 
     def method(self, of_size: str) -> str:
         """How the intervals are found, in a line; of_size: how those of the unit circle are."""
@@ -117,13 +121,6 @@ class Bound:
         if refused:
             instead = f"or list its values in [sweep] ({name} = [...]) and look along another number"
             raise UsageError(f"{name} changes the time of a frame: {expected}, found {refused}; {instead}")
-
-
-def words_of_mode(mode: Mapping[str, float], name: str, unit: str) -> str:
-    """A mode in the way, in words; see `in_the_way`."""
-    from wavesweep.require import in_the_way
-
-    return in_the_way.words_of_mode(mode, name, unit)
 
 
 def words_of(written: Mapping[str, object]) -> str:

@@ -9,10 +9,11 @@ from wavesweep.engine.keys.key import LARGEST
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
 from wavesweep.engine.stability.modes import named_modes
 from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
-from wavesweep.engine.stability.spectrum import GONE, damping_ratio, eigenvalues, radius_of
+from wavesweep.engine.stability.spectrum import GONE, damping_ratio, radius_of
 from wavesweep.program.analyses.assumptions import FAVOURABLE, assumes
 from wavesweep.program.analyses.feel import felt_at_rest
-from wavesweep.program.analyses.poles import ON_CIRCLE, leading
+from wavesweep.program.analyses.mode_in_the_way import STAYS, only_oscillates, stays_in_words
+from wavesweep.program.analyses.poles import leading
 from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.analyses.spec_loops import loop_at_hand, refuse_singular
 from wavesweep.program.spec import Spec
@@ -39,6 +40,7 @@ def own_design(spec: Spec, loop=None) -> dict:
 
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
     only_oscillates (of a radius of 1: whether all modes are pairs on the circle, as those of a loop that conserves energy),
+    stays (of a radius of 1: the states of a mode that neither grows nor decays nor oscillates, empty if there is none),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
     feels it towards 0 Hz, whether it is rigid, as an integrator makes it: then neither has a limit, and over_band, see
     `felt_over_band`; slowest: time constant (s), damping ratio from frame to frame and, at the strongest line that a spectrum
@@ -56,9 +58,11 @@ def own_design(spec: Spec, loop=None) -> dict:
     numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
     numbers["assumes"] = assumes(spec, nominal=True)
     if radius == 1:
-        z = 1 + eigenvalues(E)[0].ravel()
-        z = z[np.abs(z) > ON_CIRCLE]  # the others are over after one frame
-        numbers["only_oscillates"] = bool(((np.abs(np.abs(z) - 1) <= ON_CIRCLE) & (np.abs(z.imag) > ON_CIRCLE)).all())
+        names, (delta, shares) = named_modes(E, drawn, drift)
+        numbers["stays"] = next(
+            (leading(names, share) for mode, share in zip(delta, shares, strict=True) if abs(mode) <= STAYS), []
+        )
+        numbers["only_oscillates"] = only_oscillates(delta)
     modes = []
     if loop is None and not (spec.drawing and spec.drawing.hand is None):
         loop = loop_at_hand(spec)
@@ -96,6 +100,8 @@ def own_lines(spec: Spec, found: Mapping[str, Any]) -> Iterator[str]:
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     if spec.drawing and found.get("only_oscillates") and (hint := where_nothing_decides()):
         yield f"  {hint}"
+    if found.get("stays"):
+        yield f"  {stays_in_words(found['stays'])}"
     if is_first(spec, found):
         yield f"  assumes: {found['assumes']}"
 

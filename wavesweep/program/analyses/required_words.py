@@ -10,11 +10,6 @@ def required_in_words(written: Mapping[str, object]) -> str:
     return next((module.words_of(written) for module in modules("bound")), f"[sweep] require = {dict(written)}")
 
 
-def mode_in_words(mode: Mapping[str, float], name: str, unit: str) -> str:
-    """A mode that is in the way of what is required, in words; name, unit: of the number along which the intervals are."""
-    return next((module.words_of_mode(mode, name, unit) for module in modules("bound")), "")
-
-
 def where_nothing_decides() -> str:
     """What a requirement finds of loops whose modes neither grow nor decay, in words; empty if it finds none."""
     return next((module.BOUNDED for module in modules("bound")), "")

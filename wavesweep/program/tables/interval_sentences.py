@@ -6,7 +6,8 @@ import numpy as np
 
 from wavesweep.capabilities import where_explained
 from wavesweep.engine.doubts import DOUBTS
-from wavesweep.program.analyses.required_words import mode_in_words, where_nothing_decides
+from wavesweep.program.analyses.mode_in_the_way import mode_in_words
+from wavesweep.program.analyses.required_words import where_nothing_decides
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.tables.frame_lengths import lengths_in_words
@@ -88,18 +89,24 @@ class Sentences:
     def _nowhere(self) -> str:
         """That there is no interval, or none that could be found."""
         if not self._numbers["doubts"] or self._kind.searched:
-            return f"{self._kind.nowhere.format(such=self._such)} in the swept range"
-        decides = where_nothing_decides() if self._numbers["drawn"] and not self._numbers["required"] else ""
+            reason = self._in_the_way()
+            return f"{self._kind.nowhere.format(such=self._such)} in the swept range{reason and f': {reason}'}"
+        decides = where_nothing_decides() if self._numbers.get("conserves") and not self._numbers["required"] else ""
         undecided = f"no {self._such} found, but part of the swept range could not be decided"
         return f"{undecided}; {decides}" if decides else undecided
 
-    def in_the_way(self) -> str:
-        """The mode that keeps a loop from what is required, and where; empty if every loop has an interval."""
+    def of_one_without(self) -> str:
+        """What keeps a slice from what is required, if others have it; empty otherwise."""
+        reason = self._in_the_way()
+        return f"none {reason}" if reason and self._numbers["largest"] else ""
+
+    def _in_the_way(self) -> str:
+        """The slice and the mode that keeps it from being stable or from what is required; empty if none is known."""
         mode = self._numbers.get("in_the_way")
         if not mode:
             return ""
         at = ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in mode["at"].items())
-        return f"none{at and f' at {at}'}: {mode_in_words(mode, self._along, self._unit)}"
+        return f"{at and f'at {at}: '}{mode_in_words(mode, self._along, self._unit)}"
 
     def _least(self, upwards: bool) -> str:
         """The least stable value and its place; empty if the largest one says it already."""
@@ -197,7 +204,7 @@ def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:
     """Yield the lines of a table whose rows are all of the spec's own loop."""
     sentences = Sentences(numbers)
     texts = [sentences.counts(numbers["slices"]), *sentences.few_slices(), *sentences.extremes()]
-    texts += [sentences.in_the_way(), sentences.stiffest_felt()]
+    texts += [sentences.of_one_without(), sentences.stiffest_felt()]
     yield from ((text, False) for text in texts if text)
     yield sentences.certified()
     for number, word in enumerate(numbers["doubts"]):

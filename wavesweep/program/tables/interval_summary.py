@@ -12,7 +12,7 @@ from wavesweep.engine.stability.certificate import FELT_ALIKE
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, whose_column
 from wavesweep.program.reading.tables import members_of
-from wavesweep.program.row_kinds import row_kinds
+from wavesweep.program.row_kinds import COMPUTED, row_kinds
 from wavesweep.program.spec import find_key
 from wavesweep.program.tables.columns import felt_unit, numbers_of, swept_range
 from wavesweep.program.tables.frame_lengths import DecidingLengths, varying_lengths
@@ -61,7 +61,7 @@ class LoopSummary:
     """
 
     def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
-        self.kind, self._axes, self._facts = row_kinds()[hand], axes or {}, facts or {}
+        self._hand, self.kind, self._axes, self._facts = hand, row_kinds()[hand], axes or {}, facts or {}
         self._rows = self._intervals = self._split = self._open = 0
         self._doubts: Counter[str] = Counter()
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
@@ -113,6 +113,9 @@ class LoopSummary:
 
     def numbers(self) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold."""
+        of_loop = self._hand in ("", *COMPUTED)  # and not of hands, or of all that may happen
+        conserves = of_loop and bool(self._facts.get("conserves"))
+        blocking = dict(self._facts.get("in_the_way", {})) if of_loop else {}
         require, few = self._facts.get("require"), len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
         names = [self._along, *self._axes, *(self._largest.place() if self._largest.row else ())]
         lengths = self._lengths.numbers()
@@ -136,7 +139,8 @@ class LoopSummary:
             "least": self._least_numbers(),
             "few_slices": self._slices if few else [],
             **({"lengths": lengths} if lengths else {}),
-            **({"in_the_way": dict(blocking)} if (blocking := self._facts.get("in_the_way")) else {}),
+            **({"conserves": True} if conserves else {}),
+            **({"in_the_way": blocking} if blocking else {}),
         }
 
     def _extreme(self, extreme: Extreme, **facts: Any) -> dict[str, Any] | None:

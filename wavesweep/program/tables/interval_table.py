@@ -19,7 +19,7 @@ from wavesweep.program.tables.table import Table, facts_of, spans_held
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec
     from wavesweep.program.sweep.job import Job
-    from wavesweep.program.sweep.running import WorkOptions
+    from wavesweep.program.sweep.running import Run, WorkOptions
     from wavesweep.program.tables.hand_rows import Hands
 
 
@@ -178,24 +178,33 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     return facts | (hands.facts() if hands else {})
 
 
-def _in_the_way(stage, result) -> dict:
-    """A fact of the first row without an interval that has what is required: the mode that keeps the loop from it."""
+def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
+    """A fact of what keeps a loop from having an interval: the mode in the way, of the first row without one, if something is
+    required or no row has one; or that it conserves energy, so that nothing decides.
+    """
     from wavesweep.engine.stability.radii import frames_of
+    from wavesweep.program.analyses.mode_in_the_way import conserves, mode_in_the_way, outside
     from wavesweep.program.sweep.grid import own_loop
 
-    job = stage.job
-    if not job.asked.require:
+    job, first = stage.job, None
+    require, axis = job.asked.require, job.asked.axis
+    if require and require.bound.gain:
         return {}
     for block in result.blocks(stage.hand):
-        (rows,) = np.nonzero(block["certified"] & (block["intervals"] == 0))
-        if rows.size:
-            place = {axis.path: block[axis.name][rows[0]].item() for axis in job.grid.axes}
-            loops = own_loop(job.grid.spec.with_values(place) if place else job.grid.spec)
-            axis, bound = job.asked.axis, job.asked.require.bound.over(frames_of(loops))
-            mode = bound.in_the_way(loops, axis.path, (axis.start, axis.stop))
-            at = {axis.name: place[axis.path] for axis in job.grid.axes}
-            return {"in_the_way": {"at": at, **mode}} if mode else {}
-    return {}
+        empty = np.flatnonzero(block["certified"] & (block["intervals"] == 0))
+        if first is None and empty.size:
+            first = {other.name: block[other.name][empty[0]].item() for other in job.grid.axes}
+        if first is not None and require:
+            break
+        if (block["intervals"] > 0).any():
+            return {}
+    if first is None:
+        return {"conserves": True} if job.grid.spec.drawing and conserves(own_loop(job.grid.spec)) else {}
+    changes = {other.path: first[other.name] for other in job.grid.axes}
+    loops = own_loop(job.grid.spec.with_values(changes) if changes else job.grid.spec)
+    beyond = require.bound.over(frames_of(loops)).beyond if require else outside
+    mode = mode_in_the_way(loops, axis.path, (axis.start, axis.stop), beyond)
+    return {"in_the_way": {"at": first, **mode}} if mode else {}
 
 
 def _limits_of_walls(spec, along, swept) -> dict:

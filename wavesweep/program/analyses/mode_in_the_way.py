@@ -1,0 +1,98 @@
+"""The mode that keeps a loop from being stable, or from what is required of its modes, where no interval is."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.stability.modes import named_modes
+from wavesweep.engine.stability.radii import drift_of, frames
+from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
+from wavesweep.program.analyses.poles import ON_CIRCLE, leading
+
+PLACES = 33  # of the span, at which the modes are looked at
+LARGEST = 200  # states of a loop whose modes are looked at: a tenth of a second at each place
+STAYS = 1e-9  # distance of an eigenvalue from 1, up to which a mode neither grows nor decays
+
+Beyond = Callable[[np.ndarray, float], np.ndarray]
+"""By how much eigenvalues less 1 are outside of where they have to be; the second argument is the frame's period (s)."""
+
+
+def outside(delta: np.ndarray, _: float) -> np.ndarray:
+    """By how much eigenvalues less 1 are outside of the unit circle, in the logarithm."""
+    with np.errstate(divide="ignore"):
+        return np.log(np.abs(1 + delta))
+
+
+def mode_in_the_way(loops: Loops, along: str, span: tuple[float, float], beyond: Beyond) -> dict[str, Any]:
+    """Of the value that comes nearest, the mode that is farthest outside; empty if no value makes a loop, or a large one.
+
+    loops: a single loop. along: path of the number, span: its range. value: of the number, one of PLACES in it. z_re, z_im: the
+    eigenvalue of a frame. hz: frequency of the mode from frame to frame. time_constant_s: in which it falls to 1/e, negative if
+    it grows, None if it stays. states: that take part.
+    """
+    nearest, found = np.inf, {}
+    for value in np.linspace(*span, PLACES + 2)[1:-1].tolist():
+        with suppress(IllPosedLoopError):
+            loop = loops.changed({along: value}).read
+            drawn, drift = loop.drawn(), drift_of(loop)
+            if len(drift.remaining) > LARGEST:
+                return {}
+            E = frames(loop, drift)
+            names, (delta, shares) = named_modes(E.reshape(E.shape[-2:]), drawn, drift)
+            period = float(np.ravel(drawn.period)[0]) * drawn.ticks
+            amount = beyond(delta, period)
+            if delta.size and amount.max() < nearest:
+                nearest, worst = amount.max(), int(amount.argmax())
+                found = _described(value, complex(delta[worst]), period) | {"states": leading(names, shares[worst])}
+    return found
+
+
+def only_oscillates(delta: np.ndarray) -> bool:
+    """Whether all modes are pairs on the unit circle, as those of a loop that conserves energy; delta: eigenvalues less 1."""
+    z = 1 + delta
+    z = z[np.abs(z) > ON_CIRCLE]  # the others are over after one frame
+    return bool(((np.abs(np.abs(z) - 1) <= ON_CIRCLE) & (np.abs(z.imag) > ON_CIRCLE)).all())
+
+
+def conserves(loops: Loops) -> bool:
+    """Whether a single loop seems to conserve energy: all of its modes are pairs on the unit circle but for rounding."""
+    E = frames(loops, drift_of(loops))
+    return only_oscillates(eigenvalues(E)[0].ravel())
+
+
+def _described(value: float, delta: complex, period: float) -> dict[str, Any]:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.log1p(delta) / period
+        ratio = float(damping_ratio(delta))
+    stays = abs(delta) <= STAYS
+    return {
+        "value": value,
+        "z_re": 1 + delta.real,
+        "z_im": abs(delta.imag),
+        "hz": float(abs(s.imag)) / (2 * np.pi),
+        "damping_ratio": None if stays else ratio,
+        "time_constant_s": None if stays else float(-1 / s.real),
+    }
+
+
+def mode_in_words(mode: Mapping[str, Any], name: str, unit: str) -> str:
+    """A mode that is in the way, in words; name, unit: of the number along which the intervals are."""
+    imaginary = f" +- {mode['z_im']:.4g}j" if mode["z_im"] else ""
+    time = mode["time_constant_s"]
+    if time is None:
+        return stays_in_words(mode["states"])
+    lasts = f"falls to 1/e in {time:.4g} s" if time > 0 else f"grows e times in {-time:.4g} s"
+    said = f"{mode['hz']:.4g} Hz, damping ratio {mode['damping_ratio']:.3g}, {lasts}"
+    states = f" of {', '.join(mode['states'])}" if mode["states"] else ""
+    place = f"nearest at {name} = {mode['value']:.6g}{unit}"
+    return f"{place}, where the mode z = {mode['z_re']:.4g}{imaginary}{states} is in the way ({said})"
+
+
+def stays_in_words(states: Sequence[str]) -> str:
+    """A mode that neither grows nor decays; states: that take part in it."""
+    advice = "with a little that does (friction, of masses) the other modes decide"
+    return f"a mode of {', '.join(states)} stays as it is, as nothing opposes it; {advice}"
