@@ -16,7 +16,7 @@ from support.tables import same
 
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.results import at_work, publish, read, read_table, table_writing
-from wavesweep.program.results.folder import HEADER, PACKAGE
+from wavesweep.program.results.folder import HEADER, PACKAGE, names_of, refuse_other_spec
 from wavesweep.program.results.package import file_facts
 from wavesweep.program.tables.table import Table
 
@@ -137,13 +137,37 @@ def test_a_lock_dies_with_its_holder(tmp_path):
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
-def test_what_cannot_be_a_lock_file_is_refused_and_stays(tmp_path, kind):
-    path = tmp_path / ".zwidth.lock"
-    {"link": lambda: path.symlink_to(tmp_path / "target"), "pipe": lambda: os.mkfifo(path), "folder": path.mkdir}[kind]()
+@pytest.mark.parametrize("kind", ["link", "link to nothing", "pipe", "folder"])
+@pytest.mark.parametrize("name", [".zwidth.lock", ".zwidth.holder"])
+def test_what_cannot_be_a_file_of_a_lock_is_refused_and_stays(tmp_path, name, kind):
+    path, target = tmp_path / name, tmp_path / "target"
+    target.write_text("mine")
+    make = {
+        "link": lambda: path.symlink_to(target),
+        "link to nothing": lambda: path.symlink_to(tmp_path / "nothing"),
+        "pipe": lambda: os.mkfifo(path),
+        "folder": path.mkdir,
+    }
+    make[kind]()
     with pytest.raises(UsageError, match="expected a lock file"), at_work(["zwidth"], tmp_path):
         pass
-    assert names(tmp_path) == [".zwidth.lock"]
+    assert names(tmp_path) == [name, "target"]
+    assert target.read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", ["link", "link to nothing", "pipe"])
+@pytest.mark.parametrize("name", names_of("zwidth"))
+def test_what_stands_in_the_place_of_a_file_of_results_is_not_replaced_unasked(tmp_path, name, kind):
+    path, target = tmp_path / name, tmp_path / "target"
+    target.write_text("mine")
+    make = {
+        "link": lambda: path.symlink_to(target),
+        "link to nothing": lambda: path.symlink_to(tmp_path / "nothing"),
+        "pipe": lambda: os.mkfifo(path),
+    }
+    make[kind]()
+    with pytest.raises(UsageError, match="found results of an unknown origin"):
+        refuse_other_spec("zwidth", tmp_path, "0" * 64)
 
 
 def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_is_moved(columns, facts, tmp_path):

@@ -55,6 +55,18 @@ def test_joblib_and_what_uses_it_work_after_a_sweep_as_before(long):
 
 
 @pytest.mark.slow
+def test_workers_make_no_folder_that_a_kill_would_leave():
+    program = (
+        "import glob, os\n"
+        "from wavesweep.program.sweep.pools import in_parallel\n"
+        "for done in in_parallel('loky', 2, [(divmod, 3, 2)] * 2):\n"
+        "    print(*glob.glob(f'/dev/shm/joblib_memmapping_folder_{os.getpid()}_*'))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n") == ["", "", ""]
+
+
+@pytest.mark.slow
 def test_the_next_run_has_the_processes_of_the_last_one_and_an_error_ends_them(tmp_path):
     def both(name):
         """The processes of a run whose two tasks wait for each other, so that neither process does both."""

@@ -84,7 +84,7 @@ def existing_facts(kind: str, directory: str | Path) -> dict[str, Any] | None:
     from wavesweep.program.results.table_files import schema_facts
 
     files = [Path(directory) / name for name in names_of(kind)]
-    if not any(file.exists() for file in files):
+    if not any(os.path.lexists(file) for file in files):
         return None
     # Files without facts of ours belong to somebody as well, and are not replaced.
     return packaged_facts(files[-1]) or schema_facts(Path(directory) / f"{kind}.parquet")

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from wavesweep.engine.arguments import boolean
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.atomic_files import make_folders, sync
+from wavesweep.program.atomic_files import make_folders, read_file, sync
 from wavesweep.program.platform_compat import OPEN
 from wavesweep.program.results.folder import refuse_folders, refuse_unusable, remove_unfinished
 
@@ -43,9 +44,11 @@ def at_work(
 
 def _acquired(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> Callable[[], None]:
     """What releases the lock of a table, once it is ours; its file has the name of the holder beside it."""
-    if path.is_symlink() or (path.exists() and not path.is_file()):
-        raise UsageError(f"{path}: expected a lock file or none, found something else; move it away")
-    holder, unlock = path.with_suffix(".holder"), _locked(path, wait=False)
+    holder = path.with_suffix(".holder")
+    for file in (path, holder):
+        if os.path.lexists(file) and not stat.S_ISREG(file.lstat().st_mode):
+            raise UsageError(f"{file}: expected a lock file or none, found something else; move it away")
+    unlock = _locked(path, wait=False)
     while unlock is None:
         busy = f"{path.parent}: another run is at work on {kind} here{_name_in(holder)}"
         if not wait:
@@ -55,7 +58,9 @@ def _acquired(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> 
     with suppress(OSError):  # the name is for people alone
         host = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "this machine")
         since = time.strftime("%Y-%m-%d %H:%M:%S")
-        holder.write_text(f"process {os.getpid()} on {host}, since {since}", encoding="utf-8")
+        holder.unlink(missing_ok=True)  # what another run left, whatever has taken its place meanwhile
+        with os.fdopen(os.open(holder, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o644), "w", encoding="utf-8") as file:
+            file.write(f"process {os.getpid()} on {host}, since {since}")
     return unlock
 
 
@@ -96,7 +101,7 @@ def _locked_elsewhere(path: Path, wait: bool) -> Callable[[], None] | None:
 def _name_in(holder: Path) -> str:
     """The name of the holder of a lock, in brackets; empty if it is not there yet."""
     try:
-        return f" ({holder.read_text(encoding='utf-8')})"
+        return f" ({read_file(holder).decode()})"
     except (OSError, ValueError):
         return ""
 

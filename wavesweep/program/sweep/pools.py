@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import tempfile
 import threading
 import time
 import warnings
@@ -89,7 +90,9 @@ def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tu
         }
     try:
         with parallel_config(backend, **options), _started_here():
-            run = Parallel(count, return_as="generator_unordered", batch_size=1, pre_dispatch=AHEAD * count, max_nbytes=None)
+            # Arrays are never mapped: with this folder named, joblib makes none of its own, which a kill would leave.
+            shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
+            run = Parallel(count, return_as="generator_unordered", batch_size=1, pre_dispatch=AHEAD * count, **shared)
             answers = run(tasks)
     except OSError as error:  # no processes, no /dev/shm
         raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
