@@ -47,3 +47,20 @@ def test_deep_inside_there_is_no_second_side():
     ahead, _, of_force = response("implicit")
     one, both = (Meeting(K, B, ahead * of_force, of_force, position) for position in (0.0, None))
     assert one.force(0.05, 0.7) == both.force(0.05, 0.7)
+
+
+@pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])
+def test_a_wall_that_only_pushes_never_pulls(integration):
+    """Its force is `max(0, K depth + B speed)` of depth and speed with that force, on both sides of the surface."""
+    source, (ahead, of_wave, of_force) = np.random.default_rng(6), response(integration)
+    wall, outside, left = Meeting(K, B, ahead * of_force, of_force, POSITION, pulls=False), 0, 0
+    for before, u in (source.standard_normal((4000, 2)) * (0.02, 2.0)).tolist():
+        F, touched = wall.force(before + ahead * of_wave * u, of_wave * u)
+        speed = of_wave * u + of_force * F
+        depth = before + ahead * speed - POSITION
+        assert pytest.approx(max(0.0, K * depth + B * speed), abs=1e-12) == F
+        assert touched == (F > 0)
+        outside += touched and depth < 0
+        left += not touched and depth > 0
+    assert outside > 0
+    assert left > 0

@@ -126,6 +126,15 @@ def test_a_build_with_other_arithmetic_is_refused(flags, tmp_path):
 
 
 @compilers
+@pytest.mark.parametrize("kind", ["dc-lm", "pmw-lm"])
+def test_no_bit_differs_of_a_wall_that_only_pushes(kind, compiler, tmp_path):
+    need(compiler)
+    effects = {"wall": 0.0, "pulls": False, "late": 45, "amplitude": 5.0}
+    written(experiment(kind, effects), tmp_path)
+    check(tmp_path, compiler, "-O2")
+
+
+@compilers
 def test_the_way_out_that_the_refusal_names_is_one(compiler, tmp_path):
     need(compiler)
     if "x86_64" not in os.uname().machine:

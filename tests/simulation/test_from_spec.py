@@ -79,7 +79,7 @@ def test_force_and_options_of_a_call_stand_before_the_specs():
     [
         ([[1.0]], {}, r"force: expected a row of finite numbers, one per fast tick, found shape \(1, 1\)"),
         ([1.0, np.nan], {}, "found some that are not finite"),
-        ([1.0], {"fricton": 1.0}, "option fricton: expected some of wall, resolution"),
+        ([1.0], {"fricton": 1.0}, "option fricton: expected some of wall, pulls, resolution"),
         ([1.0], {"friction": -1.0}, "option friction: expected a number >= 0"),
         ([1.0], {"late": 1e19}, "option late: expected a whole number <= 1e.06"),
         ([1.0], {"max_force": 0}, "option max_force: expected a number > 0, found 0"),

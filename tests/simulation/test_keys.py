@@ -5,7 +5,8 @@ import pickle
 import pytest
 from support.drawn import ARM
 
-from wavesweep.engine.errors import SpecError
+import wavesweep
+from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import load
 from wavesweep.simulation.keys import KEYS, step_seconds
 
@@ -79,6 +80,19 @@ def test_a_simulated_spec_keeps_what_it_is_when_values_change_and_when_it_travel
 )
 def test_a_setting_overrides_it(override, name, value):
     assert load(LOOP | {"simulate": {"wall": 0.01, "seed": 1}}, [override]).simulate[name] == value
+
+
+def test_a_wall_that_may_pull_is_not_said_and_one_that_only_pushes_is():
+    """So the digest of a spec that says nothing of it is what it was."""
+    plain, pushes = (load(LOOP | {"simulate": {"wall": 0.01, **more}}).asking("simulate") for more in ({}, {"pulls": False}))
+    assert "pulls" not in plain.tables()["simulate"]
+    assert load(pushes.tables()).asking("simulate").simulate["pulls"] is False
+    assert pushes.sha256 != plain.sha256
+
+
+def test_a_wall_that_only_pushes_has_to_begin_somewhere():
+    with pytest.raises(UsageError, match=r"option pulls: expected simulate\.wall, where a one-sided wall begins, found none"):
+        wavesweep.simulate(LOOP | {"simulate": {"pulls": False}})
 
 
 def test_a_slow_loop_is_no_mistake_until_it_is_simulated():

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from math import gcd
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import shifted
+
+if TYPE_CHECKING:
+    from wavesweep.contact.stretches import Line
 
 PERIODS = 40  # frames, the longest period that is looked for
 INSIDE = 1e-3  # of the value at which a motion begins to exist

@@ -7,17 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.contact.circle_check import Multiplier, open_angles
+from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.multipliers import LEAST, Sampled
 from wavesweep.contact.wall_loop import WallLoop
 
 # Shares of a linear interval, where a first value is looked for.
-SEEDS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9)
+SEEDS = (0.3, 0.1, 0.01, 0.001, 0.6, 0.9)
 NEAR = 2e-4  # of a linear interval, how near to its ends a proof is tried
 RESOLVED = 1e-3  # of the end that is found, how far the next failure is known to be
 STEPS = 12  # at most, towards an end
 SAMPLED_AGAIN = 4  # times at most, with angles at which the check fails
 MORE_ANGLES = 20  # of these
-PIECES = 6  # at most of a stretch, each with a multiplier of its own
+ROOM = 2e-3  # of a stretch, which a check needs before the first motion that goes on
+BACK = (0, 0.003, 0.01, 0.03, 0.1, 0.3)  # shares of a stretch that are given up in turn, for a check
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,21 +116,24 @@ class Line:
     def stretch(self, low: float, high: float) -> Stretch | None:
         """The stretch that is proved within (low, high); None if none is found.
 
-        low, high: of an interval in which the linear loop is stable.
+        low, high: of an interval in which the linear loop is stable. It ends before the first
+        motion that goes on, and mostly next to it, so that this is tried first.
         """
-        whole = self.proved(low, high)
+        motion = motion_beyond(self, low, high)
+        ceiling = motion.value if motion else high
+        whole = self.proved(low, low + (1 - ROOM) * (ceiling - low) if motion else high)
         if whole is not None:
             return Stretch((whole,))
-        values = [low + share * (high - low) for share in SEEDS]
+        values = [low + share * (ceiling - low) for share in SEEDS]
         margins = (self.sampled.multiplier(self.walls(value))[1] for value in values)
         serves = (value for value, margin in zip(values, margins, strict=True) if margin > LEAST)
         seed = next(serves, None)
         if seed is None:
             return None
-        bottom, top = self.end(seed, low), self.end(seed, high)
+        bottom, top = self.end(seed, low), self.end(seed, ceiling)
         pieces: list[Piece] = []
-        for step in range(PIECES):
-            at = pieces[-1].low if pieces else top - step * RESOLVED * (top - bottom)
+        for back in BACK:
+            at = pieces[-1].low if pieces else top - back * (top - bottom)
             piece = self.proved(bottom, at) or self.proved(bottom, at, whole=False)
             if piece:
                 pieces.append(piece)

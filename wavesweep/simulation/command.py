@@ -20,7 +20,8 @@ def simulate(spec: str, options: Options) -> None:
     sine or a stepped sine, the response estimated from it is written as a second table, simulate-response.
 
     A one-sided wall is off outside it. Inside, its force is that of spring and damper, which may also pull: the damper does
-    when the hand leaves fast, and so does a force that is held or late.
+    when the hand leaves fast, and so does a force that is held or late. With pulls = false it only pushes: its force is
+    max(0, K depth + B speed), also shortly before a fast hand arrives, and it is what [for_all] contact is about.
 
     Of a loop that the spec draws, an input in [ports] may be in the place of the hand: [simulate] from = "INPUT". The table has
     its inputs, its outputs and its named signals; after a step the summary says where the outputs settle, and when.

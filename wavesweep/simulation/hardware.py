@@ -24,6 +24,7 @@ class Effects:
 
     Parameters:
     `wall` the position (m) above which there is a one-sided wall, None for the model's wall on both sides of 0;
+    `pulls` whether its damper may pull inside; otherwise its force is ``max(0, K depth + B speed)``, outside too;
     `resolution` of the encoder (m), 0 for none: position is the nearest step, velocity its difference if the spec
     says ``difference`` (an ``exact`` velocity stays exact);
     `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, which the
@@ -40,6 +41,7 @@ class Effects:
     """
 
     wall: float | None = None
+    pulls: bool = True
     resolution: float = 0.0
     max_force: float | None = None
     friction: float = 0.0

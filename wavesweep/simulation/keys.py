@@ -68,6 +68,14 @@ KEYS = by_path(
         gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
         whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
         number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
+        Key(
+            "simulate.pulls",
+            "boolean",
+            True,
+            "",
+            "whether the damper of a one-sided wall may pull inside; false: F = max(0, K depth + B speed), a wall that only "
+            "pushes, beside which a local model acts in free space too",
+        ),
         HARDWARE_KEYS["simulate.resolution"],
         HARDWARE_KEYS["simulate.max_force"],
         HARDWARE_KEYS["simulate.friction"],
@@ -237,6 +245,8 @@ class Experiment(TableValue):
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         present = {name: value for name, value in self.values.items() if value is not None}
+        if self.values["pulls"]:  # digests of specs that do not say it stay as they are
+            del present["pulls"]
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
         frames = present.get("frames", "")
         frames = {} if isinstance(frames, str) else {"frames": [frame.written() for frame in frames]}

@@ -172,7 +172,7 @@ class March:
         messages: Messages = MappingProxyType({}),
     ) -> None:
         refuse(loop, effects)
-        self.loop = loop = loop.behind(effects.wall) if effects.wall is not None else loop
+        self.loop = loop = loop.behind(effects.wall, effects.pulls) if effects.wall is not None else loop
         self.entry, self.drawn = entry or loop.hand, drawn
         self.effects, self.watched, self.results, self.messages = effects, tuple(watched), results_of(loop), messages
         self.late = bool(effects.late or effects.dropped or loop.waits or loop.channels)
@@ -382,6 +382,7 @@ def refuse(loop: MarchedLoop, effects: Effects) -> None:
         (["jitter"] * bool(effects.jitter), not plants, "no plant besides the device", ", ".join(plants)),
         (["jitter"] * bool(effects.jitter), not loop.late[0], "forces that change at ticks", f"the dead time {loop.late[0]}"),
         (wall, loop.wall, linear, "none"),
+        (["pulls"] * (not effects.pulls), wall, "simulate.wall, where a one-sided wall begins", "none"),
         (late + ["frames"] * loop.waits, slow, "slow blocks (every > 1) that others read, or a wall", "none"),
     ):
         if names and not met:

@@ -108,7 +108,8 @@ class RunningBlock:
 class Wall:
     """A wall `F = K depth + B speed`: its numbers (N/m, N s/m), and depth (m) and speed (m/s) as sums of signals.
 
-    names: of its numbers in the drawing. position: above which it fills space if it is one-sided, otherwise None.
+    names: of its numbers in the drawing. position: above which it fills space if it is one-sided, otherwise None. pulls:
+    whether it may pull inside, and does nothing outside; otherwise the force of both is cut off at 0.
     """
 
     names: tuple[str, ...]
@@ -117,6 +118,7 @@ class Wall:
     depth: Sum
     speed: Sum
     position: float | None = None
+    pulls: bool = True
 
 
 @dataclass(frozen=True)
@@ -187,13 +189,15 @@ class MarchedLoop:
         read = [port for port, terms in wires.items() if any(name == signal for _, name in terms)]
         return [ports[port].rhythm if port in ports else Rhythm() for port in read]
 
-    def behind(self, position: float) -> MarchedLoop:
+    def behind(self, position: float, pulls: bool) -> MarchedLoop:
         """The loop whose wall is one-sided and begins at a position (m)."""
-        return replace(self, wall=replace(self.wall, position=position))
+        return replace(self, wall=replace(self.wall, position=position, pulls=pulls))
 
     @property
     def gated(self) -> bool:
-        """Whether a part or a wire is another one while the wall is not touched."""
+        """Whether a part or a wire is another one while the wall is not touched; not beside one that only pushes."""
+        if self.wall and not self.wall.pulls:
+            return False
         return self.wires != self.away or any(block.law != block.away for block in self.blocks)
 
     @property

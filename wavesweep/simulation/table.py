@@ -179,7 +179,7 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "seconds": rows * tick,
         "stopped": facts["ticks"]["stopped"],
         "linear_loop": dict(facts["linear_loop"]),
-        "contact": {"times": made, "share": float(touching.mean())} if "wall" in options and rows else None,
+        "contact": _contact(made, touching, options) if "wall" in options and rows else None,
         "rest_s": _rest(columns) if options.get("friction") and rows else None,
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
@@ -190,6 +190,11 @@ def _run_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
             name: _stepped(columns, name, final, options["at_s"]) for name, final in facts.get("settles_at", {}).items() if rows
         },
     }
+
+
+def _contact(made: int, touching: np.ndarray, options: Mapping[str, Any]) -> Numbers:
+    """How often contact is made, for what share of the time it is felt, and whether the wall may pull."""
+    return {"times": made, "share": float(touching.mean()), "pulls": options.get("pulls", True)}
 
 
 def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
@@ -232,7 +237,9 @@ def _run_lines(found: Numbers) -> Iterator[Line]:
         return
     if found["contact"]:
         made, share = found["contact"]["times"], 100 * found["contact"]["share"]
-        yield f"contact made {'once' if made == 1 else f'{made} times'}, felt for {share:.3g} % of the time", False
+        wall = "" if found["contact"]["pulls"] else ", of a wall that only pushes"
+        times = "once" if made == 1 else f"{made} times"
+        yield f"contact made {times}{wall}, felt for {share:.3g} % of the time", False
     yield from _result_lines(found)
 
 

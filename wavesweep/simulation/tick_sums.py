@@ -29,6 +29,7 @@ class Meeting(NamedTuple):
     yields: float
     slows: float
     position: float | None
+    pulls: bool = True
 
     def force(self, depth: float, speed: float) -> tuple[float, bool]:
         """Return the force (N) and whether the wall is touched, of a depth (m) and a speed (m/s) without the force.
@@ -36,9 +37,12 @@ class Meeting(NamedTuple):
         A one-sided wall fills depths above its position. Pressed, the force is that of spring and damper; it is if the depth
         with this force is above the position. Free, the force is 0. Between the two the damper alone would throw out what
         arrives, and let in what does not touch: the depth stays at the position, with the part of the damper's force that
-        keeps it there.
+        keeps it there. One that does not pull has the force of both, cut off at 0.
         """
         gap = depth if self.position is None else depth - self.position
+        if not self.pulls:
+            force = (self.K * gap + self.B * speed) / (1.0 - self.K * self.yields - self.B * self.slows)
+            return (force, True) if force > 0.0 else (0.0, False)
         if self.position is not None and not gap * (1.0 - self.B * self.slows) + self.yields * self.B * speed > 0.0:
             return (-gap / self.yields, True) if gap > 0.0 and self.yields < 0.0 else (0.0, False)
         return (self.K * gap + self.B * speed) / (1.0 - self.K * self.yields - self.B * self.slows), True
@@ -267,7 +271,8 @@ def _around(sums: Sums, wall: Wall):
     left, size = shares[0] - shares[1] - shares[2], sum(map(abs, shares))
     if abs(yields) <= OPEN * abs(open_):
         yields = 0.0
-    several = wall.position is not None and open_ and (left < -OPEN * size or (wall.B and yields > 0.0))
+    grazes = wall.pulls and wall.B and yields > 0.0
+    several = wall.position is not None and open_ and (left < -OPEN * size or grazes)
     if several or abs(left) <= ROUNDING * size:
         raise IllPosedLoopError(
             "within the tick the one-sided wall is both touched and not, or neither: its force has no single value; "
@@ -279,7 +284,7 @@ def _around(sums: Sums, wall: Wall):
     settled = before - (changed - {DEPTH, SPEED})
     again = {name: terms for name, terms in sums.items() if name not in settled}
     zero = [(FORCE, ())] * (len(changed) > 1)
-    return [*zero, *up], Meeting(wall.K, wall.B, yields, slows, wall.position), straight(again)[0]
+    return [*zero, *up], Meeting(wall.K, wall.B, yields, slows, wall.position, wall.pulls), straight(again)[0]
 
 
 def evaluated(lines: Iterable[tuple[str, Sum]], given: Mapping[str, float], kept: Collection[str] = ()) -> dict[str, float]:

@@ -100,7 +100,7 @@ def loop_with(spec: Spec, drawing: Drawing, values: Mapping[str, Any], frames: F
     effects = effects_of(spec)
     loop = loop_of(drawing, {**values, **SLOW_ALONE} if frames and spec.drawing is None else values, frames)
     refuse(loop, effects)
-    return loop if effects.wall is None else loop.behind(effects.wall)
+    return loop if effects.wall is None else loop.behind(effects.wall, effects.pulls)
 
 
 def march_of(spec: Spec, loop: MarchedLoop, steps: Steps | None, inputs: list[str], outputs: Mapping[str, str]) -> March:

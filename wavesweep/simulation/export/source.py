@@ -264,6 +264,7 @@ def _values(
         "cases": "\n".join(cases),
         "touching": int(loop.walled and not (wall and wall.position is not None and wall.position >= 0.0)),
         "one_sided": int(wall is not None and wall.position is not None),
+        "pulls": int(wall is None or wall.pulls),
         "wall_depth": own.places[DEPTH],
         "wall_speed": own.places[SPEED],
         "wall_force": own.places[FORCE],

@@ -3,7 +3,7 @@
 /* The wall's force, from its depth and speed without it; with the force F these are depth + yields F and speed + slows F. */
 static void meet(ws_state *s, double yields, double slows)
 {
-    enum { ONE_SIDED = $one_sided };
+    enum { ONE_SIDED = $one_sided, PULLS = $pulls };
     const double K = s->wall.K, B = s->wall.B, speed = s->z[$wall_speed];
     const double gap = ONE_SIDED ? s->z[$wall_depth] - s->wall.position : s->z[$wall_depth];
     const double whole = 1.0 - K * yields - B * slows;
@@ -13,6 +13,11 @@ static void meet(ws_state *s, double yields, double slows)
         s->z[$wall_force] = s->touched ? -gap / yields : 0.0;
     } else {
         s->z[$wall_force] = (K * gap + B * speed) / whole;
+    }
+    if (!PULLS) {
+        const double force = (K * gap + B * speed) / whole;
+        s->touched = force > 0.0;
+        s->z[$wall_force] = s->touched ? force : 0.0;
     }
     if (ONE_SIDED ? !(whole > 0.0) : !(whole < 0.0 || whole > 0.0))
         s->ill_posed = 1;
