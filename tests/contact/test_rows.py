@@ -1,5 +1,8 @@
 """[for_all] contact: the key, the rows of tables, and the line of `check`."""
 
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -150,6 +153,22 @@ def test_check_says_it():
     ((rank, line),) = lines(spec_of(FIG4), found)
     assert rank == 1
     assert line.endswith("own stiffness and damping: proved to come to rest")
+
+
+def test_the_example_draws_a_wall_that_goes_on_and_two_that_rest(tmp_path):
+    path = Path("sweeps/examples/contact.py").resolve()
+    made = spec_from_file_location("contact_example", path)
+    example = module_from_spec(made)
+    made.loader.exec_module(example)
+    example.main(tmp_path)
+    assert (tmp_path / "contact.png").stat().st_size > 10_000
+    rows = wavesweep.compile(example.SPEC).stable_intervals(along="K_VE", span=(0, 2000), B_VE=[example.DAMPING])
+    row = rows[rows["guarantee"] == "contact"].iloc[0]
+    readings, forces, push = example.counterexample(row)
+    start = example.begin(row.fails_from, readings, forces, push)
+    wall = example.curve(readings, forces)
+    assert np.ptp(example.march(row.fails_from, wall, push, *start)[-20:]) > 1.9
+    assert np.ptp(example.march(0.95 * row.high, wall, push, *start)[-20:]) < 1e-3
 
 
 def test_the_library_gives_the_rows():
