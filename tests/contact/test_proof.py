@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.contact.circle_check import Multiplier, open_angles
 from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.stretches import Line
-from wavesweep.contact.wall_loop import WallLoop
+from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -90,11 +90,11 @@ def test_a_pole_that_a_wall_drives_outwards_is_refused():
 def test_errors_of_the_frame_count():
     """A wall next to its limit is not proved if the frame is known to 1e-4 only."""
     loop = wall_loop(FIG4)
-    line = Line.of(loop, 0, 5.0)
+    line = Line.of(WallsAlong(loop, 0, 5.0))
     piece = line.proved(0.0, 1198.0)
-    assert not open_angles(loop, line.walls(0.0, 1198.0), piece.multiplier).size
+    assert not open_angles(loop, line.walls.at(0.0, 1198.0), piece.multiplier).size
     rough = replace(loop, dE=loop.dE + 1e-4 * np.abs(loop.E))
-    assert open_angles(rough, line.walls(0.0, 1198.0), piece.multiplier).size
+    assert open_angles(rough, line.walls.at(0.0, 1198.0), piece.multiplier).size
 
 
 @pytest.mark.parametrize(
@@ -103,11 +103,11 @@ def test_errors_of_the_frame_count():
 )
 def test_figure_4_is_proved_up_to_a_motion_that_goes_on(damping, limit, share):
     """Up to a share of the linear limit, beyond which some wall goes on for ever, or all of it."""
-    line = Line.of(wall_loop(FIG4), 0, float(damping))
+    line = Line.of(WallsAlong(wall_loop(FIG4), 0, float(damping)))
     stretch = line.stretch(0.0, limit)
     assert stretch.low == 0
     assert stretch.high > share * limit
-    motion = motion_beyond(line, stretch.high, limit)
+    motion = motion_beyond(line.walls, stretch.high, limit)
     assert (motion is None) == (damping > 3)
     assert motion is None or motion.value < 1.005 * stretch.high
 
@@ -133,11 +133,11 @@ def march(wall, readings, forces, push, state, frames):
 
 def test_a_motion_that_refutes_goes_on_though_it_is_disturbed():
     """Direct coupling to the slow wall: marched from a start that is off by a thousandth."""
-    line = Line.of(wall_loop(SLOW), 0, 0.3)
+    line = Line.of(WallsAlong(wall_loop(SLOW), 0, 0.3))
     linear = wavesweep.compile(SLOW).stable_intervals(along="K_VE", span=(0, 500), B_VE=[0.3])
     interval = float(linear.high[0])
     stretch = line.stretch(0.0, interval)
-    motion = motion_beyond(line, stretch.high, interval, inside=3e-3)
+    motion = motion_beyond(line.walls, stretch.high, interval, inside=3e-3)
     assert 0.1 * interval < stretch.high < motion.value < interval
     A, b = sampled_device()
     wall, period = np.array([motion.value, 0.3]), motion.force.size
@@ -170,7 +170,7 @@ def any_wall(rng):
 def test_random_walls_and_starts_come_to_rest_where_it_is_proved():
     """A rude search: none of 100 marches next to the end of what is proved goes on."""
     rng = np.random.default_rng(5)
-    line = Line.of(wall_loop(SLOW), 0, 0.3)
+    line = Line.of(WallsAlong(wall_loop(SLOW), 0, 0.3))
     stretch = line.stretch(0.0, 60.0)
     for _ in range(100):
         readings, forces = any_wall(rng)

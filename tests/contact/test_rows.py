@@ -162,7 +162,8 @@ def test_the_example_draws_a_wall_that_goes_on_and_two_that_rest(tmp_path):
     made.loader.exec_module(example)
     example.main(tmp_path)
     assert (tmp_path / "contact.png").stat().st_size > 10_000
-    rows = wavesweep.compile(example.SPEC).stable_intervals(along="K_VE", span=(0, 2000), B_VE=[example.DAMPING])
+    loop = wavesweep.compile(example.SPEC)
+    rows = loop.stable_intervals(along="K_VE", span=(0, 2000), B_VE=[example.DAMPING])
     row = rows[rows["guarantee"] == "contact"].iloc[0]
     readings, forces, push = example.counterexample(row)
     start = example.begin(row.fails_from, readings, forces, push)

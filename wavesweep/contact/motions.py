@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from math import gcd
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.contact.wall_loop import shifted
-
-if TYPE_CHECKING:
-    from wavesweep.contact.stretches import Line
+from wavesweep.contact.wall_loop import WallsAlong
 
 PERIODS = 40  # frames, the longest period that is looked for
 INSIDE = 1e-3  # of the value at which a motion begins to exist
@@ -47,7 +43,12 @@ def _rational() -> tuple[np.ndarray, np.ndarray]:
     return periods, 2 * np.pi * turns / periods
 
 
-def motion_beyond(line: Line, end: float, limit: float, inside: float = INSIDE) -> Motion | None:
+def motion_beyond(
+    walls: WallsAlong,
+    end: float,
+    limit: float,
+    inside: float = INSIDE,
+) -> Motion | None:
     """The motion nearest to `end` on the way to `limit`; None if none is found.
 
     inside: share of the value at which the motion begins to exist, by which it is moved on.
@@ -63,7 +64,7 @@ def motion_beyond(line: Line, end: float, limit: float, inside: float = INSIDE) 
     counterexamples to the discrete-time Kalman conjecture, IEEE Control Systems Letters 5 (2021).
     """
     periods, angles = _rational()
-    one, other = _opened(line, angles)
+    one, other = walls.opened(angles)
     found = []
     for side in (1, -1):
         turned = np.exp(-1j * side * (np.pi - np.pi / periods))
@@ -82,21 +83,14 @@ def motion_beyond(line: Line, end: float, limit: float, inside: float = INSIDE) 
     return _of(period, angle, opened[nearest], float(moved[nearest]))
 
 
-def motion_at(line: Line, value: float) -> Motion | None:
+def motion_at(walls: WallsAlong, value: float) -> Motion | None:
     """A motion at a value itself, the one farthest from ceasing to exist; None if none is."""
     periods, angles = _rational()
-    one, other = _opened(line, angles)
+    one, other = walls.opened(angles)
     opened = one + value * other
     room = np.pi / periods - np.abs(np.angle(-opened))
     most = int(np.argmax(room))
     return _of(int(periods[most]), angles[most], opened[most], value) if room[most] > 0 else None
-
-
-def _opened(line, angles):
-    """`1 + L` at the angles, as `one + value other`."""
-    responses = line.loop.responses(angles)
-    responses[:, 0] += line.loop.residue / shifted(angles)
-    return 1 - line.fixed * responses[:, 1 - line.index], -responses[:, line.index]
 
 
 def _of(period, angle, opened, value):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.contact.circle_check import Multiplier
-from wavesweep.contact.wall_loop import WallLoop, shifted
+from wavesweep.contact.wall_loop import WallLoop, WallsAlong, shifted
 
 LAGS = 12  # frames before and after; 40 find no more
 LEAST = 1e-7  # share of |1 + L| by which the condition has to hold at every angle
@@ -76,18 +76,10 @@ class Sampled:
         multiplier = Multiplier(weights[:lags], weights[lags:])
         return multiplier, float(-found.fun)
 
-    def reach(self, multiplier: Multiplier, fixed: float, index: int) -> tuple[float, float]:
-        """Return between which values of one number of the wall a multiplier serves at all angles.
-
-        index: 0 if that is K, and `fixed` is B; 1 if it is B. `1 + L` is `one + value other`, so
-        that they form an interval.
-        """
-        wall = np.array([fixed, fixed])
-        wall[index] = 0.0
-        one = self.opened(wall)
-        unit = np.eye(2)[index]
-        other = self.opened(wall + unit) - one
+    def reach(self, multiplier: Multiplier, walls: WallsAlong) -> tuple[float, float]:
+        """Return between which values a multiplier serves at all sampled angles."""
         M = multiplier.at(self.angles)[0].value
+        one, other = walls.opened(self.angles)
         offset, slope = (M * one).real, (M * other).real
         with np.errstate(divide="ignore", invalid="ignore"):
             zero = -offset / slope

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.stretches import NEAR, Line
-from wavesweep.contact.wall_loop import WallLoop
+from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loops.batch import Loops
@@ -105,7 +105,7 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
     if whole.unstable:  # as it is for the wall that is never touched
         return _recorded([], span, none=True)
     linear = stable_intervals(with_batch(cut, 1), (FIRST, SECOND)[index], span, np.array([[fixed]]))
-    line = Line.of(whole, index, fixed)
+    line = Line.of(WallsAlong(whole, index, fixed))
     ends = np.stack([linear.low, linear.high], axis=1)
     intervals = ends[linear.index >= 0].tolist()
     rows = [row for interval in intervals if (row := _row(line, interval, span))]
@@ -128,7 +128,7 @@ def _row(line, interval, span) -> Row | None:
 
 def _refuted(line, end, linear_end, border):
     """The nearest value beyond an end of a proof that is refuted, and by what; NaN and nothing."""
-    motion = motion_beyond(line, end, linear_end)
+    motion = motion_beyond(line.walls, end, linear_end)
     if motion is not None:
         return motion.value, str(motion)
     return (np.nan, "") if linear_end == border else (linear_end, LINEAR)

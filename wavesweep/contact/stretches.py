@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.contact.circle_check import Multiplier, open_angles
 from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.multipliers import LEAST, Sampled
-from wavesweep.contact.wall_loop import WallLoop
+from wavesweep.contact.wall_loop import WallsAlong
 
 # Shares of a linear interval, where a first value is looked for.
 SEEDS = (0.3, 0.1, 0.01, 0.001, 0.6, 0.9)
@@ -19,7 +19,7 @@ STEPS = 12  # at most, towards an end
 SAMPLED_AGAIN = 4  # times at most, with angles at which the check fails
 MORE_ANGLES = 20  # of these
 ROOM = 2e-3  # of a stretch, which a check needs before the first motion that goes on
-BACK = (0, 0.003, 0.01, 0.03, 0.1, 0.3)  # shares of a stretch that are given up in turn, for a check
+BACK = (0, 1e-3, 3e-3, 0.01, 0.03, 0.1)  # shares that are given up in turn, for a check
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,23 +50,15 @@ class Stretch:
 
 @dataclass(slots=True)
 class Line:
-    """Walls of a loop along one of their numbers: index 0 is K, with B `fixed`; 1 is B, K fixed."""
+    """The search along a number of the wall; its sampled angles become more where a check fails."""
 
-    loop: WallLoop
-    index: int
-    fixed: float
+    walls: WallsAlong
     sampled: Sampled
 
     @staticmethod
-    def of(loop: WallLoop, index: int, fixed: float) -> Line:
+    def of(walls: WallsAlong) -> Line:
         """Begin with the usual angles."""
-        return Line(loop, index, fixed, Sampled.of(loop, np.zeros(0)))
-
-    def walls(self, *values: float) -> np.ndarray:
-        """The walls of these values, `(values, 2)`."""
-        walls = np.full((len(values), 2), float(self.fixed))
-        walls[:, self.index] = values
-        return walls
+        return Line(walls, Sampled.of(walls.loop, np.zeros(0)))
 
     def proved(self, low: float, high: float, *, whole: bool = True) -> Piece | None:
         """A piece from low to high that is checked; None if no multiplier is found.
@@ -76,20 +68,20 @@ class Line:
         """
         start = low
         for _ in range(SAMPLED_AGAIN):
-            ends = self.walls(low, high) if whole else self.walls(high)
+            ends = self.walls.at(low, high) if whole else self.walls.at(high)
             multiplier, margin = self.sampled.multiplier(ends)
             if not margin > LEAST:
                 return None
             if not whole:
-                reached, _ = self.sampled.reach(multiplier, self.fixed, self.index)
+                reached, _ = self.sampled.reach(multiplier, self.walls)
                 start = max(low, reached + NEAR * (high - reached))
-            open_ = open_angles(self.loop, self.walls(start, high), multiplier)
+            open_ = open_angles(self.walls.loop, self.walls.at(start, high), multiplier)
             if not open_.size:
                 return Piece(start, high, multiplier)
             if np.isnan(open_).any():
                 return None
             angles = np.concatenate([self.sampled.angles, open_[:MORE_ANGLES]])
-            self.sampled = Sampled.of(self.loop, angles)
+            self.sampled = Sampled.of(self.walls.loop, angles)
         return None
 
     def end(self, seed: float, limit: float) -> float:
@@ -100,9 +92,9 @@ class Line:
         """
         best, beyond, value = seed, limit, seed
         for _ in range(STEPS):
-            multiplier, margin = self.sampled.multiplier(self.walls(value))
+            multiplier, margin = self.sampled.multiplier(self.walls.at(value))
             if margin > LEAST:
-                reach = self.sampled.reach(multiplier, self.fixed, self.index)
+                reach = self.sampled.reach(multiplier, self.walls)
                 up = limit > seed
                 reached = min(reach[up], beyond) if up else max(reach[up], beyond)
                 best = max(value, reached) if up else min(value, reached)
@@ -119,13 +111,13 @@ class Line:
         low, high: of an interval in which the linear loop is stable. It ends before the first
         motion that goes on, and mostly next to it, so that this is tried first.
         """
-        motion = motion_beyond(self, low, high)
+        motion = motion_beyond(self.walls, low, high)
         ceiling = motion.value if motion else high
         whole = self.proved(low, low + (1 - ROOM) * (ceiling - low) if motion else high)
         if whole is not None:
             return Stretch((whole,))
         values = [low + share * (ceiling - low) for share in SEEDS]
-        margins = (self.sampled.multiplier(self.walls(value))[1] for value in values)
+        margins = (self.sampled.multiplier(self.walls.at(value))[1] for value in values)
         serves = (value for value, margin in zip(values, margins, strict=True) if margin > LEAST)
         seed = next(serves, None)
         if seed is None:

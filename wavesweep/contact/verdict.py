@@ -5,7 +5,7 @@ from __future__ import annotations
 from wavesweep.contact.motions import motion_at
 from wavesweep.contact.rows import FREE, LINEAR, wall_cut
 from wavesweep.contact.stretches import Line
-from wavesweep.contact.wall_loop import WallLoop
+from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.monodromy.cut import close
 from wavesweep.engine.stability.spectrum import radius_of
 from wavesweep.program.spec import Spec
@@ -25,11 +25,11 @@ def verdict(spec: Spec) -> dict[str, str]:
         return {"verdict": "unknown", "counterexample": ""}
     if loop.unstable:
         return {"verdict": "refuted", "counterexample": FREE}
-    line = Line.of(loop, 0, damping)
+    line = Line.of(WallsAlong(loop, 0, damping))
     if line.proved(stiffness, stiffness):
         return {"verdict": "proved", "counterexample": ""}
     if radius_of(close(cut, stiffness, damping)) > 1:
         return {"verdict": "refuted", "counterexample": LINEAR}
-    motion = motion_at(line, stiffness)
+    motion = motion_at(line.walls, stiffness)
     found = str(motion) if motion else ""
     return {"verdict": "refuted" if found else "unknown", "counterexample": found}

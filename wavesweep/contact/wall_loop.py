@@ -135,6 +135,27 @@ class WallLoop:
         return X @ self.rows.T + self.direct
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class WallsAlong:
+    """Walls of a loop along one of their numbers: index 0 is K, with B `fixed`; 1 is B, K fixed."""
+
+    loop: WallLoop
+    index: int
+    fixed: float
+
+    def at(self, *values: float) -> np.ndarray:
+        """The walls of these values, `(values, 2)`."""
+        walls = np.full((len(values), 2), float(self.fixed))
+        walls[:, self.index] = values
+        return walls
+
+    def opened(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return one and other, `(angles,)`, of which `1 + L` is `one + value other`."""
+        responses = self.loop.responses(angles)
+        responses[:, 0] += self.loop.residue / shifted(angles)
+        return 1 - self.fixed * responses[:, 1 - self.index], -responses[:, self.index]
+
+
 def shifted(angles: np.ndarray) -> np.ndarray:
     """Return `exp(j angle) - 1`, with all digits near 1."""
     return -2 * np.sin(angles / 2) ** 2 + 1j * np.sin(angles)
