@@ -120,8 +120,25 @@ def test_a_loop_that_nothing_reaches_is_not_simulated():
         load(tomllib.loads(NETWORK)).asking("simulate")
 
 
-def test_no_port_has_the_name_of_a_column_of_a_simulation():
+def test_the_columns_of_a_simulation_are_those_that_are_kept_apart():
     assert {field.name for field in kind_named("simulate").fields} == RUN_COLUMNS
+
+
+def test_an_output_and_an_input_may_have_any_name():
+    """Where that is a column of a simulation, theirs has a prefix; the numbers are those under any other name."""
+    names = [*sorted(RUN_COLUMNS - {"v"}), "hand", "low", "certified", "unit"]
+    drive = tables(**{"from": "v"})
+    inputs, speed = drive["ports"]["inputs"], drive["ports"]["outputs"]["speed"]
+    drive["ports"] = {"inputs": {"v": inputs["ref"], "load": inputs["load"]}, "outputs": dict.fromkeys(names, speed)}
+    (given,), (other,) = (wavesweep.simulate(each) for each in (tables(), drive))
+    for name in names:
+        column = f"outputs.{name}" if name in RUN_COLUMNS else name
+        assert (other[column] == given["speed"]).all(), name
+    assert (other["inputs.v"] == given["ref"]).all()
+    assert {other.attrs["units"][name] for name in ("inputs.v", "outputs.x", "hand")} == {"rad/s"}
+    assert other.attrs["summary"]["outputs"]["x"]["settles_at"] == pytest.approx(1.0)
+    shown = wavesweep.compile(drive).response([1.0], from_="v", to="hand").response_re
+    assert shown.tolist() == wavesweep.compile(tables()).response([1.0], from_="ref", to="speed").response_re.tolist()
 
 
 def test_a_signal_that_is_asked_for_is_an_output_like_a_declared_one():

@@ -27,6 +27,7 @@ from wavesweep.program.plots.style import (
     warn_above,
     wide,
 )
+from wavesweep.program.spec.drawn_spec import run_column
 from wavesweep.program.tables.columns import signals_of
 from wavesweep.simulation.keys import RANDOM
 
@@ -137,9 +138,10 @@ def _ports(columns: Columns, facts: Mapping[str, Any]) -> list[Panel]:
     units = {name: field.unit for name, field in signals_of(facts).items() if name in columns}
     sizes = {name: np.abs(columns[name]).max(initial=0.0, where=np.isfinite(columns[name])) for name in units}
     ports = facts["spec"].get("ports", {})
-    inputs = [name for name in ports.get("inputs", {}) if name in units and columns[name].any()]
-    outputs = [name for name in ports.get("outputs", {}) if name in units]
-    unlisted = [name for name in units if name not in (*ports.get("inputs", {}), *outputs)]
+    entries, outputs = ([run_column(side, name) for name in ports.get(side, {})] for side in ("inputs", "outputs"))
+    inputs = [name for name in entries if name in units and columns[name].any()]
+    outputs = [name for name in outputs if name in units]
+    unlisted = [name for name in units if name not in (*entries, *outputs)]
 
     def alike(one: str, other: str) -> bool:
         low, high = sorted((sizes[one], sizes[other]))

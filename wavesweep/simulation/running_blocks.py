@@ -14,7 +14,8 @@ from wavesweep.engine.drawing.block_types import TYPES, without_rule
 from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import degree, names_in, value_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.spec.drawn_spec import RUN_COLUMNS
+from wavesweep.engine.loops.dead_time import ROUNDED
+from wavesweep.program.spec.drawn_spec import run_column
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
 
 FORCE = "wall force"  # the number that all wires read in which the wall's stiffness and damping stand
@@ -261,7 +262,7 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
         wiring[AT + name] = tuple((gain, f"{name}.next") for gain, signal in wiring.get(REACTION, ()) if signal == f"{name}.y")
     late = next(((name, 1.0 - waits[name][1]) for name in arriving), ("", 1.0))
     body = next((tuple(_numbers(block, numbers).values()) for block in drawing.blocks if block.name == device), ())
-    entries = tuple((name, signal) for name, signal, _ in drawing.inputs if signal != hand)
+    entries = tuple((run_column("inputs", name), signal) for name, signal, _ in drawing.inputs if signal != hand)
     channels = {block.name: _numbers(block, numbers) for block in drawing.channels}
     loop = replace(loop, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
     return replace(loop, device=device, body=body, late=late, wall=wall, walled=bool(drawing.wall), frames=frames)
@@ -269,9 +270,9 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
 
 def _shown_signals(drawing):
     """The terms of named signals and outputs by their columns; those with the name of an input are left out."""
-    named = {name if name not in RUN_COLUMNS else f"signals.{name}": terms for name, terms in drawing.named}
-    named |= {name: terms for name, terms, _ in drawing.outputs}
-    inputs = {name for name, _, _ in drawing.inputs}
+    named = {run_column("signals", name): terms for name, terms in drawing.named}
+    named |= {run_column("outputs", name): terms for name, terms, _ in drawing.outputs}
+    inputs = {run_column("inputs", name) for name, _, _ in drawing.inputs}
     return {name: terms for name, terms in named.items() if name not in inputs}
 
 
@@ -369,7 +370,7 @@ def _part(block, known, tick, frames):
 def divided(ticks: float) -> tuple[int, float]:
     """Return a time in ticks as whole ticks less a share of one."""
     near = round(ticks)
-    whole_ticks = near if abs(ticks - near) <= SAME * max(1.0, ticks) else math.ceil(ticks)
+    whole_ticks = near if abs(ticks - near) <= ROUNDED * max(1.0, ticks) else math.ceil(ticks)
     return whole_ticks, max(0.0, whole_ticks - ticks)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from wavesweep.program.columns import Columns
 from wavesweep.program.reading.devices import DEVICES
+from wavesweep.program.spec.drawn_spec import run_column
 from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, in_doubt, plain, whole_kind
 from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS
@@ -87,7 +88,8 @@ def _reached(ends: Mapping[str, float], columns: Columns) -> dict[str, float]:
     """The ends to which a run comes: what is at rest in the linear loop is so whatever messages do."""
     reached = {}
     for name, end in ends.items():
-        last = columns[name][-1] if len(columns[name]) else np.nan
+        column = columns[run_column("outputs", name)]
+        last = column[-1] if len(column) else np.nan
         if abs(last - end) <= WITHIN * abs(end):
             reached[name] = end
     return reached
@@ -199,7 +201,7 @@ def _contact(made: int, touching: np.ndarray, options: Mapping[str, Any]) -> Num
 
 def _stepped(columns: Columns, name: str, final: float, start: float) -> Numbers:
     """What an output does after a step at `start` (s): where it settles, its peak, and when it has settled, after the step."""
-    values, after = columns[name], np.round(columns["time_s"] - start, 12)
+    values, after = columns[run_column("outputs", name)], np.round(columns["time_s"] - start, 12)
     peak = int(np.argmax(np.abs(values)))
     outside = np.flatnonzero(np.abs(values - final) > WITHIN * abs(final))
     settled = int(outside[-1]) + 1 if outside.size else 0

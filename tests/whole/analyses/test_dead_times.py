@@ -227,3 +227,24 @@ def test_a_delay_line_beside_a_dead_time_and_a_lag_is_one_interval():
     polynomial = np.convolve([1, -lag], np.eye(1, 44, 0)[0] - 0.5 * np.eye(1, 44, 20)[0])
     polynomial[23:25] += 0.2 * row.high * np.array([1 - half, half - lag])
     assert np.abs(np.roots(polynomial)).max() == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize("digits", [12, 13, 15])
+@pytest.mark.parametrize("tick_hz", [60, 90, 7])
+def test_a_dead_time_of_a_tick_in_twelve_digits_is_a_tick(tick_hz, digits):
+    """1/60 s is 0.0166666666667 s as people write it."""
+    tables = {
+        "rates": {"tick_hz": tick_hz},
+        "numbers": {"k": 5.0},
+        "block": {"m": {"type": "mass", "mass": 0.5, "damping": 2.0}},
+        "wire": {"late.u": "k*m.x", "m.f": "-late.y"},
+        "sweep": {"along": "k", "k": {"start": 0, "stop": 1000}},
+    }
+
+    def late(seconds):
+        block = tables["block"] | {"late": {"type": "delay", "seconds": seconds}}
+        return wavesweep.compile(tables | {"block": block})
+
+    written, exact = late(float(f"{1 / tick_hz:.{digits}g}")), late(1 / tick_hz)
+    assert written.poles().shape == exact.poles().shape
+    assert written.stable_intervals().high.iloc[0] == pytest.approx(exact.stable_intervals().high.iloc[0], rel=1e-10)

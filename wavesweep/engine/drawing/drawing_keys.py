@@ -49,7 +49,7 @@ class KeyReader:
     def __init__(self, source: Place, axes: frozenset[str], classes: tuple[str, ...] = ()) -> None:
         self.source = source
         self.classes = classes
-        self.taken: Mapping[str, frozenset[str]] = {}  # see `Surroundings`
+        self.taken: frozenset[str] = frozenset()  # see `Surroundings`
         self.axes = axes
         self.own: dict[str, float | int] = {}
         self.mistakes = Mistakes()

@@ -101,9 +101,7 @@ class PortReader(KeyReader):
         for name, keys in ports.items():
             path, first = f"ports.{side}.{name}", next(iter(keys.values()))
             self.leaves |= {path if key == "signal" else f"{path}.unit": leaf for key, leaf in keys.items()}
-            if name in self.taken.get("ports", ()):
-                self.refuse(first, path, *column_fault("ports", name))
-            elif not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
+            if not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
                 self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
             if "signal" not in keys:
                 self.refuse(first.place.parent(), path, f"the key signal, {NAMED[side]}", "none")
@@ -215,8 +213,3 @@ def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) ->
 def expected_table(side: str) -> str:
     """Return what a table of [ports] has to be."""
     return f"a table, NAME = {NAMED[side]}" if side in NAMED else f"{{ {', '.join(PORTS[side])} }}"
-
-
-def column_fault(table: str, name: str) -> tuple[str, str]:
-    """Return expected and found text of the name of a column."""
-    return f"a name that no column of a table has; `wavesweep keys {table}` lists those", f"{show(name)}, which one has"

@@ -11,7 +11,7 @@ from wavesweep.engine.drawing.conditions import displaced, faults
 from wavesweep.engine.drawing.continuous import Wires, parted, watching_held
 from wavesweep.engine.drawing.drawing import RATE, Drawing, decides, path_of
 from wavesweep.engine.drawing.drawing_keys import NAME, is_dotted, is_name
-from wavesweep.engine.drawing.drawing_ports import TURNS, PortReader, column_fault
+from wavesweep.engine.drawing.drawing_ports import TURNS, PortReader
 from wavesweep.engine.drawing.drawn_block import DrawnBlock, Plant
 from wavesweep.engine.drawing.expressions import (
     ONE,
@@ -43,13 +43,13 @@ class Surroundings:
 
     axes: paths of keys of blocks that are numbers too, since something varies them. signals: those that are outputs too, by
     name, with the leaf that asks for each. classes: names of types that blocks could have had in addition, for messages.
-    taken: names that no number, and no port, may have since columns of tables have them: "numbers" and "ports".
+    taken: names that no number may have, since columns of tables have them.
     """
 
     axes: frozenset[str] = frozenset()
     signals: Mapping[str, Leaf] = field(default_factory=dict)
     classes: tuple[str, ...] = ()
-    taken: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    taken: frozenset[str] = frozenset()
 
 
 class ReadDrawing(NamedTuple):
@@ -202,8 +202,9 @@ class _TableReader(PortReader):
     def check_names_of_number(self, name: str, keys: Mapping[str, Leaf], place: Place) -> None:
         """Refuse the name of a number, or of one of its keys, that is none. place: of the number."""
         path = path_of(name)
-        if name in self.taken.get("numbers", ()):
-            self.refuse(place, path, *column_fault("numbers", name))
+        if name in self.taken:
+            expected = "a name that no column of a table has; `wavesweep keys numbers` lists those"
+            self.refuse(place, path, expected, f"{show(name)}, which one has")
         elif not is_name(name) or name in RESERVED:
             self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
         for key, leaf in keys.items():
@@ -213,7 +214,7 @@ class _TableReader(PortReader):
     def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
         """Read the blocks, and what wires can read and have to feed."""
         read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
-        blocks = tuple(block for block in read.values() if block is not None)
+        blocks = tuple(block.settled() for block in read.values() if block is not None)
         if not read:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
         kinds = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}

@@ -70,6 +70,13 @@ class DrawnBlock:
         ahead = ("*", ("number", AHEAD[keys["integration"]], 0), ("/", self.every, tick_hz, 0), 0)
         return ("+", ("+", keys["b"], keys["B"], 0), ("*", keys["K"], ahead, 0), 0)
 
+    def settled(self) -> DrawnBlock:
+        """The block itself, or a hold in place of a channel whose messages are all in time by its own keys."""
+        keys = dict(self.keys)
+        if self.type == "channel" and all(keys[name][:2] == ("number", 0.0) for name in ("late", "lost", "loss", "burst")):
+            return replace(self, type="hold", keys=(), limits=())
+        return self
+
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
         """The block itself, or of a block of firmware its transfer function; named: in the names of its keys and of T."""
         if self.type == "fir":  # of any length, so that it has no formula

@@ -27,7 +27,8 @@ from wavesweep.engine.loops.values import values_of
 
 SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
 FINEST = 64  # parts of a tick, of which a finer tick is made
-ROUNDED = 1e-12  # relative distance from a whole number of ticks up to which a dead time is meant to be one
+# Relative distance from a whole number of ticks up to which a dead time is meant to be one: that of a decimal of twelve digits.
+ROUNDED = 1e-11
 
 
 def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:

@@ -116,8 +116,8 @@ def _own_names(name: str, table: Description) -> Iterator[str]:
         unit = "without unit" if kind["unit"] == "1" else kind["unit"]
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
         yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
-    if reserved := drawn_spec.TAKEN.get(name):
-        yield f"  names of columns of tables, which are taken: {', '.join(sorted(reserved))}"
+    if name == "numbers":
+        yield f"  names of columns of tables, which are taken: {', '.join(sorted(drawn_spec.COLUMNS))}"
 
 
 def _types(types: Mapping[str, Description]) -> Iterator[str]:

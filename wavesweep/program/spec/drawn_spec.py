@@ -23,7 +23,7 @@ COLUMNS = frozenset(
         *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
     )
 )
-# Names of columns of a simulation, which an input or an output must not have, since it becomes a column itself.
+# Names of columns of a simulation; an input, output or named signal with one of these has another column, see `run_column`.
 RUN_COLUMNS = frozenset(
     (
         *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),
@@ -31,7 +31,11 @@ RUN_COLUMNS = frozenset(
         *(f"energy_{part}" for part in ("hand", "device", "user", "slow", "local", "channel")),
     )
 )
-TAKEN = {"numbers": COLUMNS, "ports": COLUMNS | RUN_COLUMNS}  # names of columns, which no number or port may have
+
+
+def run_column(table: str, name: str) -> str:
+    """The column of a simulation that shows an input, output or signal; table: inputs, outputs or signals."""
+    return f"{table}.{name}" if name in RUN_COLUMNS else name
 
 
 def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
@@ -39,7 +43,7 @@ def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
     signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
     asking = (leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves)
     outputs = {name: leaf for leaf in asking for name in names_in_list(leaf)}
-    return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), TAKEN)
+    return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), COLUMNS)
 
 
 def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:

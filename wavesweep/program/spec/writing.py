@@ -71,7 +71,7 @@ def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, o
     """Return what a spec could give for a port, wire or signal, or for a number that follows from others."""
     leaf, (table, _, rest) = given.leaves[path], path.partition(".")
     if path.startswith(("ports.inputs.", "ports.outputs.")):
-        if path.endswith(".unit"):
+        if path.endswith(".unit") and path.removesuffix(".unit") in given.leaves:
             return {}
         word, place = given.leaves.get(f"{path}.unit"), tuple(path.split(".", 2))
         return {(*place, "signal"): leaf.value, (*place, "unit"): word.value if word else ""}
@@ -86,8 +86,9 @@ def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, o
 
 def _written_block(block, values, given):
     """The keys of a block, as `written` gives them."""
-    tables = {("block", block.name, "type"): block.type}
-    for name, key in keys_of_block(block.type).items():
+    kind = given.leaves[f"block.{block.name}.type"].value  # a channel that is always in time is drawn as a hold
+    tables = {("block", block.name, "type"): kind}
+    for name, key in keys_of_block(kind).items():
         path = f"block.{block.name}.{name}"
         leaf = given.leaves.get(path)
         value = values.get(path, leaf.value if leaf else key.default)

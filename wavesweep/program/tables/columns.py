@@ -14,6 +14,7 @@ from wavesweep.engine.keys.key import TURNED
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import KEYS, SYMBOLS
+from wavesweep.program.spec.drawn_spec import run_column
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.tables import HOMES, kind_named, kinds
 from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, FieldKind
@@ -125,13 +126,12 @@ def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows."""
     spec = (facts or {}).get("spec", {})
     named = {
-        label: Field(label, "number", "", f"{name}: {text}")
+        run_column("signals", name): Field(run_column("signals", name), "number", "", f"{name}: {text}")
         for name, text in spec.get("signals", {}).items()
-        for label in (name, f"signals.{name}")
     }
     inputs, outputs = (
         {
-            name: Field(name, "number", port["unit"], f"{meaning}: {port['signal']}")
+            run_column(side, name): Field(run_column(side, name), "number", port["unit"], f"{meaning}: {port['signal']}")
             for name, port in spec.get("ports", {}).get(side, {}).items()
         }
         for side, meaning in (("inputs", "input, held over the tick"), ("outputs", "output"))
