@@ -14,7 +14,6 @@ from wavesweep.engine.drawing.block_types import TYPES, without_rule
 from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import degree, names_in, value_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.dead_time import ROUNDED
 from wavesweep.program.spec.drawn_spec import run_column
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
 
@@ -24,6 +23,7 @@ REACTION, POSITION, VELOCITY = "reaction", "position", "velocity"  # at the hand
 LOCAL_WAVE = "local wave"  # of the waves that come back to the device, that of the fast side
 LOCAL = ("local_model.K_LM", "local_model.B_LM")  # of a controller's wires: a model of the contact, absent without one
 SEEN = "seen "  # begins the numbers of outputs and named signals, which are shown and not read
+ROUNDED = 1e-11  # of a number of ticks, how far from a whole one it may be: as a decimal of twelve digits
 SAME = 1e-12  # relative, of the shares of the wall's two numbers in two wires
 
 
