@@ -1,7 +1,10 @@
 """The answers of a page equal those of the library, and a saved page has them all."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 import tomllib
 
 import numpy as np
@@ -290,6 +293,19 @@ def test_the_command_saves_and_does_not_overwrite(tmp_path, monkeypatch, capfd):
     assert (tmp_path / "mine.html").read_text() == first
     assert main(["explore", "mine.toml", "--save", "mine.html", "--set", "device.mass=0.2", "--overwrite"]) == 0
     assert data_of((tmp_path / "mine.html").read_text())["sliders"] != data_of(first)["sliders"]
+
+
+@pytest.mark.slow
+def test_equal_specs_give_equal_pages(tmp_path):
+    """Also in processes that order sets in other ways."""
+    spec = 'controller.kind = "dc"\nsweep.B_VE = [0, 1]\n[simulate]\ninput = "step"\nduration_s = 0.2\namplitude = 1.0\n'
+    (tmp_path / "mine.toml").write_text(spec)
+    pages = []
+    for seed in ("1", "2"):
+        words = [sys.executable, "-m", "wavesweep", "explore", "mine.toml", "--save", f"{seed}.html", "-q"]
+        subprocess.run(words, cwd=tmp_path, env=os.environ | {"PYTHONHASHSEED": seed}, check=True, capture_output=True)
+        pages.append((tmp_path / f"{seed}.html").read_bytes())
+    assert pages[0] == pages[1]
 
 
 @pytest.mark.thorough

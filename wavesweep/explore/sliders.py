@@ -275,7 +275,7 @@ def text_of(spec: Spec) -> str:
 
 def _simulate_table(spec):
     """The keys of [simulate] that the spec gives, as TOML has them."""
-    names = [path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate.")]
+    names = sorted(path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate."))
     settings = {name: spec.simulate[name] for name in names} if spec.simulate else {}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()}
 

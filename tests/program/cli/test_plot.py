@@ -139,6 +139,29 @@ def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
 
 
 @pytest.mark.whole
+@pytest.mark.filterwarnings("ignore:overflow:RuntimeWarning")  # which matplotlib's own sums say before they fail
+@pytest.mark.parametrize(
+    ("name", "value"), [("channel_norm", 1e308), ("spec_name", ["x"])], ids=["a number", "a fact that is no text"]
+)
+def test_a_table_with_what_cannot_be_drawn_is_refused(wavesweep, spec, tmp_path, name, value):
+    kind = "passivity" if name == "channel_norm" else "zwidth"
+    wavesweep(kind, spec, "--no-plot", "--out", tmp_path)
+    path = tmp_path / f"{kind}.parquet"
+    table = pyarrow.parquet.read_table(path)
+    if name in table.column_names:
+        changed = pyarrow.array([value] * table.num_rows)
+        table = table.set_column(table.column_names.index(name), name, changed)
+    else:
+        (key,) = [key for key in table.schema.metadata if b"wavesweep" in key]
+        facts = json.loads(table.schema.metadata[key]) | {name: value}
+        table = table.replace_schema_metadata(table.schema.metadata | {key: json.dumps(facts).encode()})
+    pyarrow.parquet.write_table(table, path)
+    code, _, err = wavesweep("plot", path, "--out", tmp_path / "figures")
+    assert (code, len(err.strip().splitlines())) == (2, 1)
+    assert "expected numbers and facts that can be drawn" in err
+
+
+@pytest.mark.whole
 @pytest.mark.sample(7)
 @pytest.mark.parametrize("thing", ["pipe", "folder", "link to nothing", "link to a file"])
 @pytest.mark.parametrize(

@@ -12,6 +12,8 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.options import FORMATS, folder, is_given
 from wavesweep.program.cli.verbosity import verbosity
 
+NOT_OURS = (AttributeError, KeyError, IndexError, TypeError, ValueError, ArithmeticError)
+
 
 def _as_asked(context: click.Context, option: click.Parameter, text: str | None) -> str | None:
     """Have the figure drawn in this width or style, until the command ends."""
@@ -78,10 +80,14 @@ def command(table: str, formats: tuple[str, ...], out: str | None) -> None:
         if by := facts.get("drawn_by"):
             expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
             raise UsageError(f"{path}: {expected}")
-        if missing := missing_for(kind, columns, facts):
-            say(f"{path}: drawn plainly, since the capability that makes {missing} is not there", warning=True)
-        figure = plots.figure_of(kind)(columns, facts)
-        written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
+        try:
+            if missing := missing_for(kind, columns, facts):
+                say(f"{path}: drawn plainly, since the capability that makes {missing} is not there", warning=True)
+            figure = plots.figure_of(kind)(columns, facts)
+            written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
+        except NOT_OURS as error:  # a whole table may have facts and numbers that no run writes
+            said = f"{type(error).__name__}: {error}"
+            raise UsageError(f"{path}: expected numbers and facts that can be drawn, found others ({said})") from error
         package = directory / f"{path.stem}.datapackage.json"
         if package.exists() and directory.resolve() == path.parent.resolve():
             results.add_figures(package, kind, written)
