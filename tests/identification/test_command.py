@@ -73,7 +73,7 @@ def test_what_is_missing_is_said_and_a_spec_of_somebody_else_stays(wavesweep, pu
     code, _, err = wavesweep("identify", pushed, "--no-plot")
     assert code == 0
     assert (
-        "the model does not explain the log, and the intervals are widened by what is left: it lacks Coulomb friction; "
+        "the model does not explain the log, and the intervals are wider by what is left: it lacks Coulomb friction; "
         "--friction fits it" in err
     )
     assert "# The model does NOT explain the log" in Path("results/pushed/device.toml").read_text()

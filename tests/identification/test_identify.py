@@ -347,7 +347,7 @@ def test_numbers_below_zero_are_said(tmp_path):
     source = np.random.default_rng(0)
     force = force_of("noise", source, 400)
     position = read(marched(0.1, 0.001, force), 1e-4, source)
-    table = of_identify.identify(str(written(tmp_path / "early.csv", force[:-8], position[8:])), resolution=1e-4)
+    table = of_identify.identify(str(written(tmp_path / "early.csv", force[:-2], position[2:])), resolution=1e-4)
     parameters = table.facts["parameters"]
     damping = parameters["damping"] | {"low": -0.1}
     text = spec_text(table.facts | {"parameters": parameters | {"damping": damping}})

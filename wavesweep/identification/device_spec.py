@@ -161,5 +161,5 @@ def _comments(facts: Mapping[str, Any]) -> Sequence[str]:
     if facts["missing"] == "unseen":
         lines.append("# The log cannot tell whether the model is enough.")
     elif not facts["explained"]:
-        lines.append("# The model does NOT explain the log; the intervals are widened by what is left.")
+        lines.append("# The model does NOT explain the log; the intervals are wider by what is left.")
     return [*lines, *(f"# {line[0].upper()}{line[1:]}." for line in negative(facts["parameters"]))]

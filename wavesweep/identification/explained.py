@@ -8,8 +8,10 @@ from operator import itemgetter
 import numpy as np
 from scipy.special import gammaincc
 
-from wavesweep.identification.fit import Fit, at_an_instant, fitted, moves, refined, resonance, widened
-from wavesweep.identification.model import ORDER, OWN, Model, late, measured
+from wavesweep.engine.errors import UsageError
+from wavesweep.identification.fit import NO_RESONANCE, Fit, at_an_instant, by_prediction, fitted, moves, refined
+from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
+from wavesweep.identification.prediction import Prediction, innovations_of, predicted
 
 SHOWN = 12  # offsets of the encoder's steps over which rounding errors are averaged
 BANDS = 24  # of the spectrum, equally wide in octaves
@@ -22,6 +24,7 @@ SWINGING = 0.25  # share of the mass that takes part in it
 SURE = 8.0  # expected significance at which an effect is seen in spite of errors of three sigmas
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
 CLEAR = 0.3  # share of the residual that an effect has to remove to be named
+LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
 TRIED = 8000  # samples at most to which a model with one more effect is fitted
 
 
@@ -29,8 +32,9 @@ TRIED = 8000  # samples at most to which a model with one more effect is fitted
 class Verdict:
     """The judgement of a fit.
 
-    explained: the encoder and white noise explain the residual. missing: "friction", "spring", "delay", "resonance", "one-way"
-    (friction or a constant force), "unknown", "unseen" (the log would show no resonance at all), or empty if it is explained.
+    explained: the encoder and white noise explain the residual. missing: "friction", "spring", "delay", "resonance", "force"
+    (one that the log does not have), "one-way" (friction or a constant force), "unknown", "unseen" (the log would show no
+    resonance at all), or empty if it is explained.
     frequency_hz: of the resonance, or where the residual is largest; otherwise NaN. share: of the residual's power that the
     effect would remove. rms: of the residual (m); expected: that of the encoder alone. correlation: of neighbouring residuals;
     correlation_expected: of the encoder alone. resonance_hz: the range in which a resonance with a quarter of the mass would be
@@ -49,11 +53,58 @@ class Verdict:
 
 
 def identified(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> tuple[Fit, Verdict]:
-    """Fit a model to a log and judge the fit, whose intervals are widened if it does not explain the log; see `fitted`."""
-    fit = fitted(model, force, reading, period, resolution)
-    verdict = judged(fit)
-    fit = widened(fit) if verdict.missing not in ("", "one-way", "unseen") else fit
+    """Fit a model to a log and judge the fit.
+
+    If the encoder and white noise explain what is left, it is the fit by the likelihood of rounded readings, see `fit.fitted`;
+    otherwise that by the errors of predictions, whose intervals allow for forces that the log does not have.
+    """
+    log = (force, reading, period, resolution)
+    found = None if model.load else predicted(model, *log)
+    fit = fitted(model, *log, found)
+    if fit is None and model.load:
+        raise UsageError(NO_RESONANCE)
+    verdict = judged(fit) if fit else None
+    if found and (verdict is None or verdict.missing not in ("", "one-way", "unseen")):
+        fit = by_prediction(found, *log)
+        verdict = lacking(fit, found)
     return (at_an_instant(fit) if model.measured == "acceleration" else fit), verdict
+
+
+def lacking(fit: Fit, found: Prediction) -> Verdict:
+    """What a fit by predictions lacks: the effect without which most is left of the innovations, or else a force."""
+    model, rows = fit.model, fit.rows
+    force, reading = rows.force, rows.reading
+    if len(force) > TRIED:
+        sizes = force[: len(force) // TRIED * TRIED].reshape(-1, TRIED).std(axis=1)
+        first = TRIED * int(np.argmax(sizes))
+        force, reading = force[first : first + TRIED], reading[first : first + TRIED]
+    log = (force, reading, rows.period, rows.resolution)
+    model = replace(model, without=())
+    tones = np.geomspace(3 / (len(force) * rows.period), 0.4 / rows.period, TONES)
+    alone, _ = innovations_of(model, *log)
+    with_tone, tone_hz = innovations_of(model, *log, tones)
+    trials = [("resonance", tone_hz, with_tone)]
+    trials += [(name, float("nan"), innovations_of(larger, *log)[0]) for name, larger in _larger(model)]
+    missing = ("force", float("nan"), 0.0)
+    for name, frequency, left in trials:
+        likelier = len(force) * np.log(alone.rms / left.rms)
+        share = 1 - (left.walked / alone.walked) ** 2
+        if likelier > LIKELIER and share > max(CLEAR, missing[2]):
+            missing = (name, frequency, share)
+    left = fit.residual[rows.skip :][rows.used]
+    expected, usual = _of_encoder(fit)
+    rms = float(np.sqrt(np.mean(left**2)))
+    return Verdict(False, *missing, rms, expected, found.correlation, usual, None)
+
+
+def _larger(model):
+    """The models with one more effect, by the name of this."""
+    if not model.friction:
+        yield "friction", replace(model, friction=True)
+    if not model.spring:
+        yield "spring", replace(model, spring=True)
+    if model.delay is not None:
+        yield "delay", replace(model, delay=None)
 
 
 def judged(fit: Fit) -> Verdict:

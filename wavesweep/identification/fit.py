@@ -1,6 +1,8 @@
-"""The fit of a model to a log: rough numbers, least squares, outliers, and then the likelihood of rounded readings.
+"""The fit of a model to a log: by the errors of predictions and, where nothing but the encoder errs, by its rounding as well.
 
-The force before the first row is not known, so the fit begins where it no longer matters, at a free position and velocity.
+The fit by predictions (`prediction`) allows for forces that the log does not have. If the log shows none, the likelihood of
+rounded readings over the whole log tells the numbers much better: least squares, outliers, and then the likelihood, from the
+row on at which the force before the first one no longer matters, at a free position and velocity.
 """
 
 from dataclasses import dataclass, replace
@@ -13,18 +15,32 @@ from scipy.optimize import least_squares
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.estimates import Estimate, estimated
-from wavesweep.identification.model import ORDER, OWN, STEP, Model, euler, measured, of_modes, readings, sensitivities
+from wavesweep.identification.model import (
+    ORDER,
+    OWN,
+    STEP,
+    Model,
+    euler,
+    measured,
+    of_modes,
+    readings,
+    resonance,
+    sensitivities,
+)
+from wavesweep.identification.prediction import NO_MASS, Prediction, predicted
 
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
 RESTING = 10  # equal readings at the start of a log show a device held by friction
 START = 5  # rows from which the initial velocity is guessed
-PART = 5000  # samples of a long log from which rough numbers are found
+PART = 5000  # rows that show whether errors grow
+GROWN = 5.0  # times the noise of the readings or their step, above which an error is not that of an encoder
+EXACT = 1e-7  # of the motion: smaller errors are those of the last digits
+MARCHED = 10_000  # rows at most that are marched with friction, tick by tick; in more of them the predictions know enough
 RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
 TONES = np.geomspace(0.2, 100, 16)  # natural frequencies tried first (Hz)
 NEAR = np.geomspace(0.5, 2, 7)  # factors about the best of these
 LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
 SOONER = range(1, 33)  # those of an acceleration, which has no memory of the force, and of a log in which no mass shows without
-NO_MASS = "no mass, however large or small, fits the log; do force and position have the same sign?"
 NO_RESONANCE = (
     "no resonance of two masses on a spring shows for certain: record a chirp or noise through the resonance, with more force, "
     "or leave --two-masses out"
@@ -70,16 +86,21 @@ class LogRows:
 class Fit:
     """A fit.
 
-    theta: the numbers of `model.names`. rows: the log as it was fitted. readings, residual: of all rows. estimate: the
-    intervals about theta. extra: by how much `widened` makes them wider.
+    theta: the numbers of `model.names`, and half the widths of their intervals. readings, residual: of all rows, not a number
+    in the first ones. noise: white noise of the readings in addition to their rounding. estimate: the likelihood about theta;
+    None of a fit by predictions, whose readings are predicted from one row to the next. walked: rms of the force that these
+    found beside that of the log (N). extra: by how much wider the intervals are than those of a model that explains the log.
     """
 
     model: Model
     theta: np.ndarray
+    half: np.ndarray
     rows: LogRows
     readings: np.ndarray
     residual: np.ndarray
-    estimate: Estimate
+    noise: float
+    estimate: Estimate | None = None
+    walked: float = 0.0
     extra: np.ndarray | float = 0.0
 
     @property
@@ -87,20 +108,38 @@ class Fit:
         """All numbers by their names."""
         return self.model.numbers(self.theta)
 
-    @property
-    def half(self) -> np.ndarray:
-        """Half the widths of the intervals of a model that explains the log; otherwise add `extra` on both sides."""
-        return self.estimate.half
+
+def by_prediction(found: Prediction, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Fit:
+    """The fit by the errors of predictions."""
+    left = np.append(np.full(found.skip, np.nan), found.left)
+    rows = LogRows(force, reading, period, resolution, found.skip, found.used)
+    return Fit(found.model, found.theta, found.half, rows, reading - left, left, found.noise, walked=found.walked)
 
 
-def fitted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Fit:
-    """Fit a model to a log. force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2).
+def fitted(
+    model: Model,
+    force: np.ndarray,
+    reading: np.ndarray,
+    period: float,
+    resolution: float,
+    found: Prediction | None = None,
+) -> Fit | None:
+    """Fit a model to a log by the likelihood of rounded readings. found: the fit by predictions, if there is one.
 
-    period: s. resolution: step of the readings.
+    force: N, held over each tick. reading: what the model says is measured (m, m/s or m/s^2). period: s. resolution: step of
+    the readings. None if the errors grow over the log as those of no encoder do.
     """
-    rows = LogRows(force, reading, period, resolution, min(LATE[-1] + 2, len(force) // 8))
-    begun = replace(model, without=_hidden(model, reading[rows.skip :], moves(model, reading)))
-    model, theta, rows = _later(begun, _begun(begun, rows), rows)
+    rows = LogRows(force, reading, period, resolution)
+    begun = replace(model, without=_hidden(model, reading, moves(model, reading)))
+    if model.load:
+        rows = replace(rows, skip=min(LATE[-1] + 2, len(force) // 8))
+        theta = _begun_with_load(begun, rows)
+    else:
+        found = found or predicted(model, force, reading, period, resolution)
+        begun, theta, rows = _from_prediction(begun, found, rows)
+        if not _encoder_alone(begun, theta, rows, found.noise):
+            return None
+    model, theta, rows = _later(begun, theta, rows)
     for _ in range(ROUNDS):
         used = _inliers(model, theta, rows)
         if np.array_equal(used, rows.used):
@@ -110,41 +149,62 @@ def fitted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
     # Secants over an interval: narrower ones may be those of one event, a stop or a start, so they come from wider ones.
     widest = SECANT * scales(model, theta, rows)
     steps = widest if model.friction else STEP * scales(model, theta, rows)
-    unidentifiable = UsageError(NO_RESONANCE if model.load else NO_MASS)
     for _ in range(ROUNDS):
         with np.errstate(all="ignore"):
             J, left = rows.slopes(model, theta, steps), rows.residual(model, theta)
         if not (np.linalg.norm(J, axis=0) > 0).all() or not np.isfinite([J.sum(), left.sum()]).all():
-            raise unidentifiable
+            return None
         estimates = estimated(J, left, resolution)
         theta = theta + estimates.step
         if not (np.isfinite(theta).all() and np.abs(model.numbers(theta)["delay"]) < len(force)):
-            raise unidentifiable
+            return None
         steps = np.minimum(estimates.half, widest) if model.friction else steps
         if (np.abs(estimates.step) < SETTLED * estimates.half).all():
             break
     theta = np.where(np.array(model.names) == "friction", np.abs(theta), theta)  # the model takes its size
     places = np.append(np.full(rows.skip, np.nan), readings(model, theta, force, period, rows.skip))
-    return Fit(model, theta, rows, places, reading - places, estimates)
+    return Fit(model, theta, estimates.half, rows, places, reading - places, estimates.noise, estimates)
+
+
+def _from_prediction(model, found, rows):
+    """Model, numbers and rows to begin with, from a fit by predictions; the numbers of the log alone are guessed."""
+    rows = replace(rows, skip=found.skip)
+    numbers = found.numbers | {"log_mass": found.theta[0]}
+    if model.friction:
+        numbers |= _at_first(model, rows)
+    else:
+        numbers |= _own(model, numbers, rows)
+    return model, np.array([numbers[name] for name in model.names]), rows
+
+
+def _at_first(model, rows):
+    """Position and velocity at the first row of the fit, from the readings there."""
+    place = rows.reading[rows.skip :]
+    if model.measured == "position":
+        return {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
+    return {"velocity": float(np.median(place[: START + 1])) * (model.measured == "velocity")}
+
+
+def _encoder_alone(model, theta, rows, noise):
+    """Whether the first rows of a log lie about the model, with numbers near these, as closely as its readings are known."""
+    if model.friction and len(rows.force) > MARCHED:
+        return False
+    end = rows.skip + PART
+    rows = replace(rows, force=rows.force[:end], reading=rows.reading[:end])
+    with np.errstate(all="ignore"):
+        left = rows.residual(model, theta)
+        slopes = rows.slopes(model, theta, STEP * scales(model, theta, rows))
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    if not np.isfinite([left.sum(), slopes.sum()]).all():
+        return False
+    left = left - slopes / size @ np.linalg.lstsq(slopes / size, left, rcond=1e-12)[0]
+    usual = float(np.median(np.abs(left))) / 0.6745
+    return usual < GROWN * max(noise, rows.resolution, EXACT * float(np.ptp(rows.reading)))
 
 
 def moves(model: Model, readings: np.ndarray) -> np.ndarray:
     """Readings as velocities, up to a factor; without those of an acceleration, which shows none."""
     return np.diff(readings) if model.measured == "position" else readings * (model.measured == "velocity")
-
-
-def widened(fit: Fit) -> Fit:
-    """The same fit with intervals for a model that does not explain the log.
-
-    They are wider by how far the numbers move if the changes of the reading from row to row are fitted instead, which weights
-    the residual differently; those of mass and damping also by the share T d/2m, the error of Euler's rule.
-    """
-    rows, J, left = fit.rows, fit.estimate.slopes, fit.residual[fit.rows.skip :]
-    both = (rows.used[1:] & rows.used[:-1])[:, None]
-    size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    moved = np.abs(np.linalg.lstsq(np.diff(J / size, axis=0) * both, np.diff(left) * both[:, 0])[0] / size)
-    moved[:2] += euler(fit.numbers, rows.period)
-    return replace(fit, extra=moved)
 
 
 def at_an_instant(fit: Fit) -> Fit:
@@ -178,12 +238,7 @@ def _later(model, theta, rows):
         place = rows.reading[skip:]
         direction = moves(model, readings(model, theta, rows.force, rows.period, rows.skip))
         model, rows = replace(model, without=_hidden(model, place, direction)), replace(rows, skip=skip)
-        if not model.friction:
-            numbers |= _own(model, numbers, rows)
-        elif model.measured == "position":
-            numbers |= {"start": place[0], "velocity": (place[START] - place[0]) / (START * rows.period)}
-        else:
-            numbers |= {"velocity": float(np.median(place[: START + 1])) * (model.measured == "velocity")}
+        numbers |= _at_first(model, rows) if model.friction else _own(model, numbers, rows)
         if "offset" in model.without:  # friction has taken it
             numbers["friction"] = abs(numbers["friction"] - np.sign(direction.sum()) * numbers["offset"])
         theta = refined(model, np.array([numbers[name] for name in model.names]), rows)
@@ -267,46 +322,6 @@ def refined(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
     return theta + (done.x - 1) * size
 
 
-def _begun(model, rows):
-    """Numbers near the best ones, found with the delay held, from the part of a long log with the largest forces."""
-    if len(rows.force) > PART:
-        blocks = rows.force[: len(rows.force) // PART * PART].reshape(-1, PART)
-        first = PART * int(np.argmax(blocks.std(axis=1)))
-        rows = replace(rows, force=rows.force[first : first + PART], reading=rows.reading[first : first + PART])
-    if model.load:
-        return _begun_with_load(model, rows)
-    numbers = dict(zip(model.names, _first(model, rows), strict=True))
-    late = float(numbers.get("delay", model.delay or 0.0))
-    pushed = float(np.std(rows.force))
-    starts = [(late, 0.0)]
-    if model.friction:  # what friction takes shows as another delay in the rough numbers
-        delays = [late] + [delay for delay in LATE[:5] if delay != late] * (model.delay is None)
-        starts = [(late, 0.05 * pushed), *((delay, 0.3 * pushed) for delay in delays)]
-    best = min((_near(model, numbers, *start, rows) for start in starts), key=itemgetter(0))
-    if best[1][1] < 0 and model.delay is None:  # prefer another delay with a positive damping
-        delayed = [_near(model, numbers, delay, starts[-1][1], rows) for delay in LATE]
-        best = min(best, *delayed, key=lambda each: each[0] * (2.0 if each[1][1] < 0 else 1.0))
-    return _over_delays(model, best, rows)[1]
-
-
-def _over_delays(model, best, rows):
-    """The best of the minima at neighbouring delays, since each tick of delay may have one of its own."""
-    if model.measured == "position" or model.friction or model.delay is not None:
-        return best
-    shift = np.array(model.names) == "delay"
-    while True:
-        shifted = (refined(model, best[1] + sign * shift, rows) for sign in (1, -1))
-        nearer = min(best, *((_square(model, theta, rows), theta) for theta in shifted), key=itemgetter(0))
-        if nearer is best:
-            return best
-        best = nearer
-
-
-def _square(model, theta, rows):
-    """The sum of squares of the residual."""
-    return float(np.sum(rows.residual(model, theta) ** 2))
-
-
 def _resonances(model, alone, rows, numbers):
     """The resonances that explain most of what one mass with these numbers leaves, apart from each other."""
     rate, pairs = numbers["damping"] / np.exp(numbers["log_mass"]), []
@@ -339,6 +354,11 @@ def _resonances(model, alone, rows, numbers):
     return starts
 
 
+def _square(model, theta, rows):
+    """The sum of squares of the residual."""
+    return float(np.sum(rows.residual(model, theta) ** 2))
+
+
 def _begun_with_load(model, rows):
     """The best of the least squares from resonances that explain most of what one mass leaves, see `of_modes`."""
     alone, fits = replace(model, load=False), []
@@ -361,33 +381,6 @@ def _begun_with_load(model, rows):
     if not fits or min(other_errors) < fits[0][0] * (1 + UNLIKELY / (len(rows.reading) - rows.skip - 1)):
         raise UsageError(NO_RESONANCE)
     return fits[0][1]
-
-
-def resonance(force, tone, ratio, period, late, what):
-    """What a resonance (Hz) with a damping ratio adds to a reading per unit of residue: `1/(s^2 + 2 z w s + w^2)`."""
-    unit = {
-        "mass": 1.0,
-        "damping": 4 * np.pi * tone * ratio,
-        "stiffness": (2 * np.pi * tone) ** 2,
-        "friction": 0.0,
-        "delay": late,
-    }
-    return measured(unit | dict.fromkeys(OWN, 0.0), what, force, period)
-
-
-def _near(model, known, delay, friction, rows):
-    """The sum of squares of the best numbers near given ones, and these numbers.
-
-    The delay is held at first, since it moves far while the other numbers are rough. With friction, which is slow to compute,
-    it stays held.
-    """
-    held, known = replace(model, delay=delay), known | {"friction": friction}
-    theta = refined(held, np.array([known[name] for name in held.names]), rows)
-    known = dict(zip(held.names, theta, strict=True)) | {"delay": delay}
-    theta = np.array([known[name] for name in model.names])
-    if held != model and not model.friction:
-        theta = refined(model, theta, rows)
-    return _square(model, theta, rows), theta
 
 
 def _first(model, rows):

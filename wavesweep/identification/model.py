@@ -182,6 +182,18 @@ def of_modes(total, rate, tone, ratio, share):
     return numbers | {"log_coupling": np.log(turn**2 * both), "coupling_damping": max(2 * ratio * turn - rate, 0.0) * both}
 
 
+def resonance(force, tone, ratio, period, late, what):
+    """What a resonance (Hz) with a damping ratio adds to a reading per unit of residue: `1/(s^2 + 2 z w s + w^2)`."""
+    unit = {
+        "mass": 1.0,
+        "damping": 4 * np.pi * tone * ratio,
+        "stiffness": (2 * np.pi * tone) ** 2,
+        "friction": 0.0,
+        "delay": late,
+    }
+    return measured(unit | dict.fromkeys(OWN, 0.0), what, force, period)
+
+
 def _linear(found, push, period, row):
     """x[k+2] - (p1 + p2) x[k+1] + p1 p2 x[k] = ..., one pole after the other, which is accurate for poles near 1.
 

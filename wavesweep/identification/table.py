@@ -23,6 +23,11 @@ from wavesweep.program.tables.fields import Field
 from wavesweep.program.tables.kind import Line, Numbers, whole_kind
 from wavesweep.program.tables.table import Table
 
+PREDICTION_METHOD = (
+    "least squares of the errors of predictions from one row to the next by a steady Kalman filter, which follows a force that "
+    "walks at random, with its fitted variance; intervals from white innovations, from sums over blocks of rows and from other "
+    "variances"
+)
 METHOD = (
     "likelihood of rounded readings against the sampled model, force held over a tick, from the row on at which the force "
     "before the log no longer matters; intervals from linear programs if rounding explains each reading, from the curvature "
@@ -42,6 +47,7 @@ MISSING = {
     "spring": "a spring; --spring fits it",
     "delay": "a delay; without --delay it is fitted",
     "resonance": "a resonance near {frequency_hz:.3g} Hz; --two-masses fits a load on a spring",
+    "force": "a force of {walked:.3g} {newton} rms that it does not have, as of a drift, a cable, a hand, a friction curve",
     "one-way": "what tells friction from a constant force (offset): the device moves one way only; record a motion both ways",
     "unknown": "an effect that is no friction, spring, delay or single resonance; most is left near {frequency_hz:.3g} Hz",
 }
@@ -188,7 +194,12 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     options |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, options, log.period, parameters, judgement, started)
-    facts |= {"turns": log.turns, "resolution": step, "methods": {"identify": METHOD}, "measured": log.measured}
+    facts |= {
+        "turns": log.turns,
+        "resolution": step,
+        "methods": {"identify": METHOD if fit.estimate else PREDICTION_METHOD},
+        "measured": log.measured,
+    }
     facts["notices"] = list(_notices(log, resolution, step, fit.rows.skip + np.flatnonzero(np.logical_not(fit.rows.used))))
     found = {
         "time_s": log.times,
@@ -292,7 +303,8 @@ def _residual(fit, verdict) -> dict[str, Any]:
         "rms": verdict.rms,
         "rms_of_encoder": verdict.expected,
         "steps": verdict.rms / fit.rows.resolution if fit.rows.resolution else None,
-        "white_noise": fit.estimate.noise,
+        "white_noise": fit.noise,
+        "walked": fit.walked,
         "correlation": verdict.correlation,
         "correlation_of_encoder": verdict.correlation_expected,
         "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
@@ -360,13 +372,14 @@ def _judgement(found: Numbers, what: str) -> Iterator[Line]:
         return
     missing_words, left = MISSING | (MISSING_OF_TWO if "load_mass" in found["parameters"] else {}), found["residual"]
     hertz = left["frequency_hz"] or 0.0
-    missing = missing_words[found["missing"]].format(frequency_hz=hertz)
+    newton = "N*m" if found.get("turns") else "N"
+    missing = missing_words[found["missing"]].format(frequency_hz=hertz, walked=left.get("walked", 0.0), newton=newton)
     if found["missing"] == "resonance" and hertz * found.get("duration_s", inf) < SLOW:
         size = sqrt(max(left["rms"] ** 2 - left["rms_of_encoder"] ** 2, 0.0))
         unit = turned(READ[found["measured"]]) if found["turns"] else READ[found["measured"]]
         beyond = " beyond the steps of the encoder" * bool(found["resolution"])
         missing = f"a slow motion near {hertz:.3g} Hz, {1e6 * size:.3g} u{unit} rms{beyond}: a drift, a cable, or a soft spring"
-    yield f"the model does not explain the {what}, and the intervals are widened by what is left: it lacks {missing}", True
+    yield f"the model does not explain the {what}, and the intervals are wider by what is left: it lacks {missing}", True
 
 
 def _response_numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:

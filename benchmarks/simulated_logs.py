@@ -1,0 +1,125 @@
+"""Logs of devices on which more acts than the log says, marched from one change of the force to the next.
+
+    m v' = f(t - D T) + h(t) + f_0 - d v - F(v) sgn v,    F(v) = F_c + (F_s - F_c) exp(-(v/v_s)^2)
+
+The solution between two changes is exact, and so are the moments at which Coulomb friction stops the device; of a Stribeck
+curve (F_s above F_c) the friction is held over a sixteenth of a tick. h is the force of a hand, or of a cable, that the log
+does not have. It shares no code with the package.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+PARTS = 16  # of a tick
+KINDS = {  # friction, hand over force; what else is special
+    "plain": (0.0, 0.0, ""),
+    "Coulomb": (0.12, 0.0, ""),
+    "Stribeck": (0.12, 0.0, "stribeck"),
+    "drift": (0.0, 0.1, "drift"),
+    "drift, Coulomb": (0.12, 0.1, "drift"),
+    "hand": (0.0, 0.15, "hand"),
+    "hand, Coulomb": (0.12, 0.15, "hand"),
+}
+FORCES = {"chirp": 10.0, "noise": 60.0, "steps": 20.0, "sines": 10.0}  # accelerations (m/s^2)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedLog:
+    """A log with the numbers of its device (SI), the delay in ticks, and the step of its encoder."""
+
+    truth: dict[str, float]
+    force: np.ndarray
+    reading: np.ndarray
+    period: float
+    step: float
+    force_kind: str
+
+
+def force_of(kind: str, ticks: int, period: float, source: np.random.Generator) -> np.ndarray:
+    """A force in units of its size."""
+    times = period * np.arange(ticks)
+    if kind == "chirp":
+        first, last = 2 / times[-1] + 0.5, min(0.1 / period, 60.0)
+        return np.sin(2 * np.pi * (first * times + (last - first) * times**2 / 2 / times[-1]))
+    if kind == "steps":
+        return np.sign(source.standard_normal(ticks // 20 + 1)).repeat(20)[:ticks]
+    if kind == "sines":
+        phases = source.uniform(0, 2 * np.pi, 5)
+        tones = np.array([0.7, 1.9, 4.3, 9.1, 17.0])
+        return np.sin(2 * np.pi * np.outer(times, tones) + phases).sum(axis=1) / 2
+    return source.standard_normal(ticks)
+
+
+def marched(mass, damping, coulomb, stribeck, slow, pushes):
+    """Positions at the ticks, `(ticks, logs)`, from rest. pushes: forces of each part of a tick, `(ticks, PARTS, logs)`.
+
+    The others are of each log: kg, N*s/m, N, N beyond Coulomb's at rest, and the speed of a Stribeck curve (m/s). The parts
+    are of the length `1/PARTS`, in units of time in which a tick is 1.
+    """
+    length = 1.0 / PARTS
+    rate = damping / mass
+    x = np.zeros_like(mass)
+    v = np.zeros_like(mass)
+    places = np.empty((len(pushes), len(mass)))
+    for tick, parts in enumerate(pushes):
+        places[tick] = x
+        for push in parts:
+            friction = coulomb + stribeck * np.exp(-((v / slow) ** 2))
+            way = np.where(v == 0, np.sign(push) * (np.abs(push) > friction), np.sign(v))
+            end = (push - way * friction) / damping  # the speed that it would reach
+            after = end + (v - end) * np.exp(-rate * length)
+            with np.errstate(all="ignore"):
+                stop = np.where(after * way < 0, np.log1p(-v / end) / rate, length)
+            stop = np.where(way == 0, 0.0, stop)
+            x = x + end * stop + (v - end) * -np.expm1(-rate * stop) / rate
+            # What is left of the part, after a stop.
+            left = length - stop
+            turned = np.sign(push) * (np.abs(push) > coulomb + stribeck)
+            end_two = (push - turned * (coulomb + stribeck)) / damping
+            end_two = np.where(turned == 0, 0.0, end_two)
+            x = x + np.where(left > 0, end_two * (left - -np.expm1(-rate * left) / rate), 0.0)
+            v = np.where(left > 0, end_two * -np.expm1(-rate * left), after)
+    return places
+
+
+def of_one_mass(kind: str, logs: int, seed: int, seconds: float, rate_hz: float = 1000.0) -> list[SimulatedLog]:
+    """Logs of random devices of a kind, all of one length."""
+    source = np.random.default_rng([seed, *kind.encode(), int(1000 * seconds)])
+    rub, hand, special = KINDS[kind]
+    period = 1 / rate_hz
+    ticks = round(seconds * rate_hz)
+    mass = 10 ** source.uniform(-4, 2, logs)
+    damping = mass * 10 ** source.uniform(-0.5, 1, logs)
+    delay = source.integers(0, 4 * PARTS + 1, logs) / PARTS
+    kinds = [list(FORCES)[at % len(FORCES)] for at in range(logs)]
+    sizes = np.array([FORCES[each] for each in kinds]) * mass
+    force = np.stack([size * force_of(each, ticks, period, source) for each, size in zip(kinds, sizes, strict=True)], axis=1)
+    beside = 0.03 * sizes * source.standard_normal(logs) + np.zeros((ticks, logs))
+    if hand:
+        walk = np.cumsum(source.standard_normal((ticks, logs)), axis=0)
+        walk = (walk - walk.mean(axis=0)) / walk.std(axis=0)
+        beside += hand * sizes * walk
+    if special == "hand":  # that sways, and trembles
+        times = period * np.arange(ticks)[:, None]
+        beside += 0.5 * hand * sizes * np.sin(2 * np.pi * (0.6 * times + source.uniform(size=logs)))
+        beside += 0.1 * hand * sizes * np.sin(2 * np.pi * (source.uniform(8, 12, logs) * times + source.uniform(size=logs)))
+    places = np.zeros((ticks, logs))
+    coulomb = rub * sizes
+    stribeck = 0.6 * coulomb * (special == "stribeck")
+    at = (np.arange(ticks * PARTS)[:, None] - np.round(delay * PARTS).astype(int)) // PARTS
+    late = np.where(at < 0, 0.0, np.take_along_axis(force, np.maximum(at, 0), axis=0))
+    pushes = late.reshape(ticks, PARTS, logs) + beside[:, None]
+    slow = 0.02 * sizes / mass / 5
+    # A tick is the unit of time: v is per tick, and a force moves T^2 as far.
+    places = marched(mass, damping * period, coulomb * period**2, stribeck * period**2, slow * period, pushes * period**2)
+    steps = np.minimum(10 ** source.uniform(-8, -4, logs), np.ptp(places, axis=0) / 50)
+    noise = source.choice([0.0, 1.0], logs) * steps
+    places = places + noise * source.standard_normal(places.shape)
+    reading = steps * np.round(places / steps)
+    named = zip(mass, damping, coulomb, delay, strict=True)
+    truths = [dict(zip(("mass", "damping", "friction", "delay"), map(float, each), strict=True)) for each in named]
+    return [
+        SimulatedLog(truth, force[:, at], reading[:, at], period, float(steps[at]), kinds[at])
+        for at, truth in enumerate(truths)
+    ]

@@ -1,0 +1,511 @@
+"""The fit of a device by the errors of predictions, for logs of forces that are not all known.
+
+A friction curve, a drifting offset or a cable moves a device by little within a tick, and by much within a second. So each
+reading is predicted from those before it, by a Kalman filter that also follows a force that walks at random, and the numbers
+are those with the least sum of squares of the innovations (Ljung, System Identification, 1999, sections 3.3 and 7.2). One over
+the mass and the friction are linear in the innovations, and follow for each choice of the other numbers (variable projection,
+Golub and Pereyra 1973); so does the state at the first row. The variances of the forces, relative to that of the reading, are
+fitted as well.
+
+Friction is `F tanh(v/v_t)`, averaged over the tick, with the velocity from a smoother. Nothing pushes a device that rests.
+
+An interval is the widest of those of white innovations and of sums of scores over 10 and over 20 blocks of rows, wider by what
+other variances and the last round of the smoother change.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.optimize import least_squares
+from scipy.signal import savgol_filter
+from scipy.special import stdtrit
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.identification.model import ORDER, OWN, Model, late, resonance
+from wavesweep.identification.predictor import Predictor, tick_of
+
+PART = 6000  # rows with the largest forces, from which a long log's numbers are found first
+WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
+CLEAR = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
+SLOWEST = 5e-3  # of the usual velocity, at which friction turns round first
+FEWEST, MOST = -2.0, 20.0  # ticks of delay
+ROUGH, DELAYS = (-1.0, 1.0, 3.0, 7.0), np.arange(FEWEST, MOST + 0.5, 0.5)  # tried first, and then
+RATES = (1.0, 20.0)  # damping over mass (1/s), tried first
+TONES = (0.3, 1.0, 3.0, 10.0, 30.0)  # frequencies of a spring (Hz), tried first
+WHITE, DRIFT = (-8.0, -4.0, 0.0, 4.0), (-14.0, -10.0, -7.0, -4.0, -1.0)  # decades of the variances, tried first
+HIGHEST = 8.0  # decade of a variance
+SPARE = 4  # rows that are left out beyond the delay
+DIFFERENCE = 1e-3  # of the size of a number, of central differences
+PASSES = 2  # of the smoother
+BLOCKS = (10, 20)
+WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
+OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))  # decades by which the variances are changed
+CHANGED = 20_000  # rows at most, with which they are changed
+NORMAL = 1.96
+RINGING = 0.03  # damping ratio of a resonance that is tried
+SPIKE = 20.0  # standard deviations of a second difference, beyond which a single reading is an outlier
+FEW = 0.02  # share of the rows that may be outliers; more are not
+
+NO_MASS = (
+    "the force does not show in the position: no mass, however large or small, fits better than none; record a pulse, a chirp "
+    "or noise that moves the device by many steps of its encoder"
+)
+OTHER_SIGN = "the position moves against the force, as a mass below 0 would; --scale force=-1 turns its sign"
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledLog:
+    """A log in units of its own: ticks, `unit` for what is read (m, m/s or m/s^2), `pushed` for forces (N).
+
+    speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more. moving: 0 while it rests.
+    beside: other signals in the readings, of unknown size, `(rows, signals)`.
+    """
+
+    model: Model
+    force: np.ndarray
+    reading: np.ndarray
+    period: float
+    unit: float
+    pushed: float
+    moving: np.ndarray | float = 1.0
+    speeds: np.ndarray | None = None
+    slowest: float = 0.0
+    beside: np.ndarray | None = None
+
+    def part(self, first: int, end: int) -> "ScaledLog":
+        """Some of its rows."""
+        few = replace(self, force=self.force[first:end], reading=self.reading[first:end] - self.reading[first])
+        if self.speeds is not None:
+            few = replace(few, moving=self.moving[first:end], speeds=self.speeds[first:end])
+        return few
+
+    def side(self, turning: float) -> np.ndarray:
+        """The mean of tanh(v/turning) over each tick, in which the velocity is a straight line."""
+        now = self.speeds / turning
+        then = np.append(now[1:], now[-1])
+        change = then - now
+        straight = np.abs(change) > 1e-3
+        mean = (_log_cosh(then) - _log_cosh(now)) / np.where(straight, change, 1.0)
+        return self.moving * np.where(straight, mean, np.tanh((now + then) / 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The numbers `theta` of `model.names`, none of the log alone, and half the widths of their intervals.
+
+    left: innovations, in the unit of the reading, from row `skip` on; used: false for those of outliers. noise: of the reading
+    alone. walked: the rms of the force that is not in the log (N), from a smoother. correlation: of neighbouring innovations.
+    """
+
+    model: Model
+    theta: np.ndarray
+    half: np.ndarray
+    left: np.ndarray
+    used: np.ndarray
+    skip: int
+    noise: float
+    walked: float
+    correlation: float
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """All numbers by their names."""
+        return self.model.numbers(self.theta)
+
+
+def _log_cosh(x):
+    return np.abs(x) + np.log1p(np.exp(-2 * np.abs(x)))
+
+
+def scaled(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> ScaledLog:
+    """A log in the units of the fit. resolution: step of the readings, 0 for none."""
+    unit = max(resolution / np.sqrt(12), 1e-8 * float(np.ptp(reading)))
+    pushed = float(np.std(force))
+    log = ScaledLog(model, force / pushed, (reading - reading[0]) / unit, period, unit, pushed)
+    if not model.friction:
+        return log
+    order = ORDER[model.measured]
+    for width in WIDTHS:
+        if 2 * width + 1 > len(force) // 20 and width > WIDTHS[0]:
+            break
+        speeds = savgol_filter(log.reading, 2 * width + 1, 2, deriv=1 - order) if order < 2 else np.cumsum(log.reading)
+        noise = 3 * np.sqrt(3 / (2 * width**3 + 3 * width**2 + width))
+        used = width
+        if CLEAR / 3 * noise < 0.05 * speeds.std():
+            break
+    moving = np.ones(len(force))
+    if model.measured == "position":
+        near = max(2 * used + 1, 9)
+        span = maximum_filter1d(log.reading, near) - minimum_filter1d(log.reading, near)
+        moving[(span <= 1.01 * resolution / unit) & (np.abs(speeds) < noise)] = 0.0
+    return replace(log, speeds=speeds, moving=moving, slowest=max(noise, SLOWEST * float(speeds.std())))
+
+
+def _errors(log: ScaledLog, found: Mapping[str, float], skip: int):
+    """The predictor of some numbers, the innovations of the readings alone, and what unit gains add to them."""
+    whole_ticks = int(np.floor(found["delay"]))
+    tick = tick_of(log.model, found, log.period, found["delay"] - whole_ticks)
+    predictor = Predictor(tick, found["white"], found["drift"], len(log.reading) - skip)
+    columns = [predictor.effect(parts, skip) for parts in _pushes(log, found, tick, whole_ticks)]
+    if log.beside is not None:
+        columns += [predictor.innovations(signal, skip) for signal in log.beside.T]
+    return predictor, predictor.innovations(log.reading, skip), np.stack(columns, axis=1)
+
+
+def _pushes(log, found, tick, whole_ticks):
+    """The effects of unit gains: of the force over the mass and, with friction, of that of friction."""
+    now, before = (late(log.force, ticks) * log.moving for ticks in (whole_ticks, whole_ticks + 1))
+    pushes = [[(tick.rest, now), (tick.held - tick.rest, before)]]
+    if log.model.friction:
+        pushes.append([(tick.held, -log.side(found["turning"]))])
+    return pushes
+
+
+def _projected(errors, columns):
+    """The gains that leave least of the errors, and what they leave."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    unit = columns / size
+    gains = np.linalg.pinv(unit.T @ unit, rcond=1e-12) @ (unit.T @ errors)
+    return gains / size, errors - unit @ gains
+
+
+class _Search:
+    """The numbers that are searched: their names, a point, sizes and bounds, all of them arrays."""
+
+    def __init__(self, log: ScaledLog, begun: Mapping[str, float]) -> None:
+        model, rows = log.model, len(log.reading)
+        rate = max(abs(begun["rate"]), 2.0)
+        fastest = 0.5 / log.period
+        lowest = _least_variances(rows)
+        entries = {"rate": (begun["rate"], rate, -50.0 - 50.0 / (rows * log.period), fastest)}
+        if model.spring:
+            entries["square"] = (begun["square"], max(begun["square"], 1.0), -np.inf, np.inf)
+        if model.delay is None:
+            entries["delay"] = (begun["delay"], 0.5, FEWEST, MOST)
+        if model.measured != "acceleration":
+            entries["white"] = (np.log10(begun["white"]), 1.0, lowest[0], HIGHEST)
+            entries["drift"] = (np.log10(begun["drift"]), 1.5, lowest[1], HIGHEST)
+        if model.friction:
+            usual = float(log.speeds.std())
+            entries["turning"] = (np.log(log.slowest), 0.7, np.log(log.slowest / 10), np.log(usual))
+        self.names = tuple(entries)
+        self.begun, self.size, self.low, self.high = np.array(list(entries.values())).T
+        self.fixed = {"square": 0.0, "delay": model.delay or 0.0, "white": 0.0, "drift": 0.0}
+
+    def found(self, point: np.ndarray) -> dict[str, float]:
+        """The numbers of a point by their names."""
+        numbers = self.fixed | dict(zip(self.names, point.tolist(), strict=True))
+        for name in ("white", "drift"):
+            if name in self.names:
+                numbers[name] = 10 ** numbers[name]
+        if "turning" in numbers:
+            numbers["turning"] = float(np.exp(numbers["turning"]))
+        return numbers
+
+
+def _least_variances(rows):
+    """Decades of the variances of forces, below which nothing of them shows in so many rows."""
+    return 4 * np.log10(2 / rows), 6 * np.log10(2 / rows)
+
+
+def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Prediction:
+    """Fit a model to a log by the errors of its predictions.
+
+    force: N, held over each tick. reading: m, m/s or m/s^2. period: s. resolution: step of the readings, 0 for none.
+
+    Errors: UsageError if the force does not show in the readings.
+    """
+    wild = _spikes(reading, resolution)
+    between = np.interp(np.arange(len(reading)), np.flatnonzero(~wild), reading[~wild])
+    whole = scaled(model, force, between, period, resolution)
+    log = whole
+    if len(force) > PART:
+        sizes = whole.force[: len(force) // PART * PART].reshape(-1, PART).std(axis=1)
+        first = PART * int(np.argmax(sizes))
+        log = whole.part(first, first + PART)
+    begun = _begun(log)
+    skip = int(max(begun["delay"], 0.0)) + SPARE
+    search = _Search(whole, begun)
+    point = _least(log, search, search.begun, skip, 20)
+    if log is not whole:
+        point = _least(whole, search, point, skip, 8)
+    log, moved, before = whole, 0.0, None
+    for _ in range(PASSES * model.friction):
+        predictor, errors, columns = _errors(log, search.found(point), skip)
+        gains, _ = _projected(errors, columns)
+        if not gains[0] > 0:
+            break
+        now = _theta(log, search.found(point), gains)
+        if before is not None:
+            moved = np.abs(now - before)
+        before = now
+        speeds = _smoothed(log, predictor, search.found(point), gains, skip)[predictor.tick.speed]
+        if not np.corrcoef(speeds, log.speeds)[0, 1] > 0.5:
+            break
+        log = replace(log, speeds=speeds)
+        point = _least(log, search, point, skip, 8)
+    found = _estimated(log, search, point, skip, before, moved)
+    return replace(found, used=~wild[skip:])
+
+
+def _spikes(reading, resolution):
+    """Which readings are far to one side of both neighbours, which are near to each other: outliers."""
+    change = np.diff(reading)
+    before, after = change[:-1], -change[1:]
+    usual = np.median(np.abs(before + after)) / 0.6745
+    height = np.where(before * after > 0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+    alone = np.abs(before - after) < 0.5 * height
+    spikes = np.pad(alone & (height > max(SPIKE * usual, 3 * resolution)), 1)
+    return spikes if spikes.mean() < FEW else np.zeros(len(reading), bool)
+
+
+class Innovations(NamedTuple):
+    """rms: of the innovations of a model, in the unit of the reading. walked: of the force that is not in the log (N)."""
+
+    rms: float
+    walked: float
+
+
+def innovations_of(
+    model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float, tones: Sequence[float] = ()
+) -> tuple[Innovations, float]:
+    """The innovations of a model that is fitted to a log, infinite if it does not fit; and the frequency of a resonance (Hz).
+
+    tones: frequencies of resonances; with that one which explains most beside the model the fit is made again.
+    """
+    log = scaled(model, force, reading, period, resolution)
+    try:
+        begun = _begun(log)
+    except UsageError:
+        return Innovations(np.inf, np.inf), float("nan")
+    search = _Search(log, begun)
+    skip = int(max(begun["delay"], 0.0)) + SPARE
+    point = _least(log, search, search.begun, skip, 20)
+    found = search.found(point)
+    predictor, errors, columns = _errors(log, found, skip)
+    left = _projected(errors, columns)[1]
+    best, tone_hz = np.inf, float("nan")
+    for tone in tones:
+        mode = resonance(log.force - log.force[0], tone, RINGING, period, found["delay"], model.measured)
+        mode = mode / np.std(mode)
+        pair = np.stack([mode, np.gradient(mode)], axis=1)
+        seen = [predictor.innovations(signal, skip) for signal in pair.T]
+        rest = _projected(left, np.stack([_projected(signal, columns)[1] for signal in seen], axis=1))[1]
+        error = float(rest @ rest)
+        if error < best:
+            best, tone_hz, beside = error, float(tone), pair
+    if np.isfinite(best):
+        log = replace(log, beside=beside)
+        point = _least(log, search, point, skip, 20)
+        _, errors, columns = _errors(log, search.found(point), skip)
+        left = _projected(errors, columns)[1]
+    return Innovations(float(left.std()) * log.unit, _walked(log, search, point, skip)), tone_hz
+
+
+def _smoothed(log, predictor, found, gains, skip):
+    """The states at each row, from all readings."""
+    whole_ticks = int(np.floor(found["delay"]))
+    push = np.zeros((len(predictor.M), len(log.reading)))
+    pushes = _pushes(log, found, predictor.tick, whole_ticks)
+    for gain, parts in zip(gains, pushes, strict=False):
+        for effect, force in parts:
+            push += gain * np.outer(effect, force)
+    reading = log.reading
+    if log.beside is not None:
+        reading = reading - log.beside @ gains[len(pushes) :]
+    return predictor.smoothed(reading, push, skip)
+
+
+def _walked(log, search, point, skip):
+    """The rms of the force that is not in the log (N), from a smoother."""
+    predictor, errors, columns = _errors(log, search.found(point), skip)
+    gains, _ = _projected(errors, columns)
+    walk = _smoothed(log, predictor, search.found(point), gains, skip)[-1]
+    return float(walk.std()) / abs(gains[0]) * log.pushed
+
+
+def _begun(log: ScaledLog) -> dict[str, float]:
+    """The best of a grid of numbers."""
+    model, rows = log.model, len(log.reading)
+    least = _least_variances(rows)
+    rough, delays = (ROUGH, DELAYS) if model.delay is None else ((model.delay,), (model.delay,))
+    squares = [0.0]
+    if model.spring:
+        squares = [(2 * np.pi * tone) ** 2 for tone in TONES if tone * log.period < 0.2]
+    whites = [10 ** max(decade, least[0]) for decade in WHITE]
+    drifts = [10 ** max(decade, least[1]) for decade in DRIFT]
+    if model.measured == "acceleration":
+        whites = drifts = [0.0]
+    best, sign = (np.inf, {}), 0.0
+    skip = SPARE + int(max(0.0, *delays))
+
+    def tried(rates, squares, delays, whites, drifts):
+        nonlocal best, sign
+        for rate, square, delay, white, drift in product(rates, squares, delays, whites, drifts):
+            found = {"rate": rate, "square": square, "delay": delay, "white": white, "drift": drift, "turning": log.slowest}
+            with np.errstate(all="ignore"):
+                _, errors, columns = _errors(log, found, skip)
+                gains, left = _projected(errors, columns)
+            # Errors are compared as those of predictions.
+            error = float(left @ left)
+            if not np.isfinite(error):
+                continue
+            if gains[0] > 0 and error < best[0]:
+                best = error, found
+            if gains[0] < 0:
+                noise = np.sqrt(error / len(left)) / np.linalg.norm(columns[:, 0])
+                sign = max(sign, -gains[0] / noise)
+
+    tried(RATES, squares, rough, whites[:3], drifts[1:2])
+    if not best[1]:
+        tried(RATES, squares, delays[::2], whites, drifts[::2])
+    if not best[1]:
+        raise UsageError(OTHER_SIGN if sign > 10.0 else NO_MASS)
+    near = best[1]
+    tried([near["rate"]], squares, delays, [near["white"]], [near["drift"]])
+    near = best[1]
+    tried([near["rate"]], [near["square"]], [near["delay"]], [near["white"] * ratio for ratio in (1e-2, 1.0, 1e2)], drifts)
+    return best[1]
+
+
+def _least(log, search, point, skip, most):
+    """The point with the least sum of squares of innovations, from another one."""
+    scale = None
+
+    def left(part):
+        nonlocal scale
+        with np.errstate(all="ignore"):
+            _, errors, columns = _errors(log, search.found(part * search.size), skip)
+            if not (np.isfinite(errors).all() and np.isfinite(columns).all()):
+                return np.full(len(log.reading) - skip, 1e6)
+            gains, rest = _projected(errors, columns)
+            if not gains[0] > 0:  # no mass is negative
+                rest = errors
+        scale = scale or float(rest.std())
+        return np.clip(rest / scale, -1e6, 1e6)
+
+    low, high = search.low / search.size, search.high / search.size
+    start = np.clip(point / search.size, low + 1e-6, high - 1e-6)
+    limits = {"xtol": 1e-4, "ftol": 1e-6, "gtol": None, "max_nfev": most}
+    return least_squares(left, start, "2-point", bounds=(low, high), diff_step=1e-5, **limits).x * search.size
+
+
+def _theta(log, found, gains):
+    """The numbers of the model in SI units."""
+    model, period = log.model, log.period
+    mass = log.pushed * period ** (2 - ORDER[model.measured]) / (gains[0] * log.unit)
+    numbers = {
+        "log_mass": np.log(mass),
+        "damping": found["rate"] * mass,
+        "stiffness": found["square"] * mass,
+        "friction": gains[1] / gains[0] * log.pushed if model.friction else 0.0,
+        "delay": found["delay"],
+    }
+    return np.array([numbers[name] for name in model.names if name not in OWN])
+
+
+def _estimated(log, search, point, skip, before, moved):
+    """The numbers with their intervals."""
+    _, errors, columns = _errors(log, search.found(point), skip)
+    gains, left = _projected(errors, columns)
+    if not gains[0] > 0:
+        raise UsageError(NO_MASS)
+    theta = _theta(log, search.found(point), gains)
+    if before is not None:
+        moved = np.maximum(moved, np.abs(theta - before))
+    count = len(gains)
+    slopes = _slopes(log, search, point, gains, skip)
+    to_theta = _differences(
+        lambda both: _theta(log, search.found(both[count:]), both[:count]),
+        np.append(gains, point),
+        np.append(1e-3 * np.abs(gains), DIFFERENCE * search.size),
+    )
+    half = _half_widths(left, slopes, to_theta)
+    few = log if len(log.reading) <= CHANGED else log.part(0, CHANGED)
+    free = [at for at in range(slopes.shape[1]) if at < count or search.names[at - count] not in ("white", "drift")]
+    step = _step(few, search, point, skip, free)
+    extra = np.zeros(len(theta))
+    for decades in OTHER if "white" in search.names else ():
+        other = point.copy()
+        other[search.names.index("white")] += decades[0]
+        other[search.names.index("drift")] += decades[1]
+        if (other < search.low).any() or (other > search.high).any():
+            continue
+        with np.errstate(all="ignore"):
+            _, errors, columns = _errors(few, search.found(other), skip)
+            changed_gains, changed = _projected(errors, columns)
+            if not (changed_gains[0] > 0 and np.isfinite(changed).all()):
+                continue
+            changed_slopes = _slopes(few, search, other, changed_gains, skip)
+            noise = _half_widths(changed, changed_slopes, to_theta)
+            shift = _step(few, search, other, skip, free) - step
+        extra = np.maximum(extra, np.abs(to_theta[:, free] @ shift) - noise)
+    extra[1] = 0.0  # how fast the walk is decides how much of the damping a log shows, and not which one
+    predictor = _errors(log, search.found(point), skip)[0]
+    names = tuple(name for name in log.model.names if name in OWN)
+    spread = float(left.std())
+    return Prediction(
+        replace(log.model, without=names),
+        theta,
+        half + extra + moved,
+        left * log.unit,
+        np.ones(len(left), bool),
+        skip,
+        log.unit * spread / np.sqrt(predictor.spread),
+        _walked(log, search, point, skip),
+        float(left[1:] @ left[:-1] / (left @ left)),
+    )
+
+
+def _step(log, search, point, skip, free):
+    """Gains and numbers of one step of Gauss and Newton from a point with its variances held, `(free,)`."""
+    _, errors, columns = _errors(log, search.found(point), skip)
+    gains, left = _projected(errors, columns)
+    slopes = _slopes(log, search, point, gains, skip)[:, free]
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    step = -np.linalg.lstsq(slopes / size, left, rcond=1e-10)[0] / size
+    step[: len(gains)] += gains
+    return step
+
+
+def _slopes(log, search, point, gains, skip):
+    """Derivatives of the innovations with respect to gains and numbers, `(rows, gains + numbers)`."""
+
+    def left(at):
+        _, errors, columns = _errors(log, search.found(at), skip)
+        return errors - columns @ gains
+
+    _, _, columns = _errors(log, search.found(point), skip)
+    return np.hstack([-columns, _differences(left, point, DIFFERENCE * search.size)])
+
+
+def _differences(function, point, steps):
+    """Central differences of a function, `(values, numbers)`."""
+    slopes = []
+    for at, size in enumerate(steps):
+        step = np.zeros(len(point))
+        step[at] = size
+        slopes.append((function(point + step) - function(point - step)) / (2 * size))
+    return np.stack(slopes, axis=1)
+
+
+def _half_widths(left, slopes, to_theta):
+    """Half the widths of the intervals: the widest of those of white innovations and of blocks of scores."""
+    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+    unit = slopes / size
+    inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
+    most = WILD * np.median(np.abs(left)) / 0.6745
+    clipped = np.clip(left, -most, most)
+    onto = to_theta / size
+    squares = [NORMAL**2 * np.var(clipped) * np.diag(onto @ inverse @ onto.T)]
+    for blocks in BLOCKS:
+        parts = np.array_split(np.arange(len(left)), blocks)
+        scores = np.stack([unit[part].T @ clipped[part] for part in parts])
+        scores = scores - scores.mean(axis=0)
+        spread = inverse @ (scores.T @ scores) @ inverse * blocks / (blocks - 1)
+        squares.append(stdtrit(blocks - 1, 0.975) ** 2 * np.diag(onto @ spread @ onto.T))
+    return np.sqrt(np.max(squares, axis=0))

@@ -1,0 +1,173 @@
+"""The steady Kalman filter of a device on which a force acts that is not in the log.
+
+    s[k+1] = A s[k] + G (f[k] + w[k] + u[k]),   w[k+1] = w[k] + z[k],   y[k] = C s[k] + r[k]
+
+f is the force of the log over the mass, w a force that walks at random, as of a cable or a hand, u a white one, r the noise
+of the reading. The filter predicts each reading from all before it; what is left, the innovations, is white if the model is
+right, whatever w has done to the device until then (Anderson and Moore, Optimal Filtering, 1979, chapter 4).
+
+A tick is the unit of time here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm, schur
+from scipy.signal import lfilter
+
+from wavesweep.identification.model import Model
+
+DOUBLINGS = 60  # of the time over which the Riccati equation is solved
+SETTLED = 1e-12  # relative change of its solution that ends the doublings
+FORGOTTEN = 1e-9  # effect of the initial state below which it no longer matters
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """A tick of a unit mass with the walking force as its last state: `s[k+1] = A s[k] + ...`, of which `C s` is read.
+
+    held: the effect of a unit force over the whole tick. rest: that of a force which begins a part of a tick late.
+    speed: the state that is the velocity.
+    """
+
+    A: np.ndarray
+    held: np.ndarray
+    rest: np.ndarray
+    C: np.ndarray
+    speed: int
+
+
+def tick_of(model: Model, shape: dict[str, float], period: float, part: float) -> Tick:
+    """The tick of a model.
+
+    shape: `rate`, the damping over the mass (1/s), and `square`, the stiffness over it; of two masses also `share`, the load
+    over the first mass, `load_rate`, its damping over it, and of the spring `square` and `coupling_rate`, over the first mass.
+    """
+    if model.load:
+        rate, square, loss = shape["rate"], shape["square"], shape["coupling_rate"]
+        share, load_rate = shape["share"], shape["load_rate"]
+        flow = np.array(  # of x_1, v_1, x_1 - x_2, v_2
+            [
+                [0, 1, 0, 0],
+                [0, -rate - loss, -square, loss],
+                [0, 1, 0, -1],
+                [0, loss / share, square / share, -loss / share - load_rate],
+            ]
+        )
+    else:
+        flow = np.array([[0, 1], [-shape["square"], -shape["rate"]]])
+    size = len(flow)
+    units = np.where(np.arange(size) % 2, 1 / period, 1.0)  # velocities are per tick
+    wide = np.zeros((size + 1, size + 1))
+    wide[:size, :size] = period * flow * units[None, :] / units[:, None]
+    wide[1, size] = 1.0
+    whole = expm(wide)
+    rest = expm((1 - part) * wide)[:size, size]
+    with_position = model.measured == "position" or model.spring
+    kept = slice(0 if with_position else 1, size)  # of a velocity nothing else depends on the position
+    speed = 1 if with_position else 0
+    A, held, rest = whole[:size, :size][kept, kept], whole[:size, size][kept], rest[kept]
+    C = np.zeros(len(A))
+    C[0 if model.measured == "position" else speed] = 1.0
+    if model.measured == "acceleration":  # the change of the velocity over the tick before
+        A = np.pad(A, ((0, 1), (0, 1)))
+        A[-1, speed] = 1.0
+        held, rest = np.append(held, 0.0), np.append(rest, 0.0)
+        C = np.append(C, -1.0)
+    A = np.block([[A, held[:, None]], [np.zeros((1, len(A))), np.ones((1, 1))]])
+    return Tick(A, np.append(held, 0.0), np.append(rest, 0.0), np.append(C, 0.0), speed)
+
+
+class Predictor:
+    """The filter of a tick for white force and walk of variances `white` and `drift`, relative to that of the reading.
+
+    M: the matrix of the errors of its states; spread: the variance of an innovation, relative to that of the reading.
+    """
+
+    def __init__(self, tick: Tick, white: float, drift: float, rows: int) -> None:
+        self.tick = tick
+        noise = white * np.outer(tick.held, tick.held)
+        noise[-1, -1] += drift
+        self.covariance = _steady(tick.A, tick.C, noise)
+        self.spread = float(tick.C @ self.covariance @ tick.C) + 1.0
+        self.gain = tick.A @ self.covariance @ tick.C / self.spread
+        self.M = tick.A - np.outer(self.gain, tick.C)
+        self._past = np.poly(self.M).real
+        self._ahead = np.poly(tick.A).real
+        free = _free(self.M, tick.C, rows)
+        basis, sizes, _ = np.linalg.svd(free / np.linalg.norm(free, axis=0), full_matrices=False)
+        self._initial = basis[:, sizes > 1e-8 * sizes[0]]
+
+    def innovations(self, reading: np.ndarray, skip: int) -> np.ndarray:
+        """Of a log without force, from row `skip` on, without what the state at this row explains."""
+        return self._without_initial(lfilter(self._ahead, self._past, reading)[skip:])
+
+    def effect(self, parts: list[tuple[np.ndarray, np.ndarray]], skip: int) -> np.ndarray:
+        """The same of what forces add to the predictions. parts: the effect of a unit force over a tick, and the forces."""
+        effect = np.zeros(len(parts[0][1]))
+        for push, force in parts:
+            # C adj(z - M) B = det(z - M + B C) - det(z - M)
+            response = np.poly(self.M - np.outer(push, self.tick.C)).real - self._past
+            effect += lfilter(response, self._past, force)
+        return self._without_initial(effect[skip:])
+
+    def smoothed(self, reading: np.ndarray, push: np.ndarray, skip: int) -> np.ndarray:
+        """The states at each row from all readings and `push`, the effects of all forces, `(states, rows)` both.
+
+        The backward pass is that of Bryson and Frazier in the form of Durbin and Koopman (2012, section 4.4).
+        """
+        drive = np.zeros((len(self.M), len(reading)))
+        drive[:, 1:] = (np.outer(self.gain, reading) + push)[:, :-1]
+        error = reading - self.tick.C @ _run(self.M, drive)
+        free = _free(self.M, self.tick.C, len(reading))
+        start = np.linalg.lstsq(free[skip:], error[skip : len(free)], rcond=1e-12)[0]
+        drive[:, 0] = start
+        states = _run(self.M, drive)
+        error = reading - self.tick.C @ states
+        back = _run(self.M.T, np.outer(self.tick.C / self.spread, error[::-1]))[:, ::-1]
+        return states + self.covariance @ back
+
+    def _without_initial(self, errors):
+        rows = len(self._initial)
+        errors[:rows] -= self._initial @ (self._initial.T @ errors[:rows])
+        return errors
+
+
+def _steady(A, C, noise):
+    """The covariance of the states before a reading of unit variance, by doubling (Anderson and Moore 1979, section 6.7)."""
+    forward, seen, covariance = A.T, np.outer(C, C), noise
+    identity = np.eye(len(A))
+    for _ in range(DOUBLINGS):
+        shared = np.linalg.solve(identity + seen @ covariance, np.hstack([forward, seen]))
+        forward_shared, seen_shared = shared[:, : len(A)], shared[:, len(A) :]
+        added = forward.T @ covariance @ forward_shared
+        seen = seen + forward @ seen_shared @ forward.T
+        forward = forward @ forward_shared
+        covariance = covariance + (added + added.T) / 2
+        seen = (seen + seen.T) / 2
+        if np.abs(added).max() <= SETTLED * np.abs(covariance).max():
+            break
+    return covariance
+
+
+def _free(M, C, rows):
+    """What a unit of each state at the first row adds to each innovation, `(rows, states)`, as far as it matters."""
+    free, power = C[None, :], M
+    while len(free) < rows:
+        free = np.concatenate([free, free @ power])
+        power = power @ power
+        if np.abs(free[-1]).max() < FORGOTTEN and np.abs(power).max() < FORGOTTEN:
+            break
+    return free[:rows]
+
+
+def _run(M, drive):
+    """The states x[k] = M x[k-1] + drive[:, k] from 0, `(states, rows)`, by a Schur form: one pole after the other."""
+    triangle, basis = schur(M, "complex")
+    driven = basis.conj().T @ drive
+    states = np.zeros_like(driven)
+    for row in reversed(range(len(M))):
+        drive_of_row = driven[row]
+        drive_of_row[1:] += triangle[row, row + 1 :] @ states[row + 1 :, :-1]
+        states[row] = lfilter([1.0], [1.0, -triangle[row, row]], drive_of_row)
+    return (basis @ states).real
