@@ -23,6 +23,7 @@ from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.for_all.folded import pivots_of, without_folded
+from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.loop_frames import LoopFrames
 from wavesweep.for_all.loop_numbers import FramesOver
 from wavesweep.for_all.plan import ANY, INSIDE
@@ -184,6 +185,28 @@ def messages_over(
         return *without_folded(ticks, drift), pivots_of(ticks, len(points))
 
     return FramesOver.of(evaluate, box, tuple(ahead), tuple(last), symbols, units)
+
+
+def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths: Sequence[str], box: np.ndarray) -> Members:
+    """Return the steps of members of a box of numbers at these paths, in plain doubles."""
+    drawing, channels = _in_step(drawing, values)
+
+    def with_numbers(points):
+        return values | {path: points[:, at].copy() for at, path in enumerate(paths)}
+
+    inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+    pair = [_in_time(twin, channels) for twin in twins(drawing, with_numbers(inside))]
+    held, drift = pair[0].held(), drift_of_drawn(*pair)
+    steps = list(_steps(channels, assembled(drawing, values)))
+
+    def frames_at(points):
+        rows, ticks = _ticks(assembled(drawing, with_numbers(points)), channels, steps, held)
+        ticks, _ = relative_ticks(ticks, drift)
+        return frames_of_ticks(ticks, drift, [row[:-1] for row in rows], [row[-1] for row in rows])
+
+    follows = np.array([[after in sources for *_, sources in steps] for _, _, after, _ in steps])
+    symbols = tuple(symbol for _, symbol, *_ in steps)
+    return Members(frames_at, len(drift.remaining), symbols, follows)
 
 
 def _in_step(drawing: Drawing, values: Mapping[str, object]) -> tuple[Drawing, tuple[Channel, ...]]:

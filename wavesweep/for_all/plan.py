@@ -14,6 +14,7 @@ from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, rela
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
 from wavesweep.for_all.folded import lasting, pivots_of, without_folded
+from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
 from wavesweep.for_all.loop_numbers import FramesOver
 
@@ -141,6 +142,31 @@ class Plan:
             return *without_folded(ticks, drift), pivots_of(ticks, len(points))
 
         return FramesOver.of(evaluate, box, rows, samples, symbols, units)
+
+    def members(self, paths: Sequence[str], box: np.ndarray) -> Members:
+        """Return the frames of members of a box of numbers at these paths, in plain doubles."""
+        inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+
+        def with_numbers(points):
+            return self.values | {path: points[:, at].copy() for at, path in enumerate(paths)}
+
+        def ticks_at(step, points=inside, places=None):
+            loop = assembled(self.schedule.with_period(self.drawing, step), with_numbers(points))
+            return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
+
+        _, picked, index = self._kinds(ticks_at)
+        drift = self._drift(with_numbers(inside))
+        rows, samples, symbols, follows = self.written(index)
+
+        def frames_at(points):
+            maps = []
+            for step, some in groupby(picked, lambda each: each[0]):
+                ticks = ticks_at(step, points, [place for _, place in some])
+                maps += [ticks.maps[kind] for kind in ticks.kind]
+            ticks, _ = relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
+            return frames_of_ticks(ticks, drift, rows, samples)
+
+        return Members(frames_at, len(drift.remaining), symbols, follows)
 
     def _kinds(self, ticks_at):
         """The different maps of ticks, the step and the place that each is from, and the index of each kind at each step."""

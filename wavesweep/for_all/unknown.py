@@ -8,19 +8,21 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops, distinct
+from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
 from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.loops.resolution import Resolution, Side
 from wavesweep.engine.search.frames_along import frames_where_solvable
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.stability.positive import Cover, largest_free
-from wavesweep.engine.stability.radii import drift_of, radii_of
+from wavesweep.engine.stability.radii import drift_of
+from wavesweep.for_all.climb import climb, constant_growth, corners_of
 from wavesweep.for_all.guardian_maps import cover
 from wavesweep.program.reading.axes import Axis
 
-SCATTERED = 24  # points of a box that are tried in addition to its corners, its middle and the spec's own numbers
-SHRINK = 12  # halvings of the steps of the search for the worst numbers
+CLIMBS = 8  # of the search for worse numbers within what the others leave
+MET = 8  # unstable members that a climb has found, whose exact intervals are computed
+SAME = 1e-9  # relative: ends that are as near are found again
 FRAMES = 800_000  # that the proofs of a case may take
 MOST_UNSTABLE = 8  # points that a proof has met, at which it is looked again
 ROUNDS = 4  # of a search after a proof has met an unstable loop
@@ -128,37 +130,40 @@ class Case:
 
     def parts(self, narrow: bool = True) -> list[Part]:
         """What none of the numbers that are looked at refutes; narrow: whether a search goes to the worst ones for each end."""
-        intervals = self.met([Part(*self.span)], self._points)
+        intervals = self.met([Part(*self.span)], self._starts)
         return self.narrowed(intervals) if narrow else intervals
 
     def narrowed(self, parts: list[Part]) -> list[Part]:
-        """What is left of the parts after a search for worse numbers about those that set their ends."""
-        for halving in range(1, 1 + SHRINK if self.ranges else 1):
-            ends = {tuple(by[axis.path] for axis in self.ranges) for by in self._setting(parts)}
-            if not ends:
+        """What is left of the parts after climbs, over all numbers and along the parts, to members that are unstable there."""
+        growth = constant_growth(self.loop, [self.along, *(axis.path for axis in self.ranges)])
+        for _ in range(CLIMBS if self.ranges else 0):
+            before = parts
+            for part in before:
+                low, high = part.within(0.0)
+                box = np.column_stack([[low, high], self.box])
+                starts = [np.insert(self._starts, 0, end, axis=1) for end in (low, high)]
+                starts += [[[low, *point]] for point in self._setting(part.low_by)]
+                starts += [[[high, *point]] for point in self._setting(part.high_by)]
+                found = climb(growth, box, np.concatenate(starts)).unstable[:MET, 1:]
+                parts = self.met(parts, np.unique(found, axis=0))
+            if len(parts) == len(before) and all(map(_same, parts, before)):
                 break
-            step = (self.box[1] - self.box[0]) * 0.5**halving * np.eye(len(self.ranges))
-            near = np.array(sorted(ends))[:, None] + np.concatenate([step, -step])
-            parts = self.met(parts, np.unique(np.clip(near, *self.box).reshape(-1, len(self.ranges)), axis=0))
         return parts
 
-    def _setting(self, parts):
-        """The numbers that set an end of one of the parts, and are of this case."""
-        both = [by for interval in parts for by in (interval.low_by, interval.high_by) if by is not None]
-        return [by for by in both if self.fixed.items() <= by.items()]
+    def _setting(self, by):
+        """The point of the box with the numbers that set an end, if they are of this case."""
+        if by is None or not self.fixed.items() <= by.items():
+            return []
+        return [[by[axis.path] for axis in self.ranges]]
 
     @cached_property
-    def _points(self):
-        count = len(self.ranges)
-        share = [*product((0.0, 1.0), repeat=count), (0.5,) * count]
-        if count:
-            golden = np.sqrt(np.array([2.0, 3.0, 5.0, 7.0, 11.0, 13.0]))[:count]
-            share += list(np.mod(np.outer(np.arange(1, SCATTERED + 1), golden), 1.0))
-        if not count:
-            return np.zeros((1, 0))
-        points = np.array(share).reshape(-1, count) * (self.box[1] - self.box[0]) + self.box[0]
+    def _starts(self):
+        """Members that are tried in any case: the spec's own, corners, the middle, and the extremes of expressions."""
+        own = np.clip([[float(self.values[axis.path]) for axis in self.ranges]], *self.box)
+        if not self.ranges:
+            return own
         extremes = Resolution(*self.loop, [Side(axis.path) for axis in self.ranges]).extremes(self.box)
-        return np.concatenate([points, extremes])
+        return np.concatenate([own, corners_of(self.box), extremes])
 
     def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
         """What is left of the parts after the exact intervals at points of the box."""
@@ -180,17 +185,25 @@ class Case:
     def _exact(self, points):
         """The stable intervals at each point, with whether what lies below and above is known to be unstable."""
         intervals = [[] for _ in points]
-        for alike in distinct(list((points == 0).T), len(points)):
-            arrays = {axis.path: np.ascontiguousarray(points[alike, i]) for i, axis in enumerate(self.ranges)}
-            groups = ((np.arange(alike.size), self.loop.changed(arrays)),)
-            records = Search(self.along, self.span, groups, felt=False, checked=True).records()
+        for members, loops in self._built(points):
+            records = Search(self.along, self.span, ((np.arange(members.size), loops),), felt=False, checked=True).records()
             self.certified &= bool(records["certified"].all())
             self.vouched |= bool(records["certified"].any())
             for record in records[records["intervals"] > 0]:
                 low, high, *omegas = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
                 certain = not record["open_low"] < low, not record["open_high"] > high
-                intervals[alike[record["slice"]]].append((low, high, certain, *omegas))
+                intervals[members[record["slice"]]].append((low, high, certain, *omegas))
         return intervals
+
+    def _built(self, points):
+        """Yield members of the box that are built alike, as indices and loops, with the whole ticks of their dead times."""
+        unbuilt = self.loop.unbuilt
+        for alike in distinct(list((points == 0).T), len(points)):
+            arrays = {axis.path: np.ascontiguousarray(points[alike, i]) for i, axis in enumerate(self.ranges)}
+            if unbuilt == self.loop:
+                yield alike, self.loop.changed(arrays)
+            else:
+                yield from batches_built_alike(unbuilt.drawing, alike, unbuilt.changed(arrays).values)
 
     def cover(self, low=0.0, high=0.0) -> Cover:
         """The proof that all loops of the box are stable, from low to high of the number if there is one."""
@@ -204,18 +217,20 @@ class Case:
         return covered
 
     def unstable(self) -> Mapping[str, float] | None:
-        """Numbers among those that are looked at with which the loop is not stable, or not known to be; None without."""
-        points = self._points
-        for alike in distinct(list((points == 0).T), len(points)):
-            arrays = {axis.path: np.ascontiguousarray(points[alike, i]) for i, axis in enumerate(self.ranges)}
-            radius = radii_of(self.loop.changed(arrays), alike.size)
-            if (wrong := np.flatnonzero(~(radius < 1))).size:
-                return self.named(points[alike[wrong[0]]])
-        return None
+        """Numbers with which the loop is not stable, or not known to be, where a climb finds some; None without."""
+        growth = constant_growth(self.loop, [axis.path for axis in self.ranges])
+        unstable = climb(growth, self.box, self._starts).unstable
+        return self.named(unstable[0]) if len(unstable) else None
 
     def named(self, point) -> dict[str, float]:
         """The numbers of a point of the box."""
         return self.fixed | dict(zip((axis.path for axis in self.ranges), np.asarray(point).tolist(), strict=True))
+
+
+def _same(part, other):
+    return all(
+        abs(one - two) <= SAME * max(abs(one), abs(two)) for one, two in ((part.low, other.low), (part.high, other.high))
+    )
 
 
 def frames_over(loop, paths, drift, x):

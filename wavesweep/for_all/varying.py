@@ -19,7 +19,13 @@ from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.loops.resolution import Resolution, Side, to_divide
 from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
 from wavesweep.for_all.average import OnAverage
-from wavesweep.for_all.channel_families import Sent, frames_with_messages, messages_over
+from wavesweep.for_all.channel_families import (
+    Sent,
+    frames_with_messages,
+    members_with_messages,
+    messages_over,
+)
+from wavesweep.for_all.climb import corners_of, growth_in_words, growth_on_average
 from wavesweep.for_all.frame_families import (
     DELAY,
     FRAME,
@@ -251,16 +257,24 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
             return to_divide(unresolved, part, np.column_stack([part[:, : len(numbers) - len(paths)], ranged]))
         return over(numbers, lambda sides: as_numbers(sides, zeros), part, units)
 
-    loops = partial(LoopsOver, family, frames_at, box, zeros, Resolution(*own, list(map(Side, paths))).extremes(box))
+    whole = np.column_stack([span, box]) if along else box
+    members = plan.members(numbers, whole) if plan else members_with_messages(*own, numbers, whole)
+    spec_numbers = [[float(values[path]) for path in paths]]
+    extremes = Resolution(*own, list(map(Side, paths))).extremes(box)
+    starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box), extremes])
+    loops = partial(LoopsOver, family, frames_at, box, zeros, starts=starts)
     if not rules.at_random:
-        return loops()
+        return loops(growth=growth_in_words(members.at, members.states, members.follows))
     lost = losses_at_random(rules.drawing, values) if rules.messages else {}
     chain = cache(partial(chain_of, rules.for_all.lengths, rules.for_all.results, lost=lost))
     if alike:
         middle = family(tuple(box.mean(0).tolist()))
         found = middle.graph, middle.weights(0.0, 0.0)[0]
-        return loops(OnAverage(lambda _: found))
-    return loops(OnAverage(chain))
+        on_average = OnAverage(lambda _: found)
+    else:
+        on_average = OnAverage(chain)
+    weights = on_average.chain(members.symbols)
+    return loops(growth=growth_on_average(members.at, members.states, *weights), on_average=on_average)
 
 
 def _zero(drawing, values, path, sides):

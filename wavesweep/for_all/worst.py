@@ -4,11 +4,11 @@ and proved box by box."""
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 
 import numpy as np
 
 from wavesweep.for_all.average import OnAverage
+from wavesweep.for_all.climb import Growth, climb
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.mean_square import nearest_growing
@@ -18,7 +18,8 @@ from wavesweep.for_all.ranges import Box, FramesAt, cover, units_of
 
 TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
-SHRINK = 8  # halvings of the steps of the search for the worst point
+CLIMBS = 6  # to points at which numbers closer to the start are refuted
+LOOKED_AT = 3  # points of a climb at which all words are searched
 MOVED = 1e-4  # relative: a gain of the search below this ends it
 WORK = 7e11  # operations of the proofs: about a minute
 UPWARD = 0.6  # part of the work for the way to the upper end
@@ -61,21 +62,17 @@ class LoopsOver:
 
     family: gives the frames at a point of the box as a family along the number. frames_at: gives the frames over a box of sides
     (see `as_sides`), the first of which is that number. zeros: from where each is counted, as sides have it. on_average: if
-    frames are at random; families are then `Chances`, and the word of what grows is (0,). extremes: points at which an
-    expression is least or largest, `(points, numbers)`.
+    frames are at random; families are then `Chances`, and the word of what grows is (0,). growth: of members, at points of that
+    number and of the box. starts: members that are tried in any case, `(points, numbers)`.
     """
 
     family: Callable[[tuple[float, ...]], Family]
     frames_at: FramesAt
     box: Box
     zeros: np.ndarray
-    extremes: np.ndarray
+    growth: Growth
+    starts: np.ndarray
     on_average: OnAverage | None = None
-
-    @property
-    def tried(self) -> list[tuple[float, ...]]:
-        """Members that are tried first: the corners, the middle, and the extremes."""
-        return [*sorted(set(product(*self.box.T.tolist()))), self.middle, *map(tuple, self.extremes.tolist())]
 
     @property
     def middle(self) -> tuple[float, ...]:
@@ -180,23 +177,18 @@ def _left(loops, found, end):
 def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
     """The refuted number closest to the start that a search over the box finds, towards a limit.
 
-    Words are searched at the members that are tried first; then the best point is moved, with its word, as long as that refutes
-    a number closer to the start, and words are searched there again.
+    Words are searched at the points at which members grow most up to what is refuted already, until that comes no closer.
     """
     best = Refuted()
-    for point in loops.tried:
-        best = _refuted_at(loops, point, start, limit, best)
-    for halving in range(1, 1 + SHRINK):
+    for _ in range(CLIMBS):
+        end, starts = (best.x, [*loops.starts, best.point]) if best.word else (limit, loops.starts)
+        box = np.column_stack([sorted((start, end)), loops.box])
+        climbed = climb(loops.growth, box, np.insert(starts, 0, end, axis=1))
         before = best
-        if not best.word or not loops.box.size:
+        for point in dict.fromkeys(map(tuple, climbed.points[:LOOKED_AT, 1:].tolist())):
+            best = _refuted_at(loops, point, start, limit, best)
+        if best is before or (before.word and abs(best.x - before.x) <= MOVED * abs(before.x - start)):
             break
-        while True:
-            moved = _moved(loops, start, limit, best, (loops.box[1] - loops.box[0]) * 0.5**halving)
-            if not moved.word or abs(moved.x - best.x) <= MOVED * abs(best.x - start):
-                break
-            best = moved
-        if best is not before:
-            best = _refuted_at(loops, best.point, start, best.x, best)
     if best.word and not loops.on_average:
         return replace(best, x=nearest(loops.family(best.point), best.word, start, best.x))
     return best
@@ -210,20 +202,6 @@ def _refuted_at(loops, point, start, limit, best):
     if word and not (best.word and abs(x - start) >= abs(best.x - start)):
         return Refuted(x, tuple(point), word)
     return best
-
-
-def _moved(loops, start, limit, best, step):
-    """The best of the neighbours of a point at which its word refutes a number closer to the start."""
-    found = Refuted()
-    for move in np.concatenate([np.diag(step), -np.diag(step)]):
-        point = tuple(np.clip(np.array(best.point) + move, *loops.box))
-        if point == best.point:
-            continue
-        end = found.x if found.word else best.x
-        x = _beyond(loops, point, best.word, start, end, limit)
-        if x is not None and abs(x - start) < abs(end - start):
-            found = Refuted(x, point, best.word)
-    return found
 
 
 def _beyond(loops, point, word, start, end, limit):
@@ -257,17 +235,27 @@ def decide_over(loops: LoopsOver, work: float = WORK) -> tuple[tuple[float, ...]
     def refuted(family, word):
         return family.refuted(0.0) if loops.on_average else is_refuted(family, word, 0.0)
 
-    for point in loops.tried:
-        family, words = loops.family(point), [(0,)]
-        if not loops.on_average:
-            A = family.at(0.0)
-            words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
-        for word in words:
-            if refuted(family, word):
-                return tuple(map(float, point)), word, False
+    def worst(box, starts):
+        for point in map(tuple, climb(loops.growth, box, starts).points[:LOOKED_AT].tolist()):
+            family, words = loops.family(point), [(0,)]
+            if not loops.on_average:
+                A = family.at(0.0)
+                words = growing(A, family.follows, first_centre(A, family.follows)[0].basis)
+            for word in words:
+                if refuted(family, word):
+                    return point, word
+        return (), ()
+
+    point, word = worst(loops.box, loops.starts)
+    if word:
+        return point, word, False
     found = cover(loops.frames_at, as_sides(loops.box, loops.zeros), loops.follows, work)
     if found.word:
         point = tuple(np.clip(as_numbers(found.point, loops.zeros), *loops.box).tolist())
         if refuted(loops.family(point), found.word):
             return point, found.word, False
-    return (), (), not found.open
+    if found.open:
+        low, high = np.min(found.open, axis=(0, 1)), np.max(found.open, axis=(0, 1))
+        part = np.clip(as_numbers(np.array([low, high]), loops.zeros), *loops.box)
+        point, word = worst(part, part)
+    return point if word else (), word, not found.open

@@ -25,6 +25,12 @@ class Loops(NamedTuple):
         read_values = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
         return Loops(self.drawing, read_values)
 
+    @property
+    def unbuilt(self) -> "Loops":
+        """The loops without the whole ticks of dead times with which they were built."""
+        building = self.drawing.building
+        return Loops(self.drawing, {path: value for path, value in self.values.items() if path not in building})
+
     def drawn(self, out: str = "", beside: str = "") -> "MultirateLoop":
         """The blocks of the loops, perhaps without one number or two; see `assembled`."""
         from wavesweep.engine.loops.from_drawing import assembled

@@ -1,0 +1,167 @@
+"""Climbs to the members of a box that grow most, and claims that give way to what they find."""
+
+import numpy as np
+import pytest
+
+from wavesweep.for_all import varying, worst
+from wavesweep.for_all.channel_families import members_with_messages
+from wavesweep.for_all.climb import Growth, climb, corners_of, growth_on_average
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.rows import cases_of, intervals_for_all, verdict
+from wavesweep.for_all.varying import Rules
+from wavesweep.program.spec import load
+from wavesweep.program.sweep.grid import loops_of, own_loop
+
+QUINTIC = "(p**5 - 1.5*p**3 + 0.5*p)*(q**5 - 1.5*q**3 + 0.5*q)"  # 0 on edges and in the middle
+NUMBERS = {"p": {"start": -1, "stop": 1}, "q": {"start": -1, "stop": 1}}
+
+
+def delay(gain, keys=None, **more):
+    """`x[k+1] = gain x[k] + h[k]/100`, where h samples x and holds it."""
+    keys = keys or {"type": "hold", "every": 2}
+    numbers = {"p": 0.0, "q": 0.0, "K": 1.0} if "K" in gain else {"p": 0.0, "q": 0.0}
+    return {
+        "rates": {"tick_hz": 100},
+        "numbers": numbers | ({"n": 2} if keys["every"] == "n" else {}),
+        "block": {"x": {"type": "delay"}, "h": keys},
+        "wire": {"h.u": "x.y", "x.u": f"({gain})*x.y + 0.01*h.y"},
+        "for_all": {**NUMBERS, **more},
+    }
+
+
+TURNING = {  # a dead time of 1.68 ticks at p = 1, of less than one far from it
+    "rates": {"tick_hz": 100},
+    "numbers": {"p": 3.0},
+    "block": {
+        "x": {"type": "tf", "num": [54672.8], "den": [1, 63.28, 54672.8]},
+        "c": {"type": "hold"},
+        "l": {"type": "delay", "seconds": "0.0034 + 0.02684*p/(1 + p**2)"},
+    },
+    "wire": {"c.u": "0.379*x.y", "l.u": "c.y", "x.u": "l.y"},
+    "for_all": {"p": {"start": 1e-6, "stop": 1e6}},
+}
+RING = {  # the radius is the root of 1.0005 sin(p) sin(q)
+    "rates": {"tick_hz": 100},
+    "numbers": {"p": 2.0, "q": 2.0},
+    "block": {"a": {"type": "delay"}, "b": {"type": "delay"}},
+    "wire": {"a.u": "1.0005*sin(p)*b.y", "b.u": "sin(q)*a.y"},
+    "for_all": {"p": {"start": 0, "stop": 6.28318}, "q": {"start": 0, "stop": 6.28318}},
+}
+LARGE = f"0.5 + 160*{QUINTIC}"  # up to 2.65
+FRAMES = {"values": [2, 3], "varying": True}
+AT_RANDOM = {**FRAMES, "shares": [3, 1]}
+EVERY_N = {"type": "hold", "every": "n"}
+LOST, AT_CHANCE = ({"type": "channel", "every": 2, **keys} for keys in ({"lost": 1}, {"loss": 0.1}))
+
+
+def a_hole(points):
+    """The growth 2 at a place that is a thousandth of the box wide each way, slowly falling about it."""
+    away = np.abs(points - [0.3137, -0.7411, 0.123]).max(-1)
+    return 2 / (1 + away / 1e-3)
+
+
+def test_a_climb_finds_a_narrow_place_within_its_box_and_the_same_one_again():
+    box = np.array([[-1.0, -1.0, 0.123], [1.0, 1.0, 0.123]])
+    found = climb(Growth(a_hole, 1e3), box, corners_of(box))
+    assert found.growth[0] > 1.9
+    assert ((found.points >= box[0]) & (found.points <= box[1])).all()
+    assert (np.diff(found.growth) <= 0).all()
+    again = climb(Growth(a_hole, 1e3), box, corners_of(box))
+    np.testing.assert_array_equal(found.points, again.points)
+
+
+def test_a_climb_moves_by_factors_over_decades():
+    box = np.array([[1e-6], [1e6]])
+    found = climb(Growth(lambda p: 2 * p[:, 0] / (1 + p[:, 0] ** 2), 1e3), box, corners_of(box))
+    assert found.points[0, 0] == pytest.approx(1.0, abs=1e-2)
+
+
+def test_a_climb_keeps_to_its_operations():
+    calls = []
+
+    def of(points):
+        calls.append(len(points))
+        return a_hole(points)
+
+    box = np.array([[-1.0] * 3, [1.0] * 3])
+    climb(Growth(of, 1e6), box, corners_of(box), 2e8)
+    assert sum(calls) <= 300
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("tables", "kind"),
+    [
+        (RING, "q = "),
+        (TURNING, "p = "),
+        (delay(LARGE, EVERY_N, n=FRAMES), "frames"),
+        (delay(LARGE, LOST), "messages"),
+        (delay(LARGE, AT_CHANCE), "second moments"),
+    ],
+    ids=["ring", "dead time", "frames", "messages", "messages at random"],
+)
+def test_numbers_that_matter_only_together_are_found(tables, kind):
+    found = verdict(load(tables))
+    assert found["verdict"] == "refuted"
+    assert kind in found["counterexample"]
+
+
+@pytest.mark.slow
+def test_frames_at_random_are_tried_at_numbers_that_matter_only_together():
+    spec = load(delay(LARGE, EVERY_N, n=AT_RANDOM))
+    found = verdict(spec, Rules.of(spec).on_average())
+    assert (found["verdict"], found["kind"]) == ("refuted", "frames")
+
+
+LARGEST = 74.2 * (0.36032**5 - 1.5 * 0.36032**3 + 0.5 * 0.36032) ** 2
+UP_TO = {"sweep": {"along": "K", "K": {"start": 0, "stop": 2}}}
+
+
+@pytest.mark.slow
+def test_a_row_ends_where_numbers_that_matter_only_together_are_unstable():
+    """The gain is up to `0.5 + K` times LARGEST, to which the hold adds a hundredth."""
+    spec = load(delay(f"0.5 + 74.2*K*{QUINTIC}") | UP_TO)
+    path = spec.names.find("K").path
+    loop = loops_of(spec, dict(spec.values), path)
+    row = intervals_for_all(Rules.of(spec), loop, path, (0.0, 2.0))[0]
+    assert row["fails_from"] == pytest.approx(0.49 / LARGEST, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("keys", [LOST, AT_CHANCE, EVERY_N], ids=["lost", "at random", "frames"])
+def test_the_nearest_value_that_fails_is_found_where_numbers_matter_only_together(keys):
+    more = {"n": FRAMES} if keys is EVERY_N else {}
+    spec = load(delay(f"0.5 + 74.2*K*{QUINTIC}", keys, **more) | UP_TO)
+    rules, path = Rules.of(spec), spec.names.find("K").path
+    case = cases_of(rules, path, (0.0, 2.0), loops_of(spec, dict(spec.values), path))[0]
+    loops = varying._over(rules, case.values, path, case.ranges, (0.0, 2.0))
+    found = worst._worst(loops, 0.01, 2.0)
+    assert found.x == pytest.approx(0.49 / LARGEST, rel=0.01)
+    assert np.abs(found.point) == pytest.approx(0.3603, abs=0.02)
+
+
+@pytest.mark.parametrize("keys", [LOST, AT_CHANCE, EVERY_N], ids=["lost", "at random", "frames"])
+def test_members_in_a_batch_have_the_frames_of_each_alone(keys):
+    spec = load(delay(LARGE, keys, **({"n": FRAMES} if keys is EVERY_N else {})))
+    rules = Rules.of(spec)
+    case = cases_of(rules, "", (0.0, 0.0), own_loop(spec))[0]
+    paths = [axis.path for axis in case.ranges]
+    if rules.messages:
+        members = members_with_messages(rules.drawing, case.values, paths, case.box)
+    else:
+        members = rules.plan(case.values, paths).members(paths, case.box)
+    points = np.random.default_rng(0).uniform(*case.box, (5, 2))
+    for point, together in zip(points, np.moveaxis(members.at(points), 1, 0), strict=True):
+        family = rules.family(case.values | dict(zip(paths, point.tolist(), strict=True)), "")
+        alone = family.at(0.0)[0] if rules.at_random else family.at(0.0)
+        radii = (np.abs(np.linalg.eigvals(each)).max(-1) for each in (together, alone))
+        assert next(radii) == pytest.approx(next(radii), rel=1e-12)
+    assert members.states == alone.shape[-1]
+
+
+def test_growth_on_average_is_that_of_second_moments():
+    """A gain of 3 in a quarter of the steps, and 0.5 in the others."""
+    graph = Graph(np.array([0, 0]), np.array([0, 1]), np.array([0, 0]))
+    frames = np.broadcast_to(np.array([0.5, 3.0]).reshape(2, 1, 1, 1), (2, 4, 1, 1))
+    growth = growth_on_average(lambda _: frames, 1, graph, np.array([0.75, 0.25]))
+    assert growth.of(np.zeros((4, 1))) == pytest.approx(0.75 / 4 + 9 / 4)

@@ -1,0 +1,187 @@
+"""Members of a box of numbers that grow most, looked for by a random climb over all numbers at once.
+
+A claim about a set is tried here before it is proved, and again where its proof has trouble. The
+climb knows nothing of how a loop reads its numbers: it starts at many places, and moves along some
+of the numbers or all of them by steps that shrink. What it finds is a place to look at; whether a
+loop is unstable there is for others to say.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
+from wavesweep.engine.stability.radii import radii_of
+from wavesweep.for_all.graph import Graph
+from wavesweep.for_all.mean_square import operator_of
+from wavesweep.for_all.patterns import short_words
+
+SCATTERED, LEAST_SCATTERED = 256, 32  # members that are tried first, beside those that are given
+BEST, OTHERS = 4, 4  # of those, from which the climb goes on: the worst, and some of the next
+NEXT = 64
+MOVES = 6  # of each in a step, half of them along some numbers alone
+STEPS = 24
+FIRST, SHRINK = 0.5, 0.7  # a first step in halves of a range, and each to the next
+DECADE = 10.0  # ratio of the ends of a range above which steps are factors
+OPERATIONS = 3e8  # of a climb
+OF_A_MEMBER = 2e4  # operations beside those of its matrices
+EIGENVALUES = 25  # operations are so many times n^3
+WORDS = 16  # patterns, the shortest ones, whose growth is climbed
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """How much members grow.
+
+    of: from points `(points, numbers)` to the growth of each per frame, inf where it is not known.
+    operations: of one member.
+    """
+
+    of: Callable[[np.ndarray], np.ndarray]
+    operations: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Climbed:
+    """Members that grow most, `(members, numbers)`, the worst first, and their growth."""
+
+    points: np.ndarray
+    growth: np.ndarray
+
+    @property
+    def unstable(self) -> np.ndarray:
+        """Those that grow, or of which that is not known."""
+        return self.points[~(self.growth < 1)]
+
+
+def climb(growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float = OPERATIONS) -> Climbed:
+    """Return the members of a box `(2, numbers)` that grow most, as far as a climb finds them.
+
+    starts: members that are tried in any case, `(points, numbers)`. The same box has the same
+    answer at any time.
+    """
+    rng, wide = np.random.default_rng(0), np.flatnonzero(box[0] < box[1])
+    if not wide.size:
+        return _ranked(starts, growth.of(starts))
+    most = operations / growth.operations
+    scattered = _scattered(box, int(np.clip(most / 4, LEAST_SCATTERED, SCATTERED)), rng)
+    points = np.unique(np.concatenate([np.clip(starts, *box), scattered]), axis=0)
+    found = _ranked(points, growth.of(points))
+    others = np.linspace(BEST, min(len(points), NEXT) - 1, OTHERS).astype(int)
+    chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
+    points, values = found.points[chosen], found.growth[chosen]
+    step, left = FIRST, most - len(found.points)
+    while left > 0 and step > FIRST * SHRINK**STEPS:
+        moves = step * rng.normal(size=(MOVES, len(points), wide.size))
+        moves[::2] *= rng.random(moves[::2].shape) < 1 / wide.size
+        places = np.repeat(points[None], MOVES, 0)
+        units = _units(box[:, wide], places[..., wide]) + moves
+        places[..., wide] = _numbers(box[:, wide], np.clip(units, -1.0, 1.0))
+        reached = growth.of(places.reshape(-1, box.shape[1])).reshape(MOVES, -1)
+        best = reached.argmax(0), np.arange(len(points))
+        better = reached[best] > values
+        points = np.where(better[:, None], places[best], points)
+        values = np.where(better, reached[best], values)
+        step, left = SHRINK * step, left - reached.size
+    return _ranked(np.concatenate([points, found.points]), np.append(values, found.growth))
+
+
+def _ranked(points, growth):
+    order = np.argsort(-growth, kind="stable")
+    return Climbed(points[order], growth[order])
+
+
+def _scattered(box, count, rng):
+    """Points that are spread evenly, and such on the edges."""
+    numbers = box.shape[1]
+    roots = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0])[:numbers]
+    spread = 2 * np.mod(np.outer(np.arange(1, count + 1), roots), 1.0) - 1
+    at_edge = spread[::4].copy()
+    edges = rng.random(at_edge.shape) < 0.5
+    at_edge[edges] = np.sign(at_edge[edges])
+    return _numbers(box, np.concatenate([spread, at_edge]))
+
+
+def corners_of(box: np.ndarray) -> np.ndarray:
+    """Return the corners of a box, and its middle."""
+    return np.unique([*product(*box.T), box.mean(0)], axis=0)
+
+
+def _by_factors(box):
+    """Which numbers are moved by factors."""
+    return (box[0] > 0) & (box[1] > DECADE * box[0])
+
+
+def _numbers(box, units):
+    """The numbers at places from -1 to 1 of their ranges."""
+    by_factors, middle, half = _by_factors(box), box.mean(0), np.ptp(box, axis=0) / 2
+    low, high = np.where(by_factors, box, 1.0)
+    factors = low * (high / low) ** ((1 + units) / 2)
+    return np.clip(np.where(by_factors, factors, middle + half * units), *box)
+
+
+def _units(box, numbers):
+    """The places from -1 to 1 of numbers in ranges that are wide."""
+    by_factors, middle, half = _by_factors(box), box.mean(0), np.ptp(box, axis=0) / 2
+    low, high = np.where(by_factors, box, [[1.0], [2.0]])
+    shares = np.log(np.where(by_factors, numbers, 1.0) / low) / np.log(high / low)
+    return np.where(by_factors, 2 * shares - 1, (numbers - middle) / half)
+
+
+def constant_growth(loop: Loops, paths: list[str]) -> Growth:
+    """Return the spectral radii of loops with other numbers at these paths.
+
+    loop: with or without the whole ticks of dead times, which are those of each member.
+    """
+    unbuilt = loop.unbuilt
+    drawn = loop.drawn()
+    states = sum(len(scheduled.block.states) for scheduled in drawn.placed)
+    operations = OF_A_MEMBER + (EIGENVALUES + drawn.ticks) * states**3
+
+    def of(points):
+        radii = np.empty(len(points))
+        for alike in distinct([points[:, i] == 0 for i in range(len(paths))], len(points)):
+            columns = {path: points[alike, i].copy() for i, path in enumerate(paths)}
+            for some, batch in batches_built_alike(unbuilt.drawing, alike, unbuilt.values | columns):
+                radii[some] = radii_of(batch, some.size)
+        return np.nan_to_num(radii, nan=np.inf)
+
+    return Growth(of, operations)
+
+
+def growth_in_words(frames_at: Callable[[np.ndarray], np.ndarray], states: int, follows: np.ndarray) -> Growth:
+    """Return the growth per frame of the fastest of some short patterns of frames.
+
+    frames_at: from points to the matrices of all symbols, `(symbols, points, n, n)`.
+    """
+    words = short_words(follows)[:WORDS]
+
+    def of(points):
+        A, growth = frames_at(points), np.zeros(len(points))
+        for word in words:
+            whole = A[word[0]]
+            for symbol in word[1:]:
+                whole = A[symbol] @ whole
+            growth = np.maximum(growth, _radii(whole) ** (1 / len(word)))
+        return growth
+
+    return Growth(of, OF_A_MEMBER + EIGENVALUES * len(words) * states**3)
+
+
+def growth_on_average(frames_at: Callable[[np.ndarray], np.ndarray], states: int, graph: Graph, weight: np.ndarray) -> Growth:
+    """Return the growth of second moments per frame; see `growth_in_words`. weight: of the edges."""
+
+    def of(points):
+        A = frames_at(points)
+        return _radii(np.stack([operator_of(A[:, i], graph, weight) for i in range(len(points))]))
+
+    size = graph.nodes * states * (states + 1) / 2
+    return Growth(of, OF_A_MEMBER + EIGENVALUES * size**3)
+
+
+def _radii(matrices):
+    known = np.isfinite(matrices).all((-1, -2))
+    safe = np.where(known[:, None, None], matrices, 0.0)
+    return np.where(known, np.abs(np.linalg.eigvals(safe)).max(-1, initial=0.0), np.inf)
