@@ -1,5 +1,7 @@
 """Devices found from logs of the simulation, and of marches in numpy, whose numbers are known."""
 
+import re
+
 import numpy as np
 import pytest
 from identify_coverage import KINDS, RATE, coupled, force_of, log_of, marched, moved, read, study, two_masses
@@ -395,17 +397,36 @@ def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("force_by", "position_by", "time_by", "said"),
     [
-        (1000, 1, 1, r"found a mass of 60 kg \(usual: 0.001 to 20\); are time, force and position in s, N and m"),
-        (1, 1000, 1, r"in s, N and m\? It would be 0.0[56]\S* with --scale position=0.001\. --scale"),
-        (1, 1, 1000, r"in s, N and m\? It would be 0.0[56]\S* with --scale time=0.001\. --scale"),
+        (
+            1000,
+            1,
+            1,
+            r"mass of (60|59.9\d*) kg is unusual \(usual: 0.001 to 20\); are time, force and position in s, N and m",
+        ),
+        (1, 1000, 1, r"in s, N and m\? It would be 0.0[56]\S* with --scale position=0.001\.$"),
+        (1, 1, 1000, r"in s, N and m\? It would be 0.0[56]\S* with --scale time=0.001\.$"),
     ],
 )
-def test_other_units_are_asked_about(force_by, position_by, time_by, said, tmp_path):
+def test_other_units_are_asked_about_and_the_numbers_are_those_of_these_units(force_by, position_by, time_by, said, tmp_path):
     force = 0.5 * np.sin(2 * np.pi * np.cumsum(np.linspace(1, 12, 600)) / RATE)
     places = read(moved(0.06, 0.8, force), 1e-5, np.random.default_rng(1))
     log = written(tmp_path / "log.csv", force_by * force, position_by * places, period=time_by / RATE)
-    with pytest.raises(UsageError, match=said):
-        wavesweep.identify(log)
+    summary = wavesweep.identify(log).attrs["summary"]
+    assert re.search(said, summary["unusual"])
+    mass = 0.06 * force_by * time_by**2 / position_by
+    assert summary["parameters"]["mass"]["low"] < mass < summary["parameters"]["mass"]["high"]
+
+
+def test_a_small_rotor_is_answered_from_its_response_and_asked_about(tmp_path):
+    """Of 1.5e-4 kg*m^2 exactly; in mN*m in place of N*m a scale gives the same, and nothing is asked."""
+    path = tmp_path / "rotor.csv"
+    s = 2j * np.pi * HERTZ
+    H = np.exp(-1e-3 * s) / (1.5e-4 * s**2 + 5e-4 * s)
+    for size, scales in ((1.0, {}), (1e3, {"admittance": 1e-3})):
+        written_response(path, size * H)
+        summary = wavesweep.identify(path, scales=scales).attrs["summary"]
+        assert summary["parameters"]["mass"]["value"] == pytest.approx(1.5e-4, rel=1e-6)
+        assert ("a mass of 0.00015 kg is unusual" in summary["unusual"]) == (not scales)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -53,10 +54,13 @@ def is_response(path: str | Path) -> bool:
     return FREQUENCY in [name.strip() for name in header.split(",")]
 
 
-def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BYTES) -> FrequencyResponse:
+def read_response(
+    path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BYTES, scales: Mapping[str, float] | None = None
+) -> FrequencyResponse:
     """Read a frequency response with at least `least` rows and at most `most` bytes.
 
-    Errors: UsageError that names the file and the line or column.
+    scales: factors that turn the numbers of the file into Hz and m/N, by the names `frequency` and `admittance` (or `mobility`,
+    or `accelerance`). Errors: UsageError that names the file and the line or column.
     """
     file = read_csv(path, most)
     forms = product(DERIVED, (("abs", "deg"), ("re", "im")))
@@ -67,6 +71,10 @@ def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BY
     name, suffix_pair = readable[0]
     names = [FREQUENCY, *(f"{name}_{suffix}" for suffix in suffix_pair), *[COHERENCE] * (COHERENCE in file.names)]
     hertz, first, two, *rest = file.numbers(names, least).T
+    scales = scales or {}
+    if unknown := [scaled for scaled in scales if scaled not in ("frequency", name)]:
+        raise UsageError(f"--scale {unknown[0]}: expected one of frequency, {name}, found {unknown[0]}")
+    hertz = hertz * scales.get("frequency", 1.0)
     if (np.diff(hertz) <= 0).any() or hertz[0] <= 0:
         raise UsageError(f"{path}: {FREQUENCY}: expected frequencies above 0 that increase; take one response of several")
     coherence = rest[0] if rest else np.ones(len(hertz))
@@ -78,6 +86,7 @@ def read_response(path: str | Path, least: int = LEAST_ROWS, most: int = MOST_BY
         H, unusable = first + 1j * two, (first == 0) & (two == 0)
     if unusable.any():
         raise UsageError(f"{path}: {names[1]}: expected an admittance above 0 at every frequency")
+    H = scales.get(name, 1.0) * H
     return FrequencyResponse(hertz, H / (2j * np.pi * hertz) ** DERIVED[name], coherence, file.sha256)
 
 

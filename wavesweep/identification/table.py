@@ -100,28 +100,28 @@ def identify(path: str, **asked: Unpack[FitOptions]) -> Table:
         raise UsageError(f"--two-masses: expected no --spring and no --friction, which one mass has; {hint}")
     model = Model(asked.get("spring", False), asked.get("friction", False), asked.get("delay"), load=two)
     if is_response(path):
-        if asked.get("columns") or asked.get("scales") or asked.get("resolution") is not None or asked.get("friction"):
-            raise UsageError(f"{path}: a frequency response takes --rate, --spring and --delay; leave the other options out")
-        return _of_response(path, rate_hz, model)
+        if asked.get("columns") or asked.get("resolution") is not None or asked.get("friction"):
+            taken = "--rate, --spring, --two-masses, --delay and --scale"
+            raise UsageError(f"{path}: a frequency response takes {taken}; leave the other options out")
+        return _of_response(path, rate_hz, asked.get("scales", {}), model)
     if rate_hz is not None:
         raise UsageError(f"{path}: a log has its rate in its times; leave --rate out")
     return _of_log(path, asked, model)
 
 
-def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
+def _of_response(path: str, rate_hz: float | None, scales: Mapping[str, float], model: Any) -> Table:
     from wavesweep.identification.points import read_response
     from wavesweep.identification.response import Hold, fitted_response
     from wavesweep.program.columns import complex_columns
 
     period = MILLI if rate_hz is None else 1 / rate_hz
     started = time.perf_counter()
-    measured = read_response(path)
+    measured = read_response(path, scales=scales)
     fit = fitted_response(measured, Hold(period, rate_hz is not None), model)
     parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
     for delay in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
         delay["unit"] = "ms"
     _refuse_unknown(path, unwidened)
-    _refuse_unusual(path, unwidened["mass"], False, "is the admittance in m/N", {})
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
         "correlation": fit.correlation,
@@ -129,9 +129,13 @@ def _of_response(path: str, rate_hz: float | None, model: Any) -> Table:
         "share_of_missing": fit.share,
     }
     options = {"spring": model.spring, "delay": model.delay, "period_s": period} | ({"two_masses": True} if model.load else {})
+    options |= {"scales": dict(scales)} if scales else {}
     if rate_hz is None:
         options |= {"analogue": True}
     facts = _facts(path, measured.sha256, options, period, parameters, (fit.explained, fit.missing, residual), started)
+    if not scales:
+        question = "is the admittance in m/N, or that of a rotor in rad/(N*m), whose mass is in kg*m^2"
+        facts["unusual"] = _unusual(parameters["mass"], False, question, {"admittance": -1})
     if rate_hz is None:
         facts["notices"] = ["the force is taken to be analogue; if it was held over ticks, --rate HZ gives their rate"]
     admittances = complex_columns("measured", measured.admittance) | complex_columns("fitted", fit.fitted)
@@ -161,6 +165,7 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
         "explained": explained,
         "missing": missing,
         "residual": residual,
+        "unusual": "",
         "notices": [],
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
     }
@@ -187,13 +192,12 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     halves = fit.half + fit.extra, fit.half
     parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
     _refuse_unknown(path, unwidened)
-    if not log.scaled:
-        _refuse_unusual_units(path, unwidened["mass"], log)
     options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
     options |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
     options |= {"scales": dict(scales), "columns": dict(columns)}
     judgement = (verdict.explained, verdict.missing, _residual(fit, verdict))
     facts = _facts(path, log.sha256, options, log.period, parameters, judgement, started)
+    facts["unusual"] = "" if log.scaled else _unusual_of_log(parameters["mass"], log)
     facts |= {
         "turns": log.turns,
         "resolution": step,
@@ -270,32 +274,30 @@ def _refuse_unknown(path: str, parameters: Mapping[str, Any]) -> None:
             raise UsageError(f"{path}: {said}; is the sign of the force that of the position, and is nothing else driving it?")
 
 
-def _refuse_unusual_units(path: str, mass: Mapping[str, Any], log: Any) -> None:
-    """Raise UsageError for a mass so unusual that the columns of the log are hardly in these units."""
+def _unusual_of_log(mass: Mapping[str, Any], log: Any) -> str:
+    """A doubt about the units of a log whose mass is unusual; empty if it is not."""
     from wavesweep.identification.log import MOTIONS
     from wavesweep.identification.model import ORDER
 
     units = [turned(unit) if log.turns else unit for unit in ("N", READ[log.measured])]
     names = ("torque", MOTIONS[log.measured]) if log.turns else ("force", log.measured)
-    named = "time, {} and {} in s, {} and {}".format(*names, *units)
+    question = "are time, {} and {} in s, {} and {}".format(*names, *units)
     powers = {"time": 2 - ORDER[log.measured], names[0]: 1, names[1]: -1}
-    _refuse_unusual(path, mass, log.turns, f"are {named}", powers)
+    return _unusual(mass, log.turns, question, powers)
 
 
-def _refuse_unusual(path: str, mass: Mapping[str, Any], turns: bool, question: str, powers: Mapping[str, int]) -> None:
-    """Raise UsageError for a mass so unusual that a unit is wrong, which `question` asks.
+def _unusual(mass: Mapping[str, Any], turns: bool, question: str, powers: Mapping[str, int]) -> str:
+    """A doubt about a mass so unusual that a unit may be wrong, with a question; empty if it is not.
 
     powers: of the scales of columns, to which the mass is proportional.
     """
     low, high = (1e-9, 20.0) if turns else USUAL["device.mass"]
-    if not low <= mass["value"] <= high:
-        mass_text = f"found a mass of {mass['value']:.3g} {mass['unit']} (usual: {low:g} to {high:g})"
-        sizes = {column: 0.001**power * mass["value"] for column, power in powers.items()}
-        likely = [f"{size:.3g} with --scale {column}=0.001" for column, size in sizes.items() if low <= size <= high]
-        hint = f" It would be {' or '.join(likely)}." if likely else ""
-        if powers:
-            hint += " --scale NAME=FACTOR turns a column into these; a factor of 1 leaves it, and the mass is taken"
-        raise UsageError(f"{path}: {mass_text}; {question}?{hint}")
+    if low <= mass["value"] <= high:
+        return ""
+    sizes = {column: 0.001**power * mass["value"] for column, power in powers.items()}
+    likely = [f"{size:.3g} with --scale {column}=0.001" for column, size in sizes.items() if low <= size <= high]
+    hint = f" It would be {' or '.join(likely)}." if likely else ""
+    return f"a mass of {mass['value']:.3g} {mass['unit']} is unusual (usual: {low:g} to {high:g}); {question}?{hint}"
 
 
 def _residual(fit, verdict) -> dict[str, Any]:
@@ -327,7 +329,7 @@ def _notices(log, resolution, step, wild) -> Iterator[str]:
         yield f"{len(wild)} outlier{'s' * (len(wild) > 1)} left out of the fit; the first is at {log.times[wild[0]]:.6g} s"
 
 
-JUDGED = ("parameters", "explained", "missing", "residual")  # the facts that every summary has
+JUDGED = ("parameters", "explained", "missing", "residual", "unusual")  # the facts that every summary has
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -359,7 +361,7 @@ def _spoken(found: Numbers) -> Iterator[Line]:
 
 
 def _judgement(found: Numbers, what: str) -> Iterator[Line]:
-    yield from ((line, True) for line in negative(found["parameters"]))
+    yield from ((line, True) for line in (found["unusual"], *negative(found["parameters"])) if line)
     if found["explained"]:
         yield f"the model explains the {what}", False
         other = "another resonance" if "load_mass" in found["parameters"] else "a resonance"
