@@ -139,7 +139,7 @@ def test_a_plant_of_several_blocks_shows_what_is_continuous_and_what_is_held():
     said = [text.get_text() for text in plots.diagram(spec).axes[0].texts]
     assert said.count("plant") == 2
     assert "held \N{MINUS SIGN}kp" in said
-    assert "continuous: acts between ticks too, as no program does" in said
+    assert "continuous: acts between ticks too, as physics does" in said
 
 
 def test_a_controller_shows_its_blocks_its_wall_and_its_numbers():

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.check import room_of_numbers as ranges
 from wavesweep.check.verdict import distance
 from wavesweep.program.analyses.hardware_limits import hardware_of
+from wavesweep.program.number_words import span_in_words
 from wavesweep.program.reading.keys import readable
 
 if TYPE_CHECKING:
@@ -147,7 +148,8 @@ def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) ->
 def _span(limit: Facts, low: float, high: float) -> str:
     """An interval; an end of the searched range is not an end of stability."""
     start = SEARCHED if low == limit["from"] != 0 else ""
-    return f"{low:.6g}{start} to {'at least ' if high == limit['to'] else ''}{high:.6g}"
+    first, _, last = span_in_words(low, high).partition(" to ")
+    return f"{first}{start} to {'at least ' if high == limit['to'] else ''}{last or first}"
 
 
 def _factors(limit: Facts) -> str:

@@ -82,7 +82,8 @@ WISHES = MappingProxyType(
             "1",
             False,
             "error of the response",
-            "root mean square over the band of |ln(H/H_dc)|, H the transmitted admittance and H_dc that of direct coupling",
+            "root mean square of |ln(H/H_dc)| over the logarithm of the frequency, within the band; H is the transmitted "
+            "admittance, H_dc that of direct coupling",
             {"band_hz": (_BAND, 2), **_WALLS},
         ),
         **dict(_offered()),

@@ -22,6 +22,7 @@ from wavesweep.for_all.members import agree, members, nowhere, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, placed, text_of
 from wavesweep.program.analyses.interval_jobs import Guarantee
+from wavesweep.program.number_words import span_in_words
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
@@ -304,7 +305,7 @@ class _Loop:
             return ""
         (low, high), share = open_
         names = [self.along, *(axis.path for axis in case.ranges)]
-        places = (f"{name_of(path)} {a:.4g} to {b:.4g}" for path, a, b in zip(names, low, high, strict=True))
+        places = (f"{name_of(path)} {span_in_words(a, b, 4)}" for path, a, b in zip(names, low, high, strict=True))
         return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", LEFT_OPEN, placeholder=" ...")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.verbosity import verbosity
+from wavesweep.program.number_words import span_in_words
 
 FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 
@@ -101,5 +102,5 @@ def _values(column: Mapping[str, Any]) -> str:
     if "different" in column:
         different = column["different"] - bool(missing)
         return ", ".join(filter(None, [f"{different} different" if different else "", missing]))
-    ends = dict.fromkeys(f"{column[end]:g}" for end in ("least", "largest") if end in column)
-    return ", ".join(filter(None, [" to ".join(ends), missing]))
+    ends = span_in_words(column["least"], column["largest"]) if "least" in column else ""
+    return ", ".join(filter(None, [ends, missing]))

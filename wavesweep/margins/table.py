@@ -11,6 +11,7 @@ from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.key import RATIO
 from wavesweep.program.columns import Columns, joined
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, counted_doubts, from_spec, in_doubt, plain
 from wavesweep.program.tables.table import Table, facts_of, held
@@ -140,7 +141,11 @@ def _lines(found: Numbers) -> Iterator[Line]:
             return
         for name, margin in of_all.items():
             below, end = margin["fails_below"], margin["fails_from"]
-            refuted = f"below {below:.6g}" if below is not None else f"from {end:.6g} on" if end is not None else ""
+            refuted = ""
+            if below is not None:
+                refuted = f"below {rounded_down(below)}"
+            elif end is not None:
+                refuted = f"from {rounded_up(end)} on"
             yield _line(name, margin, refuted and f", refuted {refuted} by {margin['counterexample']}")
 
 

@@ -19,7 +19,7 @@ PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from i
 LONGEST = 34  # characters of a gain
 PLAIN_PORTS = ("", "u", "y")
 NO_RATE = "0.35"
-BETWEEN = "continuous: acts between ticks too, as no program does"
+BETWEEN = "continuous: acts between ticks too, as physics does"
 MOST_WIRES = 500  # beyond which a picture is a black area that takes minutes
 
 

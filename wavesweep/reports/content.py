@@ -167,7 +167,7 @@ def _answer(spec: Spec, intervals: ReportSection | None, own: Line, certified: b
     if intervals:
         yield from _sweep_answer(spec, intervals, own, certified)
         facts = intervals.table.facts
-        assumed += [f"The model has {facts['assumes']}."] if facts["assumes"] else []
+        assumed += [f"The model: {facts['assumes']}."] if facts["assumes"] else []
         assumed += [f"Method: {method}." for method in facts["methods"].values()]
     else:
         title = "Certified stable." if certified else "Computed in double precision, not certified."

@@ -11,6 +11,7 @@ from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.engine.search.interval_records import open_places
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, whose_column
+from wavesweep.program.number_words import rounded_down, rounded_up
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.tables.columns import fields_of
@@ -141,7 +142,8 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
                 rows_found += [[at, *beyond] for beyond in _beyond(spec, row["along"], axes, row[end], side)]
             elif not np.isnan(row.get(fails, np.nan)):
                 refuter = getattr(Refuters.read(row["counterexample"]), end)
-                rows_found.append([at, f"{row['along']} = {row[fails]:.6g}", refuter])
+                value = rounded_up(row[fails]) if end == "high" else rounded_down(row[fails])
+                rows_found.append([at, f"{row['along']} = {value}", refuter])
             elif not np.isnan(row.get(f"{end}_hand_mass", np.nan)):
                 hand = "a hand of {:.4g} kg, {:.4g} N*s/m and {:.4g} N/m"
                 hand_words = hand.format(*(row[f"{end}_hand_{key}"] for key in ("mass", "damping", "stiffness")))

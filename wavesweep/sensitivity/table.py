@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.search.interval_records import open_places
 from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.number_words import span_in_words
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.spec.loading import naming
@@ -149,7 +150,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
     searched = f"{axis['from']:g} to {axis['to']:g}{unit}"
     places = "".join(f", {open_in_words(place, unit)}" for place in found["open"])
     if spans:
-        yield f"{name}: stable from {' and '.join(f'{low:.6g} to {high:.6g}' for low, high in spans)}{unit}{places}", False
+        yield f"{name}: stable from {' and '.join(span_in_words(*span) for span in spans)}{unit}{places}", False
     elif not found["doubts"]:
         yield f"{name}: no stable interval in {searched}", True
     if found["doubts"]:

@@ -80,10 +80,18 @@ def run_in_words(spec: Spec) -> RunWords:
     for block in spec.drawing.channels if spec.drawing else ():
         if turns := written_messages(patterns.get(block.name, ())[:MOST_SHOWN]):
             rest = ", ..." * (len(patterns[block.name]) > MOST_SHOWN)
-            messages.append(f"messages of {block.name} late by {', '.join(map(str, turns))}{rest} ticks in turn")
+            said = ", ".join(each if isinstance(each, str) else _late(each) for each in turns)
+            messages.append(f"messages of {block.name} in turn {said}{rest}")
         elif block.loses_at_random:
             messages.append(f"messages of {block.name} lost at random, seed {spec.simulate['seed']}")
     return RunWords(_frames_in_words(spec.simulate), "; ".join(messages) or IN_TIME.messages)
+
+
+def _late(ticks: int) -> str:
+    """How late a message comes."""
+    if ticks == 0:
+        return "in time"
+    return f"{ticks} tick{'s' * (ticks != 1)} late"
 
 
 def _frames_in_words(experiment: Mapping[str, Any]) -> str:

@@ -79,7 +79,8 @@ def marched(A, B, sampled, held):
 
 def named(said):
     """The numbers that a sentence says act continuously."""
-    return set(re.findall(r"\bk\d*\b", said.partition(", as no program does")[0])) if "as no program does" in said else set()
+    named_there, found, _ = said.partition(" (as physics does")
+    return set(re.findall(r"\bk\d*\b", named_there)) if found else set()
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -109,9 +110,17 @@ LAW = "-k*body.x - 0.5*k*body.v"
 @pytest.mark.parametrize(
     ("tables", "end", "said"),
     [
-        (controlled(LAW), 1000.0, "k acts continuously in motor.u, as no program does"),
+        (
+            controlled(LAW),
+            1000.0,
+            "k acts continuously in motor.u (as physics does; a program holds its sums)",
+        ),
         (controlled("c.y", block={"c": {"type": "hold"}}, wire={"c.u": LAW}), 392.1505, ""),
-        (controlled("u", signals={"u": LAW}), 1000.0, "k acts continuously in motor.u, as no program does"),
+        (
+            controlled("u", signals={"u": LAW}),
+            1000.0,
+            "k acts continuously in motor.u (as physics does; a program holds its sums)",
+        ),
     ],
 )
 def test_a_controller_is_a_program_only_through_a_hold(tables, end, said):
@@ -124,9 +133,14 @@ def test_numbers_are_named_once_with_their_wires_and_plain_ones_by_their_value()
     springs = {f"{n}.f": " + ".join(f"ks*({m}.x - {n}.x)" for m in "abcdef" if m != n) for n in "abcdef"}
     chain = {"rates": {"tick_hz": 100}, "numbers": {"ks": 2.0}, "wire": springs}
     chain |= {"block": {n: {"type": "mass", "mass": 1, "damping": 1} for n in "abcdef"}}
-    assert assumes(wavesweep.load(chain)) == "ks acts continuously in a.f, b.f and 4 other wires, as no program does"
+    assert (
+        assumes(wavesweep.load(chain))
+        == "ks acts continuously in a.f, b.f and 4 other wires (as physics does; a program holds its sums)"
+    )
     said = assumes(wavesweep.load(controlled("-50*body.x", "2*k*motor.y + push")))
-    assert said == "-50 acts continuously in motor.u and k acts continuously in body.f, as no program does"
+    assert (
+        said == "-50 acts continuously in motor.u and k acts continuously in body.f (as physics does; a program holds its sums)"
+    )
 
 
 @pytest.mark.parametrize(
@@ -156,4 +170,4 @@ def test_names_with_one_meaning_are_taken():
     ):
         tables = {"rates": {"tick_hz": 100}, "numbers": {"k": 1.0}, "block": bodies}
         loop = wavesweep.load(tables | {"signals": signals, "wire": {"one.f": one, "two.f": other}})
-        assert assumes(loop) == "k acts continuously in one.f and two.f, as no program does"
+        assert assumes(loop) == "k acts continuously in one.f and two.f (as physics does; a program holds its sums)"

@@ -121,7 +121,7 @@ def test_what_has_every_message_in_time_assumes_that():
     ("changed", "said"),
     [
         ({}, "all messages in time"),
-        ({"simulate": {"messages": {"net": [0, "2 lost", 1]}}}, "messages of net late by 0, 2 lost, 1 ticks in turn"),
+        ({"simulate": {"messages": {"net": [0, "2 lost", 1]}}}, "messages of net in turn in time, 2 lost, 1 tick late"),
         ({"block": NETWORK["block"] | {"net": {"type": "channel", "loss": 0.1}}}, "messages of net lost at random, seed 0"),
     ],
 )

@@ -20,6 +20,7 @@ from wavesweep.program.sweep.grid import Grid
 MOST_BUILT = 32
 LISTED, MOST_AXES = 6, 3  # values of a number, and numbers
 MOST_PORTS = 4  # ports that a sentence lists
+CONTINUOUS = "as physics does; a program holds its sums"
 FAVOURABLE = "optimistic default"  # in a sentence of `assumes` that rests on some
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
@@ -135,7 +136,7 @@ def _continuous(spec) -> Iterator[str]:
         acting.setdefault(_listed(shown), []).append(name)
     said = [f"{_listed(names)} act{'s' * (len(names) == 1)} continuously in {where}" for where, names in acting.items()]
     if said:
-        yield f"{_listed(said)}, as no program does"
+        yield f"{_listed(said)} ({CONTINUOUS})"
 
 
 def _frames_that_vary(spec, varied, read, order, of_run) -> Iterator[str]:

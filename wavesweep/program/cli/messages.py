@@ -189,7 +189,7 @@ class Watch:
             return f"still {self._doing or 'at work'} {after}"
         done, total, doing = self._reports[-1][1], self._total, f"{self._doing}: " if self._doing else ""
         if done >= total:
-            return f"{doing}all {total:,} done, still at work {after}"
+            return f"{doing}all {total:,} done {after}, what follows from them is not yet"
         less = f"; {self._less}" if self._less and left > MINUTE else ""
         return f"{doing}{done:,} of {total:,} done ({100 * done // total} %) {after}" + (
             f", about {_duration(left)} left{less}" if left > LOOK else ""

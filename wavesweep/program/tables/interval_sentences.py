@@ -8,6 +8,7 @@ from wavesweep.capabilities import where_explained
 from wavesweep.engine.doubts import DOUBTS
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
+from wavesweep.program.number_words import rounded_down, rounded_up, span_in_words
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.tables.frame_lengths import lengths_in_words
@@ -22,9 +23,9 @@ HAND = ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g}
 
 def open_in_words(places: Numbers, unit: str = "") -> str:
     """Where nothing is known."""
-    ends = dict.fromkeys(f"{places[end]:.6g}" for end in ("from", "to"))
     several = "" if places["places"] == 1 else f"at {places['places']} places "
-    return f"not known {several}{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)}{unit}"
+    between = "at" if places["from"] == places["to"] else "from"
+    return f"not known {several}{between} {span_in_words(places['from'], places['to'])}{unit}"
 
 
 class Sentences:
@@ -52,7 +53,7 @@ class Sentences:
         """Yield the stable intervals of each slice, if these are few and say more than the largest value."""
         for piece in self._numbers["few_slices"]:
             at = ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in piece["at"].items())
-            intervals = " and ".join(f"{low:.6g} to {high:.6g}" for low, high in piece["intervals"])
+            intervals = " and ".join(span_in_words(*interval) for interval in piece["intervals"])
             open_ = [open_in_words(places, self._unit) for places in piece["open"]]
             said = ", ".join([f"{intervals}{self._unit}" if intervals else "none", *open_])
             yield f"  {at}{': ' if at else ''}{self._along} {said}"
@@ -79,10 +80,11 @@ class Sentences:
             return self._nowhere()
         ended = ENDS[largest["ended_by"]].format("it" if numbers["required"] else "stability")
         if "refuted_from" in largest:
-            ended += f", refuted at {largest['refuted_from']:.6g} by {in_a_sentence(largest['refuted_by'])}"
+            ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
             ended += HAND.format(**largest["ended_by_hand"])
-        value = f"largest {self._such}: {largest['value']:.6g}{self._unit}"
+        number = rounded_down(largest["value"]) if self._kind.proved else f"{largest['value']:.6g}"
+        value = f"largest {self._such}: {number}{self._unit}"
         open_ = None if numbers["few_slices"] else largest["open"]
         return f"{value}{self._gap(largest['from'], open_)}{self._place(largest)}{ended}{self._doubtful(largest)}"
 
@@ -115,10 +117,11 @@ class Sentences:
             return ""
         goes = "every interval goes" if self._numbers["stable_intervals"] > 1 else "it goes"
         further = f"; {goes} on to {self._numbers['range'][1]:.6g}, where the swept range ends" if upwards else ""
-        value = f"least {self._such}: {least['value']:.6g}{self._unit}"
+        number = rounded_up(least["value"]) if self._kind.proved else f"{least['value']:.6g}"
+        value = f"least {self._such}: {number}{self._unit}"
         unknown = ", below which it is not known" if least["unknown_below"] else ""
         if "refuted_below" in least:
-            unknown = f", refuted at {least['refuted_below']:.6g} by {in_a_sentence(least['refuted_by'])}"
+            unknown = f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
         return f"{value}{self._place(least)}{unknown}{self._doubtful(least)}{further}"
 
     def _without_gap(self) -> str:
@@ -127,7 +130,8 @@ class Sentences:
         if without is None or without["value"] == largest["value"]:
             return ""
         first = f"{self._good} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
-        return f"{first} {without['value']:.6g}{self._unit}{self._place(without)}{self._doubtful(without)}"
+        number = rounded_down(without["value"]) if self._kind.proved else f"{without['value']:.6g}"
+        return f"{first} {number}{self._unit}{self._place(without)}{self._doubtful(without)}"
 
     def stiffest_felt(self) -> str:
         """The largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.

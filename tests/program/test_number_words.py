@@ -1,0 +1,23 @@
+"""Numbers in sentences."""
+
+import numpy as np
+import pytest
+
+from wavesweep.program.number_words import rounded_down, rounded_up, span_in_words
+
+
+@pytest.mark.parametrize("digits", [1, 3, 6])
+def test_rounding_goes_to_one_side_and_no_farther_than_a_unit_of_the_last_digit(digits):
+    rng = np.random.default_rng(digits)
+    for value in (rng.normal(size=300) * 10.0 ** rng.integers(-9, 9, 300)).tolist():
+        down, up = float(rounded_down(value, digits)), float(rounded_up(value, digits))
+        assert down <= value <= up
+        assert up - down <= 1.000001 * 10.0 ** (np.floor(np.log10(abs(value))) - digits + 1)
+    assert (rounded_up(0.0), rounded_down(20.0), rounded_up(308.7404)) == ("0", "20", "308.741")
+
+
+def test_ends_of_a_range_do_not_look_alike():
+    assert span_in_words(0.1, 0.25) == "0.1 to 0.25"
+    assert span_in_words(0.1150001, 0.1150002, 3) == "0.1150001 to 0.1150002"
+    assert span_in_words(2.0, 2.0) == "2"
+    assert span_in_words(1.0, np.nextafter(1.0, 2)) == "1 to 1.0000000000000002"
