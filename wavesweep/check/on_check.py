@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.check import room_of_numbers as ranges
 from wavesweep.check.verdict import distance
 from wavesweep.program.analyses.hardware_limits import hardware_of
-from wavesweep.program.number_words import span_in_words
 from wavesweep.program.reading.keys import readable
+from wavesweep.program.tables.number_words import span_in_words
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked

@@ -22,10 +22,10 @@ from wavesweep.for_all.members import agree, members, nowhere, unstable
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, placed, text_of
 from wavesweep.program.analyses.interval_jobs import Guarantee
-from wavesweep.program.number_words import span_in_words
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import loops_of, own_loop
+from wavesweep.program.tables.number_words import span_in_words
 from wavesweep.program.tables.refuters import Refuters, in_a_sentence
 
 MOST_CASES = 256  # combinations of numbers that have values in place of a range

@@ -12,12 +12,12 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.search.interval_records import open_places
 from wavesweep.program.columns import Columns, axes_of
-from wavesweep.program.number_words import span_in_words
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.tables.interval_sentences import open_in_words
 from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, in_doubt, plain, whole_kind
+from wavesweep.program.tables.number_words import span_in_words
 from wavesweep.program.tables.table import Table, facts_of, held
 
 if TYPE_CHECKING:
