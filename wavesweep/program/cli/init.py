@@ -37,7 +37,7 @@ CHOSEN = {
     "environment.K_VE": 50.0,
     "environment.B_VE": 1.0,
     "environment.integration": "explicit",
-    "environment.delay": 20,
+    "environment.delay": "frame",
     "controller.Kp": 0.0,
     "controller.K_VC": 100.0,
     "controller.B_VC": KEYS["controller.B_VC"].default,
@@ -48,7 +48,7 @@ NOTES = {
     "rates.slow_hz": "or give ratio, see `wavesweep keys rates`",
     "device.velocity": "the default, exact, is kinder than an encoder",
     "environment.integration": "the default, implicit, is kinder than most engines",
-    "environment.delay": "a whole frame; the default, 0, is kinder than any engine",
+    "environment.delay": "at another rate this stays true; the default, 0, is kinder than any engine",
     "controller.K_VC": "soft, since a slow avatar that is a frame late makes a stiff one unstable",
     "filters.lp1.order": "or give band edges, see `wavesweep keys filters.lp1`",
 }
@@ -83,7 +83,8 @@ def command(
     """Write a commented spec to begin with.
 
     KIND names a drawn loop, e.g. drive, position-loop or haptic, or one of the built-in controllers; pmw is the default, and
-    `wavesweep init --list` shows all names. Each number is in the file with its unit and meaning.
+    `wavesweep init --list` shows all names. Each number is in the file with its unit and meaning. The name of a log of the
+    documents, e.g. pushed.csv, writes this log.
     With a controller, keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
     an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --overwrite.
 
@@ -94,17 +95,24 @@ def command(
     if listed:
         click.echo("\n".join(_listed()))
         return
-    kind, drawn = example or kind, drawn_loops()
-    _known(kind, [*CONTROLLERS, *drawn], "loop to begin with", "`wavesweep init --list` lists all")
+    kind, drawn, logs = example or kind, drawn_loops(), logs_of_documents()
+    _known(kind, [*CONTROLLERS, *drawn, *logs], "loop to begin with", "`wavesweep init --list` lists all")
     if out is not None and not out.strip():
         raise click.UsageError("--out: expected the name of a file, found an empty text; leave the option out for the default")
-    target, shown = Path(out or f"{kind}.toml"), f"{kind}.toml" if out in (None, "-") or not out.isprintable() else quote(out)
+    target, shown = (
+        Path(out or (kind if kind in logs else f"{kind}.toml")),
+        f"{kind}.toml" if out in (None, "-") or not out.isprintable() else quote(out),
+    )
     if kind in CONTROLLERS:
         if device is not None:
             _known(device, DEVICES, "device")
         text = starter(kind, device, shown, settings)
     elif device is not None:
         raise click.UsageError(f"--device: expected a built-in controller, found {kind}, a drawn loop; its numbers take --set")
+    elif kind in logs:
+        if settings:
+            raise click.UsageError(f"--set: expected a loop to begin with, found {kind}, a log, which has no numbers to set")
+        text = logs[kind].read_text(encoding="utf-8")
     else:
         text = _filled(drawn[kind], shown, settings)
     if out == "-":
@@ -118,6 +126,11 @@ def drawn_loops() -> dict[str, Path]:
     """The files of drawn loops by name: templates first, and those recipes that one begins with."""
     loops = {path.stem: path for folder in DRAWN for path in sorted(bundled(f"sweeps/{folder}").glob("*.toml"))}
     return dict(sorted(loops.items(), key=lambda item: item[1].parent.name != "templates" and item[0] not in STARTING_RECIPES))
+
+
+def logs_of_documents() -> dict[str, Path]:
+    """The files of logs and of time stamps that the documents read, by their names."""
+    return {path.name: path for path in sorted(bundled("sweeps/examples").glob("*.csv"))}
 
 
 def _listed() -> Iterator[str]:
@@ -135,6 +148,7 @@ def _listed() -> Iterator[str]:
         for name, path in drawn.items():
             if folder == ("templates" if name in STARTING_RECIPES else path.parent.name):
                 yield f"  {name:{width}}  {_first_sentence(path)}"
+    yield from ("", f"Logs and measurements of the documents: {', '.join(logs_of_documents())}")
 
 
 def _first_sentence(path: Path) -> str:
@@ -191,8 +205,6 @@ def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = 
     settings_by_path = {".".join(name): value for name, value, _ in map(read_override, settings)}
     for name in settings_by_path:
         _known(name, read | {"rates.slow_hz"}, f"key that {kind} reads", "`wavesweep keys` lists all")
-    if {"rates.ratio", "rates.slow_hz", "rates.fast_hz"} & settings_by_path.keys() and "environment.delay" in read:
-        settings_by_path = {"environment.delay": "frame"} | settings_by_path
     text = "\n".join((*_head(kind, path), *_loop(kind, device, read, settings_by_path), *_studies(device, read))) + "\n"
     load(tomllib.loads(text))
     return text
