@@ -6,16 +6,10 @@ engine and program and no other capability, and the program asks this list what 
 its folder, its tests and its line.
 """
 
-import os
-import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
-from functools import cache
 from importlib import import_module
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
-
-GROUP = "wavesweep.capabilities"  # of entry points
 
 
 class Capability(NamedTuple):
@@ -24,8 +18,7 @@ class Capability(NamedTuple):
     name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
     library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins", in a
     class of its own, see `class_for`.
-    offers: modules of the folder that others may ask for, see `program.seams`. package: that has its modules, its folder
-    here by default.
+    offers: modules of the folder that others may ask for, see `program.seams`.
     """
 
     name: str
@@ -34,11 +27,10 @@ class Capability(NamedTuple):
     kinds: tuple[str, ...] = ()
     library: tuple[str, ...] = ()
     offers: tuple[str, ...] = ()
-    package: str = ""
 
     def name_of(self, module: str) -> str:
         """The whole name of one of its modules."""
-        return f"{self.package or f'wavesweep.{self.name}'}.{module}"
+        return f"wavesweep.{self.name}.{module}"
 
     def class_for(self, name: str) -> str:
         """The class of `library.py` with its methods for a class of the library: `LoopMargins` for `Loop`."""
@@ -47,26 +39,6 @@ class Capability(NamedTuple):
     def module(self, name: str) -> ModuleType:
         """Import one of its modules."""
         return import_module(self.name_of(name))
-
-
-def _published() -> Iterator[Capability]:
-    """The capabilities of other packages: entry points `wavesweep.capabilities` of what is installed.
-
-    The files are read here, because importlib.metadata alone would take 30 ms to import.
-    """
-    for path in filter(os.path.isfile, _entry_points()):
-        with open(path, encoding="utf-8") as file:  # noqa: PTH123 - pathlib would take 3 ms of every start
-            section = file.read().partition(f"[{GROUP}]")[2].partition("[")[0]
-        for line in filter(str.strip, section.splitlines()):
-            module, _, name = line.partition("=")[2].strip().partition(":")
-            yield getattr(import_module(module), name)
-
-
-def _entry_points() -> Iterator[str]:
-    """Where the entry points of what is installed would be."""
-    for folder in dict.fromkeys(sys.path):
-        with suppress(OSError), os.scandir(folder or os.curdir) as found:
-            yield from (f"{entry.path}/entry_points.txt" for entry in found if entry.name.endswith(".dist-info"))
 
 
 # Rows of guarantees are listed in this order, from what promises least: those of for_all before those of passive.
@@ -163,8 +135,6 @@ CAPABILITIES = (
             "bench": "Measure run time against error, for this tool and for other methods.",
         },
     ),
-    Capability("completion", offers=("shell",)),
-    *_published(),
 )
 
 # Tables of a spec, in the order in which messages list them, and the capabilities that read them, there or not.
@@ -225,25 +195,10 @@ def where_explained(word: str) -> str:
 
 
 def modules(name: str) -> Iterator[Any]:
-    """Import the module of this name of every capability that offers it; `program.seams` says what such a module has.
-
-    Errors: UsageError if a capability of another package offers something else; a test checks those that stand here.
-    """
+    """Import the module of this name of every capability that offers it; `program.seams` says what such a module has."""
     for capability in CAPABILITIES:
-        offered = name in capability.offers
-        if capability.package:
-            _refuse_misfits(capability.name, capability.offers, capability.name_of(name) if offered else "")
-        if offered:
+        if name in capability.offers:
             yield capability.module(name)
-
-
-@cache
-def _refuse_misfits(capability: str, offers: tuple[str, ...], path: str) -> None:
-    from wavesweep.program.seams import refuse_other_hooks, refuse_other_seams
-
-    refuse_other_seams({capability: offers})
-    if path:
-        refuse_other_hooks(capability, path.rpartition(".")[2], import_module(path))
 
 
 def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:

@@ -17,7 +17,7 @@ from wavesweep.capabilities import asked, modules
 from wavesweep.engine.doubts import DOUBTS
 from wavesweep.program.cli.entry import COMMANDS
 from wavesweep.program.cli.messages import width
-from wavesweep.program.cli.options import FORMATS, folder, override
+from wavesweep.program.cli.options import FORMATS, PATH, folder, override
 from wavesweep.program.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ STEPS = 3  # commands that are named, at most
 
 
 @click.command("check")
-@click.argument("spec")
+@click.argument("spec", type=PATH)
 @click.option(
     "--all",
     "whole",

@@ -7,15 +7,18 @@ from pathlib import Path
 import click
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.cli.options import is_given, override, overwriting
+from wavesweep.program.cli.options import PATH, is_given, override, overwriting
 from wavesweep.program.cli.verbosity import verbosity
 
 
 @click.command("explore")
-@click.argument("spec")
+@click.argument("spec", type=PATH)
 @override
 @click.option(
-    "--save", metavar="FILE", help="Write the page with the results of the spec's sweep to a file, and serve nothing."
+    "--save",
+    metavar="FILE",
+    type=PATH,
+    help="Write the page with the results of the spec's sweep to a file, and serve nothing.",
 )
 @overwriting("Replace the file of --save if it exists.")
 @click.option(

@@ -11,7 +11,7 @@ import click
 
 from wavesweep.capabilities import modules
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.cli.options import is_given, overwriting
+from wavesweep.program.cli.options import PATH, is_given, overwriting
 from wavesweep.program.cli.verbosity import verbosity
 
 OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
@@ -19,7 +19,7 @@ OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"
 
 
 @click.command("identify")
-@click.argument("log", required=False)
+@click.argument("log", required=False, type=PATH)
 @click.option(
     "--frames",
     metavar="TIMES",
@@ -80,7 +80,10 @@ OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"
     help="Factor from the numbers of a column to s, N and m (or N*m and rad), e.g. position=2e-5. May be repeated.",
 )
 @click.option(
-    "--out", metavar="FILE", help="The spec to write [default: results/<log's name>/device.toml]. An earlier one is replaced."
+    "--out",
+    metavar="FILE",
+    type=PATH,
+    help="The spec to write [default: results/<log's name>/device.toml]. An earlier one is replaced.",
 )
 @overwriting("Replace a spec, or results, that are not of the same log.")
 @click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out.")

@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.options import PATH
 from wavesweep.program.cli.verbosity import verbosity
 from wavesweep.program.tables.number_words import span_in_words
 
@@ -15,7 +16,7 @@ FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")
 
 
 @click.command("inspect")
-@click.argument("table")
+@click.argument("table", type=PATH)
 def inspect(table: str) -> None:
     """Show what a table has: columns with units, rows, facts of the run, and how many rows are in doubt.
 

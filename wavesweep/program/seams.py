@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from wavesweep.engine.errors import UsageError
-
 if TYPE_CHECKING:
-    import click
     import numpy as np
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -219,16 +216,6 @@ class PanelModule(AsYouLike, Protocol):
         """What is computed while a slider moves; shown: the data of the page."""
 
 
-class ShellModule(Protocol):
-    """What a shell completes."""
-
-    def register(self) -> None:
-        """Make the shell's classes known before the line is parsed."""
-
-    def prepare(self, command: click.Command) -> click.Command:
-        """Give the parameters of a command their completions."""
-
-
 class ProverModule(Protocol):
     """Ball arithmetic."""
 
@@ -291,7 +278,6 @@ SEAMS: Mapping[str, type] = MappingProxyType(
         "verdict": VerdictModule,
         "section": SectionModule,
         "panel": PanelModule,
-        "shell": ShellModule,
         "prover": ProverModule,
         "frames": FramesModule,
         "classes": ClassesModule,
@@ -299,36 +285,3 @@ SEAMS: Mapping[str, type] = MappingProxyType(
     }
 )
 """The type of each module that a capability may offer, by the module's name."""
-
-
-def hooks_of(seam: type) -> list[str]:
-    """The names that a module of this type has, or may have."""
-    return [name for name in (*seam.__annotations__, *vars(seam)) if name[0] != "_"]
-
-
-def refuse_other_hooks(capability: str, seam: str, module: ModuleType) -> None:
-    """Raise UsageError if a module lacks a name of its type or, as it may, has a public function that nobody asks for."""
-    hooks, public = hooks_of(SEAMS[seam]), [name for name in vars(module) if name[0] != "_"]
-    if AsYouLike in SEAMS[seam].__mro__:
-        functions = [name for name in public if getattr(vars(module)[name], "__module__", "") == module.__name__]
-        faults, wanted, said = [name for name in functions if name not in hooks], hooks, ""
-    else:
-        faults, wanted, said = [name for name in hooks if name not in public], public, "no "
-    if faults:
-        from wavesweep.engine.keys.checking import nearest
-
-        meant = nearest(faults[0], wanted)
-        hint = f"; did you mean {meant}?" if meant and not said else f", but {meant}" if meant else ""
-        expected = f"expected {'some of ' * (not said)}{', '.join(hooks)} in {module.__name__}"
-        raise UsageError(f"capability {capability}: {expected}, found {said}{faults[0]}{hint}")
-
-
-def refuse_other_seams(offers: Mapping[str, Iterable[str]]) -> None:
-    """Raise UsageError if a capability offers a module that nobody asks for; offers: of each capability by its name."""
-    from wavesweep.engine.keys.checking import nearest
-
-    for capability, names in offers.items():
-        for name in set(names) - set(SEAMS):
-            meant = nearest(name, SEAMS)
-            hint = f"; did you mean {meant}?" if meant else ""
-            raise UsageError(f"capability {capability}: expected some of {', '.join(SEAMS)} as offers, found {name}{hint}")

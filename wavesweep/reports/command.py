@@ -6,7 +6,7 @@ from pathlib import Path, PurePath
 import click
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.cli.options import override, overwriting
+from wavesweep.program.cli.options import PATH, override, overwriting
 from wavesweep.program.cli.study_commands import for_hands as of_hands
 from wavesweep.program.cli.verbosity import verbosity
 
@@ -14,9 +14,13 @@ FILE = "report.html"
 
 
 @click.command("report")
-@click.argument("spec")
+@click.argument("spec", type=PATH)
 @click.option(
-    "-o", "--out", metavar="FILE", help="The file, FILE.html, or a folder for report.html [default: results/<spec's name>]."
+    "-o",
+    "--out",
+    metavar="FILE",
+    type=PATH,
+    help="The file, FILE.html, or a folder for report.html [default: results/<spec's name>].",
 )
 @click.option(
     "--cut",

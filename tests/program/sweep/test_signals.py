@@ -124,7 +124,7 @@ def test_a_tracker_of_joblib_that_is_killed_is_replaced_without_a_word():
 import os, signal
 from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
 from wavesweep.program.sweep.pools import in_parallel
-answers = in_parallel("loky", 2, ((abs, -number) for number in range(20)))
+answers = in_parallel(2, ((abs, -number) for number in range(20)))
 found = [next(answers)[0]]
 os.kill(tracker._pid, signal.SIGKILL)
 print(sum(found + [each for each, _ in answers]))
@@ -139,10 +139,10 @@ def test_workers_that_are_killed_while_tasks_wait_for_them_are_an_error_at_once(
 import os, signal, threading, time
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.sweep.pools import in_parallel
-ids = {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
+ids = {found for found, _ in in_parallel(2, [(os.getpid,)] * 50)}
 threading.Timer(1, lambda: [os.kill(each, signal.SIGKILL) for each in ids]).start()
 try:
-    list(in_parallel("loky", 2, [(time.sleep, 60)] * 2 + [(len, bytes(10**6))] * 8))
+    list(in_parallel(2, [(time.sleep, 60)] * 2 + [(len, bytes(10**6))] * 8))
 except WavesweepError:
     print("died")
 """
@@ -158,7 +158,7 @@ from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.sweep import pools
 from wavesweep.program.sweep.pools import in_parallel
 pools.LOOKS = 1
-ids = {found for found, _ in in_parallel("loky", 2, [(os.getpid,)] * 50)}
+ids = {found for found, _ in in_parallel(2, [(os.getpid,)] * 50)}
 receive = Connection._recv
 def cut_short(self, size, *more):
     if size > 10**6:
@@ -167,7 +167,7 @@ def cut_short(self, size, *more):
     return receive(self, size, *more)
 Connection._recv = cut_short
 try:
-    list(in_parallel("loky", 2, [(bytes, 10**7)] * 2))
+    list(in_parallel(2, [(bytes, 10**7)] * 2))
 except WavesweepError:
     print("died")
 """

@@ -54,7 +54,7 @@ IN_A_RING = {
 }
 
 
-@pytest.mark.parametrize("backend", [None, "threading"])
+@pytest.mark.parametrize("backend", [None, pytest.param("loky", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("table", [wavesweep.stability_region, wavesweep.bode, wavesweep.passivity])
 def test_values_whose_loop_has_no_solution_are_named(table, backend):
     values = {"d": [1.0, 2.0], "g": [0.25, 0.5, 1.0, 2.0]}
@@ -86,7 +86,7 @@ def test_the_first_and_the_last_of_very_many_loops_are_checked(monkeypatch):
         (2, None, 9, 0.1, (1, None)),
         (1, None, 9, 10.0, (1, None)),
         (2, None, 1, 10.0, (1, None)),
-        (2, "threading", 1, 0.1, (2, "threading")),
+        (2, "loky", 1, 0.1, (2, "loky")),
     ],
 )
 def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, seconds, expected, monkeypatch):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, WITHOUT_SUMMARY, home_of, modules
+from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, WITHOUT_SUMMARY, home_of
 from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.program.cli.stopping import Stopped, signals_unwind
 from wavesweep.program.cli.verbosity import Verbosity, verbosity
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 INTERRUPTED = 130
-COMPLETING = "_WAVESWEEP_COMPLETE"  # set by the completion of a shell
 # Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported for this.
 BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
 
@@ -82,10 +81,7 @@ class LazyGroup(click.Group):
         del ctx
         if cmd_name not in COMMANDS:
             return None
-        command = command_of(cmd_name)
-        for shell in modules("shell") if COMPLETING in os.environ else ():
-            shell.prepare(command)
-        return command
+        return command_of(cmd_name)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
         """The command that the first argument names; a usage error with the nearest name if no command is called so."""
@@ -173,8 +169,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     (spoken, words), stopped = Verbosity.of(arguments), False
     try:
-        for shell in modules("shell") if COMPLETING in os.environ else ():
-            shell.register()
         with signals_unwind(as_program), _warnings_unsaid(spoken.debug):
             code = group.main(words, prog_name="wavesweep", standalone_mode=False, obj=spoken)
     except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code

@@ -17,7 +17,7 @@ from wavesweep.engine.keys.key import Key
 from wavesweep.engine.loops.controllers import CONTROLLERS
 from wavesweep.program.bundled import bundled
 from wavesweep.program.cli.file_places import write_whole
-from wavesweep.program.cli.options import overwriting
+from wavesweep.program.cli.options import PATH, overwriting
 from wavesweep.program.reading.devices import DEVICES
 from wavesweep.program.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS
 from wavesweep.program.reading.reading import read_override, scan
@@ -69,7 +69,9 @@ STARTING_RECIPES = ("admittance", "current-loop")
 @click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Put a value of your own in, e.g. J=0.01.")
 @click.option("--device", metavar="NAME", help=f"With a built-in controller, a device by name: {', '.join(DEVICES)}.")
 @click.option("--example", metavar="NAME", help="The same as KIND: an example of the documents, e.g. first-hour.")
-@click.option("--out", metavar="FILE", help="The file to write [default: KIND.toml]. With - it is written to stdout.")
+@click.option(
+    "--out", metavar="FILE", type=PATH, help="The file to write [default: KIND.toml]. With - it is written to stdout."
+)
 @overwriting("Replace an existing file.")
 def command(
     kind: str,

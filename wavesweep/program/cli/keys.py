@@ -10,6 +10,7 @@ import click
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import show
+from wavesweep.program.cli import completions
 from wavesweep.program.cli.verbosity import verbosity
 from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.tables import tables
@@ -27,7 +28,7 @@ Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more 
 
 
 @click.command("keys")
-@click.argument("name", metavar="[KEY]", required=False)
+@click.argument("name", metavar="[KEY]", required=False, shell_complete=completions.keys)
 @click.option("--schema", is_flag=True, help="Print the JSON Schema of a spec, for editors.")
 def command(name: str | None, schema: bool) -> None:
     """Explain the keys of a spec: values, units and defaults.

@@ -10,9 +10,11 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from wavesweep.program.cli.completions import settings
 from wavesweep.program.cli.verbosity import verbosity
 
 STDOUT = "-"
+PATH = click.Path(readable=False)  # which a shell completes; what is at the path is asked where it is opened
 FORMATS = ("png", "svg", "pdf", "eps")
 FILES = (".csv", ".parquet", *(f".{form}" for form in FORMATS))  # what a single file can be
 
@@ -48,7 +50,7 @@ def folder(text: str, or_file: bool = False) -> Callable[..., Any]:
             raise click.UsageError(f"--out {out}: expected a folder, since this command writes several files")
         return _checked_out(context, option, out)
 
-    return click.option("-o", "--out", metavar="DIR", callback=checked, help=text)
+    return click.option("-o", "--out", metavar="DIR", type=PATH, callback=checked, help=text)
 
 
 def overwriting(text: str) -> Callable[..., Any]:
@@ -60,6 +62,7 @@ override = click.option(
     "--set",
     "overrides",
     multiple=True,
+    shell_complete=settings,
     metavar="KEY=VALUE",
     help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]', or leave it "
     "out, e.g. sweep.b= for an axis that is not to be swept. May be repeated. Results then go to a folder of their own, "
@@ -84,6 +87,7 @@ class Options:
             "-o",
             "--out",
             metavar="DIR",
+            type=PATH,
             callback=_checked_out,
             help="Folder for the results [default: results/<spec's name>], or the only file that is wanted, e.g. limits.csv, "
             "limits.parquet, limits.png or limits.pdf. With - the CSV is written to stdout, and no file.",
@@ -135,7 +139,7 @@ class Options:
         click.option(
             "--backend",
             metavar="NAME",
-            help="Kind of the workers: loky (processes of this machine, the default), threading or dask.",
+            help="Kind of the workers: loky (processes of this machine, the default) or dask.",
         ),
         of="workers",
     )

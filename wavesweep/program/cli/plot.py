@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.cli.options import FORMATS, folder, is_given
+from wavesweep.program.cli.options import FORMATS, PATH, folder, is_given
 from wavesweep.program.cli.verbosity import verbosity
 
 NOT_OURS = (AttributeError, KeyError, IndexError, TypeError, ValueError, ArithmeticError)
@@ -27,7 +27,7 @@ def _as_asked(context: click.Context, option: click.Parameter, text: str | None)
 
 
 @click.command("plot")
-@click.argument("table")
+@click.argument("table", type=PATH)
 @click.option(
     "--format",
     "formats",

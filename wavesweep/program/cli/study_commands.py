@@ -9,11 +9,11 @@ from typing import Any
 
 import click
 
-from wavesweep.program.cli.options import Options, run_options
+from wavesweep.program.cli.options import PATH, Options, run_options
 from wavesweep.program.row_kinds import hands_offered
 
-one_spec = click.argument("spec")
-several_specs = click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+one_spec = click.argument("spec", type=PATH)
+several_specs = click.argument("specs", metavar="SPEC...", nargs=-1, required=True, type=PATH)
 
 
 for_hands = click.option(

@@ -3,6 +3,7 @@
 import click
 
 from wavesweep.engine.errors import MOST_LINES
+from wavesweep.program.cli.options import PATH
 from wavesweep.program.cli.verbosity import verbosity
 
 
@@ -14,7 +15,7 @@ def _count(context: click.Context, option: click.Parameter, prove: str | None) -
 
 
 @click.command("verify")
-@click.argument("directory", metavar="DIR")
+@click.argument("directory", metavar="DIR", type=PATH)
 @click.option(
     "--prove",
     is_flag=False,

@@ -1,4 +1,4 @@
-"""What a worker computes, and the workers of this machine, by joblib: processes of loky, or threads. It loads numpy alone."""
+"""What a worker computes, and the workers of this machine, processes of joblib's loky. It loads numpy alone."""
 
 import os
 import signal
@@ -67,29 +67,28 @@ def settle_in(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def in_parallel(backend: str, count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
+def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
     """Yield what `attested` gives for each call, (function, *arguments), as it is finished, in no particular order.
 
-    backend: "loky" or "threading" of joblib. count: of the workers. Closing the iterator ends the processes. Errors: those of
-    the calls; WavesweepError if a process dies, or none can be started.
+    count: of the workers. Closing the iterator ends the processes. Errors: those of the calls; WavesweepError if a process
+    dies, or none can be started.
     """
-    if why := why_no_processes() if backend == "loky" else "":
+    if why := why_no_processes():
         raise WavesweepError(f"{why}; --jobs 1 needs none")
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
 
     # The tracker of what processes share, which loky starts anew if it was killed, does not know what is shared already.
     tracker._launch = _started_here()(type(tracker)._launch).__get__(tracker)  # noqa: SLF001 - there is no other way to it
-    tasks, options = (delayed(attested)(*call) for call in calls), {}
-    if backend == "loky":  # one BLAS thread each, since the matrices are small and the workers many
-        options = {
-            "inner_max_num_threads": 1,
-            "initializer": settle_in,
-            "initargs": (os.getpid(),),
-            "idle_worker_timeout": IDLE,
-        }
+    tasks = (delayed(attested)(*call) for call in calls)
+    options = {
+        "inner_max_num_threads": 1,  # of BLAS, since the matrices are small and the workers many
+        "initializer": settle_in,
+        "initargs": (os.getpid(),),
+        "idle_worker_timeout": IDLE,
+    }
     try:
-        with parallel_config(backend, **options), _started_here():
+        with parallel_config("loky", **options), _started_here():
             # Arrays are never mapped: with this folder named, joblib makes none of its own, which a kill would leave.
             shared = {"max_nbytes": None, "temp_folder": tempfile.gettempdir()}
             run = Parallel(count, return_as="generator_unordered", batch_size=1, pre_dispatch=AHEAD * count, **shared)

@@ -1,4 +1,4 @@
-"""The workers that a sweep runs on: none, processes or threads of this machine, or those of a dask cluster.
+"""The workers that a sweep runs on: none, processes of this machine, or those of a dask cluster.
 
 A worker that dies is an error within seconds. Processes that are started here leave Ctrl-C to this one, end when it ends, and
 run nothing of the current folder.
@@ -17,8 +17,8 @@ from wavesweep.program.platform_compat import processors, why_no_processes
 from wavesweep.program.reproducibility import versions
 from wavesweep.program.sweep.pools import AHEAD, attested, in_parallel, timed
 
-LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
-BACKENDS = (*LOCAL, "dask")
+LOCAL = "loky"  # the backend whose workers share the processors of this machine
+BACKENDS = ("dask", LOCAL)
 TASK, TINY = 1.0, 1e-3  # s that a task on a cluster should take, and that it takes at least
 LOOK = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
@@ -42,7 +42,7 @@ def refuse_backend(backend: str | None) -> None:
     if backend == "multiprocessing":
         raise UsageError("backend multiprocessing: its pool never notices that a worker has died; use loky")
     if backend is not None and backend not in BACKENDS:
-        raise UsageError(f"backend {backend}: expected one of {', '.join(sorted(BACKENDS))}")
+        raise UsageError(f"backend {backend}: expected one of {', '.join(BACKENDS)}")
     if backend == "dask":
         from wavesweep.program.sweep.clusters import imported
 
@@ -51,7 +51,7 @@ def refuse_backend(backend: str | None) -> None:
 
 def excess(jobs: int, backend: str | None) -> str:
     """A sentence if fewer workers are used than `jobs`, otherwise an empty text."""
-    if backend not in (None, *LOCAL) or jobs <= max(PROCESSES, processors()):
+    if backend not in (None, LOCAL) or jobs <= max(PROCESSES, processors()):
         return ""
     return f"--jobs {jobs}: this machine has {processors()} processors for wavesweep, and no more workers are used"
 
@@ -66,7 +66,7 @@ def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks:
     jobs = jobs or PROCESSES
     useful = max(1, min(jobs, processors()))
     if backend is not None:
-        return Workers(useful if backend in LOCAL else jobs, backend, scheduler, f"the backend {backend} was asked for")
+        return Workers(useful if backend == LOCAL else jobs, backend, scheduler, f"the backend {backend} was asked for")
     if jobs == 1:
         return Workers(1, None, None, "one job was asked for")
     if chunks < 2:
@@ -91,12 +91,12 @@ def results(workers: Workers, numbers: Iterable[int], task_of: Callable) -> Iter
             yield timed(*call)
         return
     refuse_backend(workers.backend)
-    yield from (_on_machine if workers.backend in LOCAL else _on_cluster)(workers, calls)
+    yield from (_on_machine if workers.backend == LOCAL else _on_cluster)(workers, calls)
 
 
 def _on_machine(workers, calls):
     """The results of workers of this machine."""
-    with closing(in_parallel(workers.backend, workers.count, ((timed, *call) for call in calls))) as answers:
+    with closing(in_parallel(workers.count, ((timed, *call) for call in calls))) as answers:
         for answer in answers:
             yield _of_our_version(*answer)
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import click
 
-from wavesweep.program.cli.options import folder, override, overwriting
+from wavesweep.program.cli.options import PATH, folder, override, overwriting
 from wavesweep.program.cli.verbosity import verbosity
 
 
 @click.command("export")
-@click.argument("spec")
+@click.argument("spec", type=PATH)
 @click.option("--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99.")
 @click.option(
     "--gains",
