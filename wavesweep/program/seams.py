@@ -219,7 +219,9 @@ class PanelModule(AsYouLike, Protocol):
 class ProverModule(Protocol):
     """Ball arithmetic."""
 
-    def ball_prover(self, loops: Loops, along: str, period: np.ndarray) -> Callable[[int, float, float], Any]:
+    def ball_prover(
+        self, loops: Loops, along: str, period: np.ndarray, operations: float = ...
+    ) -> Callable[[int, float, float], Any]:
         """What decides stretches that doubles leave in doubt."""
 
     def prove_again(self, search: Search, claims: Sequence[tuple]) -> ProvedAgain:

@@ -75,18 +75,21 @@ def test_what_does_not_leave_1_with_a_speed_is_not_told():
         assert all(reached == 0 for reached, _ in proved(lambda _, p, at=at_p: np.moveaxis(np.array(at(np.ravel(p))), -1, 0)))
 
 
+def uneven(rate, b=25.0):
+    """A spec as `init pmw` writes it, of an engine whose rate need not divide."""
+    return {
+        "rates": {"fast_hz": 1000, "slow_hz": rate},
+        "device": {"mass": 0.1, "damping": 1.5, "velocity": "difference"},
+        "environment": {"integration": "explicit", "delay": "frame"},
+        "controller": {"kind": "pmw", "b": b},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
+    }
+
+
 @pytest.mark.parametrize("rate", [60, 72, 90])
 def test_a_stiffness_is_told_from_none_without_balls_where_rates_do_not_divide(rate, monkeypatch):
     """The virtual wall stops the drift of the device, and nothing else does."""
-    loop = wavesweep.compile(
-        {
-            "rates": {"fast_hz": 1000, "slow_hz": rate},
-            "device": {"mass": 0.1, "damping": 1.5, "velocity": "difference"},
-            "environment": {"integration": "explicit", "delay": "frame"},
-            "controller": {"kind": "pmw", "b": 25.0},
-            "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
-        }
-    )
+    loop = wavesweep.compile(uneven(rate))
     asked = []
     monkeypatch.setattr("wavesweep.prove.columns.prove_column", lambda *given, **_: asked.append(given))
     found = loop.stable_intervals("K_VE", (0, 5000), B_VE=[0.5, 3.0, 10.0])
@@ -94,3 +97,15 @@ def test_a_stiffness_is_told_from_none_without_balls_where_rates_do_not_divide(r
     assert (found["low"] == 0).sum() == 3
     assert (found["low_omega"][found["low"] == 0] == 0).all()
     assert not asked
+
+
+def test_a_crossing_just_beyond_a_stretch_does_not_keep_tests_going(monkeypatch):
+    """Tests in the middle of a stretch and at its end went on in turn until none was left."""
+    loop = wavesweep.compile(uneven(72, b=40.0))
+    rounds = []
+    test = covering._Test
+    monkeypatch.setattr(covering, "_Test", lambda *given: rounds.append(given) or test(*given))
+    found = loop.stable_intervals("K_VE", (0, 5000), B_VE=[0.71875])
+    assert found["certified"].all()
+    np.testing.assert_allclose(found["high"], [922.29044281, 2810.77154299, 3395.4595443], rtol=1e-9)
+    assert len(rounds) < covering.ROUNDS / 2

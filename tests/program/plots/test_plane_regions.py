@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from wavesweep.program import plots
-from wavesweep.program.analyses.plane_columns import KNOWN, NARROW, Interval, PlaneCurve, View, _is_straight, curves_of
+from wavesweep.program.analyses.interval_jobs import Way
+from wavesweep.program.analyses.plane_columns import (
+    KNOWN,
+    MOST_PROVED,
+    NARROW,
+    Interval,
+    PlaneCurve,
+    View,
+    _is_straight,
+    curves_of,
+)
 from wavesweep.program.plots.plane_regions import region_of
 from wavesweep.program.plots.region_figures import draw_region
 from wavesweep.program.plots.style import Look
@@ -161,3 +171,53 @@ def test_what_loops_of_several_designs_leave_in_doubt_is_asked_again_by_design(m
         assert not [x for x in curve.columns if 1.4 < x < 1.6]
         (cut,) = [gap for gap in pairwise(sorted(curve.columns)) if gap[0] < 1.5 < gap[1]]
         assert cut not in curve.gaps
+
+
+@pytest.fixture
+def dear_columns(monkeypatch):
+    """A design that takes long, stable up to a bent curve; what is asked of it, with ball arithmetic or without."""
+    asked = {"doubles": [], "balls": []}
+
+    def at_points(spec, axis, points, require, prover=None):  # noqa: ARG001 - as the function that it stands for
+        x = points["environment.B_VE"]
+        asked["balls" if prover else "doubles"] += x.tolist()
+        certified = (x < 109) | bool(prover)
+        rows = {"slice": np.arange(x.size), "intervals": np.ones(x.size, int), "interval": np.zeros(x.size, int)}
+        rows |= {"low": np.zeros(x.size), "high": bent(x), "low_omega": np.zeros(x.size), "high_omega": np.ones(x.size)}
+        return rows | {"certified": certified, "doubt": np.where(certified, "", "rounding").astype(object)}
+
+    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.at_points", at_points)
+    monkeypatch.setattr("wavesweep.program.analyses.interval_jobs.cost_of", lambda *_: (1e-3, Way.DOMINANCE))
+    return asked
+
+
+def bent(x):
+    """A line that turns at 105, within a few units."""
+    return 1000 + 300 * np.sqrt(2 + (x - 105) ** 2)
+
+
+def curve_of_design(values):
+    sweep = {"K_VE": {"start": 0, "stop": 4000}, "B_VE": values}
+    spec = load({"controller": {"kind": "pmw"}, "sweep": sweep})
+    table = table_of_intervals(["B_VE"], "K_VE", [((x,), [(0.0, bent(x), 0.0, 1.0, True)]) for x in values])
+    (curve,) = curves_of([table], VIEW, {"spec": spec.tables()})
+    return curve
+
+
+def test_dear_columns_are_computed_where_a_curve_bends(dear_columns):
+    curve = curve_of_design(np.linspace(0, 108.0, 100).tolist())
+    assert all(gap in curve.gaps for gap in pairwise(sorted(curve.columns)))
+    assert dear_columns["doubles"]
+    assert min(dear_columns["doubles"]) > 95
+    few = curve_of_design([0.0, 50.0, 100.0, 105.0])  # of which nothing between is known
+    assert all(gap in few.gaps for gap in pairwise(sorted(few.columns)))
+    assert min(dear_columns["doubles"]) < 50
+
+
+def test_a_few_dear_columns_in_doubt_are_asked_of_ball_arithmetic(dear_columns):
+    curve = curve_of_design(np.linspace(100, 112, 60).tolist())
+    assert 0 < len(dear_columns["balls"]) <= MOST_PROVED
+    assert min(dear_columns["balls"]) > 109
+    assert set(dear_columns["balls"]) <= set(curve.columns)
+    others = {x for x in dear_columns["doubles"] if x > 109} - {*dear_columns["balls"]}
+    assert not others & set(curve.columns)

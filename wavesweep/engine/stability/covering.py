@@ -15,6 +15,7 @@ from wavesweep.engine.stability.regions import Regions
 
 NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
 CROSSING = 6  # steps towards a crossing on the panel's polynomials; from then on the frame at the place itself is taken
+BEYOND = 2 * CROSSING + 1  # steps of a short stretch whose crossing turned out to be beyond it: no window reaches into it
 FIRM = 2.5  # times what the errors of entries move a crossing by: half of a window about it, at least
 WIDENED, WIDEST = 2.0, 1e-3  # a window that is not proved even so gets wider with every try, up to this part of half a panel
 RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
@@ -202,10 +203,12 @@ class _Test:
         # The window: eps to both sides of the crossing, and of those that are within three of these.
         off = np.where(self.at_end < 0, np.maximum(slack(open_.place), low), slack(open_.place)) / half
         eps = np.maximum(np.where(self.at_end < 0, 0.9, 0.1) * off, FIRM * unsure / np.abs(slope))
-        eps = np.fmin(eps * WIDENED ** np.maximum(open_.steps - CROSSING - 2, 0), WIDEST)
+        tries = np.where(open_.steps < BEYOND, np.maximum(open_.steps - CROSSING - 2, 0), 0)
+        eps = np.fmin(eps * WIDENED**tries, WIDEST)
         inside = (np.abs(h - (open_.low + open_.high - 2 * open_.place) / half / 2) <= 0.51 * length) & (self.radius == 1)
         self.closing = inside & (np.abs(h) <= NEAR) & (h + eps > (open_.low - open_.place) / half)
         self.closing &= h - eps < (open_.high - open_.place) / half
+        self.closing &= (open_.steps < BEYOND) | ((self.crossing > open_.low) & (self.crossing < open_.high))
         self.toward = inside & ~self.closing & (open_.steps > 0) & (open_.steps < CROSSING) & (np.abs(h) < 0.3 * length)
         closed = self.closing[:, None] & (np.abs(roots - h[:, None]) < 3 * eps[:, None])
         self.roots = np.where(closed, np.inf, roots)
@@ -276,7 +279,10 @@ class _Test:
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length) & (ahead < np.maximum(3 * gone, 0.5 * length))
         trusted &= (self.radius[index] == 1) & (self.open.steps[index] < CROSSING)
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
-        return _OpenStretches(self.open.panel[index], low, high, place, trusted.astype(int))
+        crossing, before = self.crossing[index], self.open.take(index)
+        missed = (before.steps > CROSSING) & ((crossing < before.low) | (crossing > before.high))
+        steps = np.where(missed & (length <= 2.5 * NEAR * self.half[index]), BEYOND, trusted)
+        return _OpenStretches(self.open.panel[index], low, high, place, steps)
 
     def _reached(self, inner):
         """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there.

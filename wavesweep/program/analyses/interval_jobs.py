@@ -1,10 +1,11 @@
 """The job of stable intervals along an axis."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from wavesweep.engine.loops.domain import domain, unsuitable
 from wavesweep.engine.search.interval_records import FAILURES, RECORD, ends_of
 from wavesweep.engine.search.interval_search import Search, Searches, loop_by_loop
 from wavesweep.engine.search.open_loops import FEW, exact_cut
+from wavesweep.engine.search.question import Prover
 from wavesweep.engine.stability.radii import drift_of, frames, frames_of
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns
@@ -126,12 +128,12 @@ def _task(job, chunk):
 def searches_of(job: Job, chunk: Chunk) -> Searches:
     """The searches for the intervals of the loops of a chunk."""
     changes, checked = job.loop_values(chunk), job.grid.loops <= CHECKED
-    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=checked, prover=_ball_prover)
+    return _searches(job.grid.spec, job.asked, changes, len(chunk.loops), job.resolved, checked=checked, prover=ball_prover)
 
 
-def _ball_prover(loops, along, period):
-    """The prover in ball arithmetic, if the capability is there."""
-    return next((module.ball_prover(loops, along, period) for module in modules("prover")), None)
+def ball_prover(loops: Loops, along: str, period: np.ndarray, **limits: float) -> Callable[[int, float, float], Any] | None:
+    """The prover in ball arithmetic, if the capability is there; limits: `operations` for each loop."""
+    return next((module.ball_prover(loops, along, period, **limits) for module in modules("prover")), None)
 
 
 def _columns(job, combination, records):
@@ -290,15 +292,17 @@ def at_points(
     ties: tuple[str, ...] = (),
     felt: bool = True,
     require: TableValue | None = None,
+    prover: Prover | None = None,
 ) -> Columns:
     """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
 
     points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
     values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise. require: see
-    `IntervalQuery`.
+    `IntervalQuery`. prover: see `Search`.
     """
     count = len(next(iter(points.values())))
-    records = _searches(spec, IntervalQuery(axis, require=require), points, count, ties=ties, felt=felt, checked=True).records()
+    asked, how = IntervalQuery(axis, require=require), {"ties": ties, "felt": felt, "checked": True, "prover": prover}
+    records = _searches(spec, asked, points, count, **how).records()
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
     return columns | ends_of(records, set_by=False)
 

@@ -3,14 +3,16 @@
 At the values of x that a table has, the intervals are known. Between two of them nothing is known, however close they are: a
 region may end there and another may begin. Further columns are therefore computed by the code of the table: the middles of all
 cells that are not decided yet, in one batch a round. A cell is known if the line between its ends is right in its middle to
-half a pixel. An interval that begins or ends within a cell is located to a pixel. What is certified at two neighbouring values
-of the table is joined only by columns that are certified too.
+half a pixel. Where columns are dear, this is asked of the table's own columns first, three by three. An interval that begins or
+ends within a cell is located to a pixel, or to LOOSE of them where more are in doubt or too dear. What is certified at two
+neighbouring values of the table is joined only by columns that are certified too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from math import isnan
 from typing import Any
@@ -24,6 +26,8 @@ from wavesweep.program.row_kinds import COMPUTED, row_kinds
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
 FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
 DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
+MOST_PROVED, OPERATIONS = 6, 2e6  # dear columns in doubt that are asked of ball arithmetic, each of so many operations at most
+LOOSE = 6  # pixels of a cell that is not decided, up to which it is drawn as if it were one
 KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
 
 
@@ -158,14 +162,16 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
     width_of_all = float(max(ends) - min(ends))
     # A batch of dear columns costs much by itself, so that a few more of them save time.
     halves = 4 if source.batch else 2
-    cells = [(n, a, b) for n, curve in enumerate(curves) for a, b in pairwise(sorted(curve.columns))]
+    smallest = width_of_all / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
+    for curve in curves if source.batch else ():
+        curve.gaps |= _gaps_of_neighbours(curve.columns, view, tolerance, smallest)
+    cells = [(n, *gap) for n, curve in enumerate(curves) for gap in pairwise(sorted(curve.columns)) if gap not in curve.gaps]
 
     def width(cell):
         return view.position(cell[2]) - view.position(cell[1])
 
     cells.sort(key=width, reverse=True)
-    smallest = width_of_all / min(FEWEST, max(1, int(BUDGET / source.cost / len(curves) / 4)))
-    left = BUDGET
+    left, proofs, skipped = BUDGET, MOST_PROVED, []
     while cells:
         examined: list[tuple[int, list[float]]] = []
         wanted: list[tuple[int, float]] = []
@@ -177,11 +183,14 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
             designs.add(cell[0])
             examined.append((cell[0], [cell[1], *inside, cell[2]]))
             wanted += [(cell[0], x) for x in inside]
+        skipped += cells[len(examined) :]
         if not wanted:
-            return
-        for (number, x), column in zip(wanted, source.ask(wanted), strict=True):
-            curves[number].columns[x] = column
+            break
         left -= source.seconds(len(wanted), len(designs))
+        columns, asked = source.ask(wanted, proofs)
+        proofs -= asked
+        for (number, x), column in zip(wanted, columns, strict=True):
+            curves[number].columns[x] = column
         undecided = []
         for number, points in examined:
             gaps = known_gaps({x: curves[number].columns[x] for x in points}, view, tolerance)
@@ -190,12 +199,25 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
         for number, a, b in [cell for cell in undecided if width(cell) <= width_of_all / view.wide]:
             curves[number].gaps[a, b] = NARROW
         cells = [cell for cell in undecided if width(cell) > width_of_all / view.wide]
+    for number, a, b in skipped:
+        if width((number, a, b)) <= LOOSE * width_of_all / view.wide:
+            curves[number].gaps[a, b] = NARROW
+
+
+def _gaps_of_neighbours(columns, view, tolerance, smallest):
+    """The gaps of which a line is right over two, by the column between; none is wider than `smallest`."""
+    gaps = {}
+    places = sorted(columns)
+    for three in zip(places, places[1:], places[2:], strict=False):
+        if np.diff(view.position(np.array(three))).max() <= smallest:
+            gaps |= known_gaps({x: columns[x] for x in three}, view, tolerance)
+    return gaps
 
 
 def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
     """Leave out the columns that are in doubt although the table's on both sides of them are certified.
 
-    A gap that is left and no wider than two pixels is narrow; a wider one is not known.
+    A gap that is left and no wider than LOOSE pixels is narrow; a wider one is not known.
     """
     places, width_of_all = sorted(curve.columns), float(np.ptp(view.position(np.array(sorted(curve.columns)))))
     in_table = [x for x in places if x in curve.in_table]
@@ -209,7 +231,7 @@ def _leave_out_doubtful(curve: PlaneCurve, view: View) -> None:
             for gap in {*pairwise(inside)} - {*pairwise(certain)}:
                 curve.gaps.pop(gap, None)
             for gap in {*pairwise(certain)} - {*pairwise(inside)}:
-                if view.position(gap[1]) - view.position(gap[0]) <= 2 * width_of_all / view.wide:
+                if view.position(gap[1]) - view.position(gap[0]) <= LOOSE * width_of_all / view.wide:
                     curve.gaps[gap] = NARROW
 
 
@@ -285,19 +307,24 @@ class _Source:
         """About how long `ask` takes for so many columns of so many designs."""
         return max(self.cost * columns, self.batch * designs)
 
-    def ask(self, wanted: list[tuple[int, float]]) -> list[Column]:
-        """The intervals at (number of a design, x)."""
+    def ask(self, wanted: list[tuple[int, float]], proofs: int) -> tuple[list[Column], int]:
+        """The intervals at (number of a design, x), and how many of the proofs that may be asked for were asked for."""
         places = [(number, x if self.x else 0.0) for number, x in wanted]
-        columns = self._columns_at(list(dict.fromkeys(places)))
+        columns, asked = self._columns_at(list(dict.fromkeys(places))), 0
         designs = {number for number, _ in columns}
-        if len(designs) > 1:  # what loops of several designs leave in doubt may be clear in those of one
+        if self.batch:
+            doubtful = [place for place, column in columns.items() if _doubtful(column)][:proofs]
+            columns |= self._columns_at(doubtful, proved=True) if doubtful else {}
+            asked = len(doubtful)
+        elif len(designs) > 1:  # what loops of several designs leave in doubt may be clear in those of one
             for design in sorted(designs):
                 doubtful = [place for place, column in columns.items() if place[0] == design and _doubtful(column)]
                 columns |= self._columns_at(doubtful) if doubtful else {}
-        return [columns[place] for place in places]
+        return [columns[place] for place in places], asked
 
-    def _columns_at(self, places: list[tuple[int, float]]) -> dict[tuple[int, float], Column]:
-        from wavesweep.program.analyses.interval_jobs import at_points
+    def _columns_at(self, places: list[tuple[int, float]], *, proved: bool = False) -> dict[tuple[int, float], Column]:
+        """proved: whether what is in doubt is asked of ball arithmetic."""
+        from wavesweep.program.analyses.interval_jobs import at_points, ball_prover
 
         points = {path: np.array([dict(self.designs[n])[path] for n, _ in places]) for path, _ in self.designs[0]}
         if self.x:
@@ -305,7 +332,8 @@ class _Source:
         if not points:  # the loop reads none of the axes
             name, value = next((path, value) for path, value in self.spec.values.items() if isinstance(value, float))
             points = {name: np.array([value])}
-        rows = at_points(self.spec, self.axis, points, require=self.spec.require)
+        more = {"prover": partial(ball_prover, operations=OPERATIONS)} if proved else {}
+        rows = at_points(self.spec, self.axis, points, require=self.spec.require, **more)
         columns = columns_of(rows, rows["slice"])
         return {place: columns[number] for number, place in enumerate(places)}
 
