@@ -213,6 +213,13 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
             if exact:
                 text = 'moves no force, since the velocity is taken as exact; device.velocity = "difference" is of readings'
         yield 3, f"encoder: a step of {found['resolution']:.4g} {length} {text}"
+        bounds = [(found.get("moves"), length), (found.get("speed"), f"{length}/s")]
+        said = [f"{value:.4g} {name}" for value, name in bounds if value]
+        if said:
+            yield DETAIL, f"  and rounding moves the device by at most {' and '.join(said)}"
+    if "cycle_hz" in found:
+        cycle = f"{found['cycle_hz']:.3g} Hz and {found['cycle_amplitude']:.2g} {length}"
+        yield 3, f"encoder: between two of its steps a cycle of about {cycle} is expected (a prediction, no bound)"
     if "holds_to" in found:
         held = f"holds against the encoder's steps up to {found['holds_to']:.6g} {unit} felt"
         yield 3, f"friction: {found['friction']:.4g} {force} {held}; stiffer walls may buzz"
@@ -221,6 +228,10 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
             yield 2, "only friction can bring this loop to rest: `wavesweep simulate` shows after which pushes it does"
     if "passive_to" in found:
         yield 5, f"damping: walls up to {found['passive_to']:.6g} {unit} without B_VE generate no energy ({source})"
+    if "passive" in found:
+        wall = min(found["holds_to"], found["passive_to"])
+        said = "generates no energy" if found["passive"] else "may generate energy"
+        yield 5, f"encoder, friction and sampling together: the wall {said}, as up to {wall:.6g} {unit} ({source})"
     if found.get("depth") is not None:
         depth, most = f"{found['depth']:.4g} {length}", f"{found['max_force']:.4g} {force}"
         yield 4, f"motors: the wall can be pressed {depth} deep, slowly, with their {most}"
