@@ -129,3 +129,17 @@ def test_a_table_in_another_encoding_is_refused_in_a_sentence(tmp_path):
     (tmp_path / "zwidth.csv").write_bytes("größe,B_VE\n1,2\n".encode("latin-1"))
     with pytest.raises(UsageError, match=r"zwidth\.csv: expected a whole table, found a file .* can't decode byte"):
         results.read(tmp_path / "zwidth.csv")
+
+
+def test_texts_come_back_from_parquet_as_they_were(tmp_path):
+    """Repeated ones, in several row groups, and missing ones of another program."""
+    import pyarrow
+    import pyarrow.parquet
+
+    texts = ["", "a", "a", "b,c", "\u00e9", "a"] * 3 + ["z"]
+    for written in (texts, [*texts, None]):
+        table = pyarrow.table({"doubt": pyarrow.array(written)})
+        pyarrow.parquet.write_table(table, tmp_path / "t.parquet", row_group_size=4)
+        found = results.read(tmp_path / "t.parquet")["doubt"]
+        assert found.dtype == object
+        assert found.tolist() == written

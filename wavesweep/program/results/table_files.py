@@ -295,7 +295,13 @@ def _names_and_facts(path: Path, package: Path) -> tuple[list[str], dict[str, An
     fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
     if fault:
         raise UsageError(f"{path}: {fault}")
-    names, facts = _names_in(path), packaged_facts(package) if path.suffix == ".csv" else schema_facts(path)
+    if path.suffix == ".csv":
+        with open_file(path) as file:
+            names = file.readline(CSV_BLOCK).decode().strip().split(",")
+        facts = packaged_facts(package)
+    else:
+        schema = _schema(path)
+        names, facts = schema.names, _facts_in(schema)
     if not facts:
         raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
     if not all(isinstance(facts.get(name, {}), Mapping) for name in ("spec", "linear_loop", "ticks", "unlike_units")):
@@ -303,37 +309,35 @@ def _names_and_facts(path: Path, package: Path) -> tuple[list[str], dict[str, An
     return names, facts
 
 
-def _names_in(path: Path) -> list[str]:
-    """The names of the columns of a table, of which no row is read."""
+def _schema(path: Path) -> Any:
+    """The schema of a Parquet file, or of the first part of a folder, of which no row is read."""
     import pyarrow.parquet
 
     _refuse_other_suffix(path)
-    if path.suffix == ".csv":
-        with open_file(path) as file:
-            return file.readline(CSV_BLOCK).decode().strip().split(",")
     with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
-        return pyarrow.parquet.read_schema(file).names
+        return pyarrow.parquet.read_schema(file)
+
+
+def _facts_in(schema: Any) -> dict[str, Any]:
+    """The facts in a schema; empty if it has none."""
+    try:
+        return dict(json.loads((schema.metadata or {}).get(b"wavesweep", b"{}")))
+    except (TypeError, ValueError, RecursionError):
+        return {}
 
 
 def schema_facts(path: Path) -> dict[str, Any]:
     """The facts in the schema of a Parquet file, or of the first part of a folder; empty if it has none."""
-    import pyarrow.parquet
-
     try:
-        with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
-            text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
-            return dict(json.loads(text))
-    except (TypeError, ValueError, RecursionError, OSError, WavesweepError):
+        return _facts_in(_schema(path))
+    except (OSError, WavesweepError):
         return {}
 
 
 def schema_fields(path: Path) -> tuple[Field, ...]:
     """The columns of a Parquet table with kind, unit and description, as its schema has them."""
-    import pyarrow.parquet
-
     kinds = {str(arrow): kind for kind, arrow in _types().items()}
-    with _as_table(path), _opened(parts_of(path)[0], "rb") as file:
-        schema = pyarrow.parquet.read_schema(file)
+    schema = _schema(path)
     texts = [{name.decode(): text.decode() for name, text in (member.metadata or {}).items()} for member in schema]
     return tuple(
         Field(field.name, kinds[str(field.type)], text["unit"], text["description"])
@@ -449,7 +453,7 @@ def _numpy(column: Any) -> np.ndarray:
     """The values of a column. Arrow's own way imports pandas, which takes long, and drops a Ctrl-C that comes meanwhile."""
     kind = str(column.type)
     if kind == "string":
-        return np.array(column.to_pylist(), dtype=object)
+        return np.concatenate([np.empty(0, object), *map(_words, column.chunks)])
     if kind not in _NUMPY or (kind != "double" and column.null_count):  # of a file that another program wrote
         import pandas  # noqa: F401 - here a Ctrl-C is not dropped
 
@@ -463,6 +467,15 @@ def _numpy(column: Any) -> np.ndarray:
         np.frombuffer(chunk.buffers()[1], held, chunk.offset + len(chunk))[chunk.offset :] for chunk in column.chunks if chunk
     )
     return np.concatenate([np.empty(0, held), *chunks]).astype(_NUMPY[kind], copy=False)
+
+
+def _words(texts: Any) -> np.ndarray:
+    """Texts as objects, each different one made once."""
+    if texts.null_count:
+        return np.array(texts.to_pylist(), dtype=object)
+    coded = _call("dictionary_encode", texts)
+    indices = np.frombuffer(coded.indices.buffers()[1], np.int32, len(coded))
+    return np.array(coded.dictionary.to_pylist(), dtype=object)[indices]
 
 
 def _types() -> dict[FieldKind, Any]:
