@@ -24,7 +24,7 @@ from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid
 from wavesweep.program.sweep.job import Chunks, Job, JobKind
-from wavesweep.program.sweep.running import RunCounts, Work, checkpoint_of, compute, records_of, resumable
+from wavesweep.program.sweep.running import RunCounts, Work, checkpoint_of, compute, kept_of, records_of, resumable
 from wavesweep.program.sweep.workers import choose
 from wavesweep.program.tables.hand_rows import hands_of
 from wavesweep.program.tables.table import Table, facts_of
@@ -348,7 +348,8 @@ class _Run:
     def records(self, number: int) -> np.ndarray:
         """The records of a generation, from the checkpoint as far as it has them."""
         numbers = generation(self.job, number)
-        compute(self.job, self.store, self.workers, self.progress, numbers, self.tally)
+        kept_of(self.job, self.store, numbers, self.tally)
+        compute(self.job, self.store, self.workers, self.progress, self.tally, numbers)
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
     def kept(self, genes: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -207,6 +207,35 @@ def test_the_time_that_is_left_is_right_within_a_factor_of_two(slices, chunk, ke
             assert (true - near) / 2 - told_near < told < 2 * (true + near) + told_near, (said, total)
 
 
+def test_what_was_kept_and_the_start_of_workers_are_no_speed_of_a_bar(clock):
+    """500 of 1000 were kept, workers start in 3 s, and two of them take 1 s for ten."""
+    moved = []
+    watch = messages.Watch("", "", lambda *told: moved.append((clock[0], told[-1])), clock=lambda: clock[0])
+    watch.hear(500, 1000)
+    for second in range(1, 26):
+        clock[0] = 3.0 + second
+        watch.hear(490 + 20 * second, 1000)
+        watch.hear(500 + 20 * second, 1000)
+    said = [(28.0 - at, left) for at, left in moved if left and at < 27]
+    assert len(said) > 20
+    assert all(true / 2 < left < 2 * true for true, left in said), said
+
+
+def test_another_phase_of_the_work_has_a_time_of_its_own(clock, capsys):
+    """As of `verify`: rows that are computed again, and then proofs that take longer."""
+    watch = watched(clock, "", "")
+    for row in range(21):
+        clock[0] = 0.05 * row
+        watch.hear(row, 20)
+    for proof in range(10):
+        clock[0] = 1.0 + 10.0 * proof
+        watch.hear(proof, 10)
+    said = re.findall(r"(\d) of 10 done .*about (\d+) (s|min) left", capsys.readouterr().err)
+    assert len(said) >= 2
+    for done, left, unit in said:
+        assert 10 * (10 - int(done)) / 2 <= int(left) * SCALE[unit] <= 20 * (10 - int(done)), said
+
+
 def test_work_that_is_done_says_nothing_more(capsys, clock):
     watch = watched(clock, "", "")
     watch.end()

@@ -22,6 +22,7 @@ FIRST_WORD = 5.0  # s after which a run says that it goes on
 MINUTE = 60.0  # s of work that are left, from which on that is said at once
 SHORT = 1.0  # s from which on an estimate is one, and a terminal has a bar
 LOOK = 0.5  # s
+START = 5.0  # s of the first report from which on it is more than the start of workers
 
 
 def show_json(summary: Mapping[str, Any]) -> None:
@@ -131,17 +132,22 @@ class Watch:
     def __init__(self, doing: str, less: str, bar: Progress | None = None, clock: Callable[[], float] = time.monotonic) -> None:
         self._doing, self._less, self._bar = doing, less, bar
         self._clock, self._started, self._next = clock, clock(), FIRST_WORD
-        self._reports: list[tuple[float, int]] = []  # but those of the first sixth of the time, in which workers start
+        self._reports: list[tuple[float, int]] = []  # (seconds, done) of this phase of the work
         self._total, self._certified, self._estimated, self._ended = 0, None, False, False
+        self._begun = False  # whether a report of this phase came from workers that were at work before
         self._lock, self._note = Lock(), ""
 
     def hear(self, done: int, total: int, certified: int | None = None) -> None:
         """Take a report."""
         with self._lock:
             seconds = self._clock() - self._started
+            if self._reports and (total != self._total or done < self._reports[-1][1]):  # another phase of the work
+                self._reports, self._estimated, self._begun = [], False, False
             self._reports.append((seconds, done))
-            while len(self._reports) > 2 and self._reports[1][0] < seconds / 6:
+            # Neither what a checkpoint had nor the time in which workers start says how fast the work is.
+            while len(self._reports) > 2 and (self._reports[1][0] < seconds / 6 or not self._begun):
                 del self._reports[0]
+                self._begun = True
             self._total, self._certified, self._note = total, certified, ""
         self.look()
 
@@ -164,7 +170,7 @@ class Watch:
                 self._next = 2 * seconds
                 say(self._line(seconds, left))
             if self._bar and self._reports and seconds > SHORT:
-                self._bar(self._reports[-1][1], self._total, self._certified)
+                self._bar(self._reports[-1][1], self._total, self._certified, left)
 
     def end(self) -> None:
         """Say nothing more."""
@@ -176,7 +182,7 @@ class Watch:
         if not self._reports:
             return 0.0
         (began, before), (reported, done) = self._reports[0], self._reports[-1]
-        if done == before or reported - began < SHORT:
+        if done == before or reported - began < (SHORT if self._begun else max(SHORT, START)):
             return 0.0
         step = (done - before) / (len(self._reports) - 1)  # what comes next is about as much
         seconds_each = max((reported - began) / (done - before), (seconds - began) / (done - before + step))
@@ -199,14 +205,15 @@ class Watch:
 def _bar(opened: ExitStack, doing: str) -> Progress:
     bars: list[Any] = []
 
-    def move(done: int, total: int, certified: int | None = None) -> None:
+    def move(done: int, total: int, certified: int | None = None, left: float = 0.0) -> None:
         # The terminal may be gone, which is no reason to stop the work.
         with suppress(OSError):
             # It would go to stdout.
             if not bars:
-                room = _columns() - len(f"{doing}  []  {total}/{total}  0d 00:00:00 ")  # a longer line would scroll
+                room = _columns() - len(f"{doing}  []  {total}/{total}  about 99 min left ")  # a longer line would scroll
                 rates = len(f"  999,999/s  {total:,} certified")
-                shown = {"file": sys.stderr, "show_pos": True, "label": doing, "item_show_func": lambda text: text}
+                shown = {"file": sys.stderr, "show_pos": True, "show_eta": False, "label": doing}
+                shown |= {"item_show_func": lambda text: text}
                 width = min(max(room - rates if room > rates else room, 1), WIDEST_BAR)
                 bars.append(opened.enter_context(click.progressbar(length=total, width=width, **shown)))
                 bars.append((done, time.monotonic(), room > rates))
@@ -215,7 +222,8 @@ def _bar(opened: ExitStack, doing: str) -> Progress:
             rate = (done - first) / seconds if seconds > 1 else 0.0  # without a checkpoint's
             said = [f"{rate:,.0f}/s" if rate > 9.5 else f"{60 * rate:,.0f}/min"] if rate > 1 / 120 else []
             said += [] if certified is None else [f"{certified:,} certified"]
-            bar.update(done - bar.pos, "  ".join(said) * shown)
+            time_left = [f"about {_duration(left)} left"] if left > LOOK else []
+            bar.update(done - bar.pos, "  ".join([*time_left, *said * shown]))
 
     return move
 

@@ -156,10 +156,14 @@ def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
     refuse_full_disk(work.checkpoint, jobs.values())
     total, tallies, stores, warnings, workers = sum(job.slices for job in jobs.values()), {}, {}, [], None
     for name, job in jobs.items():
-        workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job))
         stores[name] = checkpoint_of(job, work.checkpoint, work.force, warnings, work.part + name)
-        report = work.progress and _continued(work.progress, total, list(tallies.values()))
-        tallies[name] = compute(job, stores[name], workers, report)
+        tallies[name] = kept_of(job, stores[name])  # of all jobs first: what is kept is not done in no time later on
+        if stores[name].place and len(jobs) > 1:
+            stores[name].close()  # one of them at a time has the file open
+    for name, job in jobs.items():
+        workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job))
+        others = [tally for other, tally in tallies.items() if other != name]
+        compute(job, stores[name], workers, work.progress and _continued(work.progress, total, others), tallies[name])
     return Run(jobs, stores, tallies, workers, time.perf_counter() - started, warnings)
 
 
@@ -194,9 +198,9 @@ def _expected(job):
     return least if least > WORTH else expected_seconds(job) - job.kind.ready
 
 
-def _continued(progress, total, before):
-    """The reports of one job as reports of all of them; before: the tallies of the jobs before it."""
-    done, certified = sum(tally.done for tally in before), sum(tally.certified for tally in before)
+def _continued(progress, total, others):
+    """The reports of one job as reports of all of them; others: the tallies of the others, finished or what is kept of them."""
+    done, certified = sum(tally.done for tally in others), sum(tally.certified for tally in others)
     return lambda now, _, proved: progress(done + now, total, None if proved is None else certified + proved)
 
 
@@ -205,19 +209,14 @@ def compute(
     store,
     workers: Workers,
     progress: Progress | None = None,
-    numbers: range | None = None,
     tally: RunCounts | None = None,
-) -> RunCounts:
-    """Compute every chunk that the checkpoint `store` does not have yet, and save it there; give the tally of the job.
+    numbers: range | None = None,
+) -> None:
+    """Compute every chunk that the checkpoint `store` does not have yet, and save it there.
 
-    numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are added to.
+    tally: of what is kept, see `kept_of`, which these are added to. numbers: of the chunks, by default all.
     """
     numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or RunCounts()
-    for number in (chunk for chunk in store.finished() if chunk in numbers):
-        try:
-            tally.add(job, store.load(number), kept=True)
-        except DamagedError as error:
-            store.set_aside(number, error)
     finished = set(store.finished())
     missing = (number for number in job.chunks.spread(numbers) if number not in finished)
 
@@ -232,6 +231,19 @@ def compute(
             store.save(number, records)
             tally.add(job, records, seconds)
             report()
+
+
+def kept_of(job: Job, store, numbers: range | None = None, tally: RunCounts | None = None) -> RunCounts:
+    """The tally of what the checkpoint `store` has of a job, without the chunks of it that are damaged.
+
+    numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are added to.
+    """
+    numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or RunCounts()
+    for number in (chunk for chunk in store.finished() if chunk in numbers):
+        try:
+            tally.add(job, store.load(number), kept=True)
+        except DamagedError as error:
+            store.set_aside(number, error)
     return tally
 
 
