@@ -176,3 +176,14 @@ def test_the_library_gives_the_rows():
     loop = wavesweep.compile(spec_of(FIG4).tables())
     frame = loop.stable_intervals(along="K_VE", span=(0, 2000), B_VE=[1.0])
     assert np.flatnonzero(frame["guarantee"] == "contact").size == 1
+
+
+def test_another_command_says_that_it_is_of_a_wall_that_also_pulls(wavesweep, write):
+    """`bode` does, and the commands that look at contact do not."""
+    text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = [0, 9]\n[for_all]\ncontact = true\n'
+    name = write(text)
+    said = "is of a wall that also pulls; zwidth, stability-region, check"
+    for command, expected in (("bode", True), ("zwidth", False)):
+        code, _, written = wavesweep(command, name, "--no-plot", "--jobs", "1")
+        assert code == 0
+        assert (said in " ".join(written.split())) == expected

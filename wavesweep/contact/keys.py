@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from wavesweep.engine.keys.key import Key
 from wavesweep.program.reading.tables import SpecTable, TableValue
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.studies import Request
 
 PATH = "for_all.contact"
+COMMANDS = ("zwidth", "stability-region", "check", "report", "simulate")
 KEY = Key(
     PATH,
     "boolean",
@@ -25,6 +26,9 @@ KEY = Key(
 @dataclass(frozen=True, slots=True)
 class Contact(TableValue):
     """That intervals are asked for through contact too."""
+
+    answered_by: ClassVar = COMMANDS
+    otherwise: ClassVar = "a wall that also pulls"
 
     def written(self) -> bool:
         """Return the key as a spec could give it."""

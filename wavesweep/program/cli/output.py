@@ -142,6 +142,9 @@ def _of_one_case(command: str, spec: Spec) -> Iterator[str]:
     elif spec.members and command not in FOR_ALL_NUMBERS:
         commands = listed(FOR_ALL_NUMBERS)
         yield f"{spec.name}: {command} is of the spec's own numbers; {commands} look at all of {spec.members}"
+    for name, value in spec.asked.items():
+        if value is not None and value.answered_by and command not in value.answered_by:
+            yield f"{spec.name}: {command} is of {value.otherwise}; {listed(value.answered_by)} look at {name}"
 
 
 def _report(
