@@ -236,6 +236,24 @@ def test_another_phase_of_the_work_has_a_time_of_its_own(clock, capsys):
         assert 10 * (10 - int(done)) / 2 <= int(left) * SCALE[unit] <= 20 * (10 - int(done)), said
 
 
+def test_the_curves_of_a_figure_have_a_time_of_their_own(capsys, clock):
+    """Three panels of which each takes 30 s, in rounds that take a third of that."""
+    watch = watched(clock, "writing", "")
+    drawn = messages._Drawn(watch.draw)
+    for second in range(0, 90, 10):
+        clock[0] = float(second)
+        panel, share = divmod(second / 30, 1)
+        if not share:
+            drawn.hear(SimpleNamespace(name="wavesweep.figure.panels", args=(int(panel), 3)))
+        drawn.hear(SimpleNamespace(name="wavesweep.figure.curves", args=(share,)))
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("writing: curves for the figure 1 of 3, which --no-plot leaves out (11 %) after 10 s")
+    times = [re.search(r"after (\d+) s, about (\d+) s left", line) for line in said]
+    told = [tuple(map(int, found.groups())) for found in times if found]
+    assert len(told) >= 2
+    assert all((90 - after) / 2 <= left <= 2 * (90 - after) for after, left in told), told
+
+
 def test_work_that_is_done_says_nothing_more(capsys, clock):
     watch = watched(clock, "", "")
     watch.end()

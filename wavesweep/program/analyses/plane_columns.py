@@ -10,6 +10,7 @@ neighbouring values of the table is joined only by columns that are certified to
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,6 +24,7 @@ from wavesweep.engine.doubts import INCOMPLETE
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
+LOGGER = logging.getLogger("wavesweep.figure.curves")  # hears which share of the further columns is computed
 BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equal tables give equal pictures
 FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
 DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
@@ -173,6 +175,7 @@ def _refine(curves: list[PlaneCurve], view: View, tolerance: float, source: _Sou
     cells.sort(key=width, reverse=True)
     left, proofs, skipped = BUDGET, MOST_PROVED, []
     while cells:
+        LOGGER.info("%f", 1 - left / BUDGET)
         examined: list[tuple[int, list[float]]] = []
         wanted: list[tuple[int, float]] = []
         designs: set[int] = set()

@@ -65,7 +65,8 @@ def progress(quiet: bool, doing: str = "", less: str = "") -> Iterator[Progress 
             return
         watch, over = Watch(doing, less, _bar(opened, doing) if sys.stderr.isatty() else None), Event()
         watch.look()
-        opened.enter_context(_reached(watch.note))
+        opened.enter_context(_listening("wavesweep.proof", lambda record: watch.note(record.getMessage())))
+        opened.enter_context(_listening("wavesweep.figure", _Drawn(watch.draw).hear))
 
         def keep_looking() -> None:
             while not over.wait(LOOK):
@@ -99,15 +100,15 @@ def _heard(quiet: bool) -> Iterator[None]:
 
 
 @contextmanager
-def _reached(note: Callable[[str], None]) -> Iterator[None]:
-    """Take what proofs of this process say that they have reached."""
+def _listening(name: str, hear: Callable[[Any], None]) -> Iterator[None]:
+    """Take what the parts of this process that are called so say of their work."""
     import logging
 
-    class Reached(logging.Handler):
+    class Heard(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            note(record.getMessage())
+            hear(record)
 
-    handler, logger = Reached(), logging.getLogger("wavesweep.proof")
+    handler, logger = Heard(), logging.getLogger(name)
     level, passed_on = logger.level, logger.propagate
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -118,6 +119,22 @@ def _reached(note: Callable[[str], None]) -> Iterator[None]:
         logger.removeHandler(handler)
         logger.setLevel(level)
         logger.propagate = passed_on
+
+
+class _Drawn:
+    """What the parts of a figure say of it: which panel is drawn, and which share of its further columns is computed."""
+
+    def __init__(self, draw: Callable[[int, int, float], None]) -> None:
+        self._draw, self._panel, self._panels = draw, 0, 1
+
+    def hear(self, record: Any) -> None:
+        """Take a message of `interval_figures` or of `plane_columns`."""
+        share = 0.0
+        if record.name.endswith("panels"):
+            self._panel, self._panels = record.args
+        else:
+            (share,) = record.args
+        self._draw(self._panel, self._panels, share)
 
 
 class Watch:
@@ -135,7 +152,7 @@ class Watch:
         self._reports: list[tuple[float, int]] = []  # (seconds, done) of this phase of the work
         self._total, self._certified, self._estimated, self._ended = 0, None, False, False
         self._begun = False  # whether a report of this phase came from workers that were at work before
-        self._lock, self._note = Lock(), ""
+        self._lock, self._note, self._figure = Lock(), "", ""
 
     def hear(self, done: int, total: int, certified: int | None = None) -> None:
         """Take a report."""
@@ -155,6 +172,11 @@ class Watch:
         """Take what the slice that is computed now has reached, for the next line."""
         with self._lock:
             self._note = f"; {text}"
+
+    def draw(self, panel: int, panels: int, share: float) -> None:
+        """Take which share of the curves of which panel of a figure, counted from 0, is computed."""
+        self._figure = f"curves for the figure{f' {panel + 1} of {panels}' if panels > 1 else ''}, which --no-plot leaves out"
+        self.hear(round(100 * (panel + share) / panels), 100)
 
     def look(self) -> None:
         """Say what is to be said by now."""
@@ -197,7 +219,8 @@ class Watch:
         if done >= total:
             return f"{doing}all {total:,} done {after}, what follows from them is not yet"
         less = f"; {self._less}" if self._less and left > MINUTE else ""
-        return f"{doing}{done:,} of {total:,} done ({100 * done // total} %) {after}" + (
+        what = self._figure or f"{done:,} of {total:,} done"
+        return f"{doing}{what} ({100 * done // total} %) {after}" + (
             f", about {_duration(left)} left{less}" if left > LOOK else ""
         )
 

@@ -1,5 +1,6 @@
 """The figure of stable intervals: regions over the plane of two axes, or bars; of a family, of several hands or specs."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -39,6 +40,7 @@ from wavesweep.program.plots.shown import Shown
 from wavesweep.program.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, is_narrow, note_below, wide
 from wavesweep.program.tables.columns import unlike_units
 
+LOGGER = logging.getLogger("wavesweep.figure.panels")  # hears which panel of how many is drawn
 _PANEL_HEIGHT = 2.3  # inches
 _APART = 0.8  # points between bars of two members at a value of x
 _FILL, _THIN, _THICK = 0.6, 0.8, 4.0  # of the distance between two values of x, bars at most; and their width in points
@@ -94,7 +96,8 @@ def _draw(shown: Shown) -> Any:
     with figure(usual, _height(shown, across, down)) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         reached, how = list(shown.view), set()
-        for axes, value in zip(grid.flat, panels, strict=False):
+        for number, (axes, value) in enumerate(zip(grid.flat, panels, strict=False)):
+            LOGGER.info("%d of %d", number, len(panels))
             reached += _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down), how)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
