@@ -88,7 +88,7 @@ def check(
     from wavesweep.check.planning import plan, within_ticks
     from wavesweep.check.verdict import further, numbers, verdict_lines
     from wavesweep.program import spec as specs
-    from wavesweep.program.analyses.assumptions import over_preset, unusual
+    from wavesweep.program.analyses.assumptions import near_rates, over_preset, unusual
     from wavesweep.program.analyses.own_design import own_design, own_lines
     from wavesweep.program.cli.messages import printable, progress, say, show_json
 
@@ -114,7 +114,8 @@ def check(
         verdict |= further(loaded, verdict, report) | ({"frames": run} if run else {})
         lines = plan(loaded, estimated=whole or verbosity().as_json)
         lines += chain.from_iterable(asked("on_check", "plan", loaded))
-        unusual_lines, within = [*unusual(loaded), *over_preset(loaded)], list(within_ticks(loaded)) if loaded.drawing else []
+        unusual_lines = [*unusual(loaded), *over_preset(loaded), *near_rates(loaded)]
+        within = list(within_ticks(loaded)) if loaded.drawing else []
         judged = chain(_offered("frames").lines(run) if run else (), verdict_lines(loaded, verdict, late=not whole))
         ranked = [*((1, f"  {line}") for line in unusual_lines), *judged, *((4, f"  {line}") for line in within)]
         steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))

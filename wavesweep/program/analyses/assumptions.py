@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
+from math import ceil, floor
 from types import MappingProxyType
 from typing import Any
 
@@ -249,6 +250,15 @@ def unusual(spec: Spec) -> Iterator[str]:
         if path in spec.given and not low <= spec.values[path] <= high:
             unit, value = KEYS[path].unit, spec.values[path]
             yield f"{path} = {value:g} {unit} is unusual (usual: {low:g} to {high:g} {unit}); is it given in {unit}?"
+
+
+def near_rates(spec: Spec) -> Iterator[str]:
+    """Yield which slow rates near the spec's own divide the fast one, if that does not: their frames are short."""
+    if spec.uneven:
+        fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
+        higher, lower = fast / floor(ratio), fast / ceil(ratio)
+        repeats = f"{fast / ratio:.6g} Hz does not divide {fast:.6g} Hz, so that all takes several times as long"
+        yield f"{repeats}; {higher:.6g} and {lower:.6g} Hz do"
 
 
 def notices_of(grid: Grid) -> list[str]:
