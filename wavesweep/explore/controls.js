@@ -87,7 +87,7 @@ function build() {
     s.number.readOnly = saved;
     s.fault = element("p", {class: "fault", id: id + "-fault", role: "alert"});
     const name = element("b", {}, s.name === s.path ? s.path.slice(table.length + 1) : s.name);
-    s.box = element("div", {class: "slider"}, [element("label", {for: fixed ? id + "-number" : id, title: s.description}, [name, element("span", {}, s.unit)]), ...(fixed ? [] : [s.range]), s.number, ...(s.limited ? [element("p", {class: "limited"}, s.limited)] : []), s.fault]);
+    s.box = element("div", {class: "slider"}, [element("label", {for: fixed ? id + "-number" : id, title: s.description}, [name, element("span", {}, s.unit)]), ...(fixed ? [] : [s.range]), s.number, ...(s.limited && !fixed ? [element("p", {class: "limited"}, s.limited)] : []), s.fault]);
     s.range.addEventListener("input", () => { const place = Number(s.range.value); set(s.path, stops ? stops[place] : s.step ? place : toValue(s, place)); });
     if (!s.step && !stops) s.range.addEventListener("keydown", event => {
       const by = {ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1, PageUp: 10, PageDown: -10}[event.key];

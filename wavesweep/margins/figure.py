@@ -34,6 +34,7 @@ FIRST, STEP, NEXT, ROUNDS = 600, 0.03, 1e-10, 24  # angles; change of ln L betwe
 LOCI = 500  # angles at which the eigenvalues of a lifted L are drawn as points
 ROOM = 0.08  # of the Nyquist plot, beyond what it has to show
 FARTHEST = 4.0  # of L, up to which the Nyquist plot follows it, about -1 and the circle of the gain 1
+OFF_CURVE = "Margins are of the lifted L, at its eigenvalues: over frequency they need not lie on the curve of L itself."
 _CURVE, _DISK = "#0072B2", "#D55E00"
 _MARKS = {"gain_up": "^", "gain_down": "v", "phase": "o", "delay": "D"}
 Family = Sequence[tuple[str, Spec]]
@@ -139,7 +140,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         canvas.legend(handles, labels, loc="outside upper center", ncols=across, fontsize=7)
         slow = "; ".join(name for (name, _), step in zip(family, steps[1:], strict=True) if not step)
         slow = f"Unstable, or too slow for a step response: {slow}." * bool(slow)
-        note_below(canvas, cut_off, slow, assumption(facts))
+        note_below(canvas, cut_off, OFF_CURVE * (loop.several and bool(loop.marks)), slow, assumption(facts))
     return canvas
 
 
@@ -278,9 +279,10 @@ def draw_nyquist(axes: Any, loop: OpenLoop, cut: str, others: Others = ()) -> st
     all_points = np.concatenate([_TURN, marks, point_sets["the disk"][np.abs(point_sets["the disk"]) <= FARTHEST]])
     near = point_sets["L"][np.abs(point_sets["L"]) <= 1.15 * np.abs(all_points).max()]
     reach = np.concatenate([all_points, near])
-    for coordinates, limit in ((reach.real, axes.set_xlim), (np.append(reach.imag, -reach.imag), axes.set_ylim)):
-        room = ROOM * np.ptp(coordinates)
-        limit(coordinates.min() - room, coordinates.max() + room)
+    half = (0.5 + ROOM) * max(np.ptp(reach.real), 2 * np.abs(reach.imag).max())  # of a square, since a strip shows little
+    middle = (reach.real.min() + reach.real.max()) / 2
+    axes.set_xlim(middle - half, middle + half)
+    axes.set_ylim(-half, half)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     far = [
         name

@@ -209,8 +209,10 @@ def passivity_filters(columns: Columns, facts: Mapping[str, Any]) -> Any:
                 panel.plot(columns["lp1_cutoff_hz"][rows], _excess(columns[name][rows]), label=f"{order}", **style)
             panel.set(yscale="log", xlabel="LP1 cutoff (Hz)", ylabel=title)
             panel.grid(**GRID)
+            panel.axhspan(_TOLERANCE / 3, _TOLERANCE, **_PASSIVE)
         panels[0].set_ylim(_TOLERANCE / 3, 1)
         handles, labels = panels[0].get_legend_handles_labels()
         columns_of_legend = min(8, fitting(labels, wide(TWO_COLUMNS)))
         canvas.legend(handles, labels, title="order of LP1", loc="outside upper center", ncols=columns_of_legend)
+        note_below(canvas, f"Points on {_TOLERANCE:.0e} are of norms that exceed 1 by no more than that: passive.")
     return canvas

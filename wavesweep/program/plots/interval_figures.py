@@ -90,7 +90,7 @@ def _once(columns: Columns) -> Columns:
 def _draw(shown: Shown) -> Any:
     """Draw all panels with their legends and notes."""
     layout, panels = shown.layout, shown.layout.panel_values or (np.nan,)
-    across = _panels_in_a_row(len(panels))
+    across = _panels_in_a_row(len(panels), bars=layout.x is None)
     down = -(-len(panels) // across)
     usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
     with figure(usual, _height(shown, across, down)) as canvas:
@@ -118,16 +118,21 @@ def _draw(shown: Shown) -> Any:
     return canvas
 
 
-def _panels_in_a_row(number: int) -> int:
-    if number == 1:
+def _panels_in_a_row(number: int, *, bars: bool) -> int:
+    if number == 1 or (bars and is_narrow()):  # whose names need the room
         return 1
     return 2 if number in (2, 4) or is_narrow() else 3
 
 
 def _height(shown: Shown, across: int, down: int) -> float:
     """The height of all panels, in inches, with room for many bars."""
-    height = 2.5 if across == 1 else _PANEL_HEIGHT * down
-    return height + (0.12 * down * max(0, len(shown.layout.bars) - MOST_BARS) if shown.layout.x is None else 0.0)
+    height = 2.5 if across == down == 1 else _PANEL_HEIGHT * down
+    if shown.layout.x is not None:
+        return height
+    bars = len(shown.layout.bars)
+    if is_narrow():  # names of bars have two lines
+        return max(height, down * (0.6 + 0.26 * bars))
+    return height + 0.12 * down * max(0, bars - MOST_BARS)
 
 
 def _scale_values(shown: Shown, grid: np.ndarray, view: tuple[float, float]) -> None:
@@ -155,7 +160,7 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
         axes.set_title(valued(layout.panels, panel, shown.facts))
     if shown.best and (layout.panels is None or shown.best[layout.panels] == panel):
         _mark_best(shown, axes, members, bars_of)
-    for place in shown.own_design([panel])[0]:
+    for place in shown.own_design([panel]):
         axes.plot(*place, **OWN)
     for name, height in shown.limits_of_walls().items():
         axes.axhline(height, **LIMIT, linestyle=LIMITS[name][1])
@@ -251,7 +256,7 @@ def _assumption(shown: Shown) -> str:
         return assumption(shown.facts)
     said, _, _ = assumed(shown.facts).partition(":")  # usual engines follow
     kind = shown.facts.get("spec", {}).get("controller", {}).get("kind")
-    return f"{kind}, {said}" if kind and said else said.capitalize()
+    return f"{kind}, {said}" if kind and said else said
 
 
 def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
@@ -259,10 +264,9 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
     along = _label_along(shown)
     required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
     unmarked = [module.undrawn(facts, layout.x, shown.along) for module in modules("marks")]
-    missing = shown.own_design(layout.panel_values or (np.nan,))[1]
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
     along_x = along if bars else label(layout.x, facts)
-    note_below(canvas, required, layout.left_out, drawn, missing, *unmarked, _assumption(shown), axis=along_x)
+    note_below(canvas, required, layout.left_out, drawn, *unmarked, _assumption(shown), axis=along_x)
     across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)

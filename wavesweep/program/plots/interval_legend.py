@@ -93,7 +93,7 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], art
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if shown.best:
         handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
-    if shown.own_design(panels)[0]:
+    if shown.own_design(panels):
         handles.append(Line2D([], [], **OWN, label="nominal design"))
     handles += _area_marks(artists)
     limits = [LIMITS[name] for name in shown.limits_of_walls()]

@@ -12,10 +12,21 @@ from wavesweep.program.analyses.plane_columns import KNOWN, PlaneCurve, View, co
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.plots.figure_layout import rows_with, where
 from wavesweep.program.plots.labels import shortened, valued
-from wavesweep.program.plots.style import DOUBTFUL, LINES, UNKNOWN, UNPROVED, Look, distinct_look, family_looks, paler
+from wavesweep.program.plots.style import (
+    DOUBTFUL,
+    LINES,
+    UNKNOWN,
+    UNPROVED,
+    Look,
+    distinct_look,
+    family_looks,
+    is_narrow,
+    paler,
+)
 from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
+SHORTEST, SHORT, LONG = 14, 24, 60  # letters of a line of a bar's name: of what is guaranteed, in a narrow figure, and else
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +190,8 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
             _draw_stable_bar(axes, place, where(rows, row), colour)
-    names = [fill(member.name, 14) if member.guarantee else member.name for member in members]
+    short = SHORT if is_narrow() else LONG
+    names = [fill(member.name, SHORTEST if member.guarantee else short) for member in members]
     names = names if any(names) else []
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))

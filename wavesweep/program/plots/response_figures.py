@@ -133,13 +133,16 @@ def draw_curves(
     with figure(TWO_COLUMNS, 2.0 * shape[0] + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(*shape, sharex=True, squeeze=False)
         pairs = np.stack([grid[::2].ravel(), grid[1::2].ravel()], axis=1)
+        # All phases of a figure are drawn on beyond 180 degrees, or none is.
+        goes_on = x == "frequency_hz" and not marks and any(_goes_on(curves, quantity) for quantity in quantities)
         for axes in pairs[len(quantities) :].ravel():
             axes.set_visible(False)
         for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=False)):
             of_quantity = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
             for axes, suffix, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
                 name = f"{quantity.stem}_{suffix}"
-                too_fast |= _draw_panel(axes, of_quantity, name, x, [mark.draw(axes, name) for mark in marks])
+                marked = [mark.draw(axes, name) for mark in marks]
+                too_fast |= _draw_panel(axes, of_quantity, name, x, marked, goes_on)
                 axes.set_ylabel(title)
                 if x == "frequency_hz":
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
@@ -187,10 +190,11 @@ def continued(degrees: np.ndarray) -> np.ndarray:
     return degrees
 
 
-def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray]) -> bool:
+def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Sequence[np.ndarray], goes_on: bool) -> bool:
     """Draw a magnitude or a phase; gives whether a phase turns too fast to be drawn.
 
-    marked: places along the figure of what capabilities have marked in it.
+    marked: places along the figure of what capabilities have marked in it. goes_on: whether phases are drawn on beyond 180
+    degrees.
     """
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = goes_by_factors(everywhere[everywhere > 0])
@@ -198,7 +202,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     ordered = [where(curve.rows, np.argsort(curve.rows[x], kind="stable")) for curve in curves]
     phase, too_fast = name.endswith("_deg"), False
-    goes_on = phase and x == "frequency_hz" and _goes_on([rows[name] for rows in ordered], marked)
+    goes_on &= phase
     for curve, rows in zip(curves, ordered, strict=True):
         quantity = name.partition("_")[0]
         places, values = rows[x], continued(rows[name]) if goes_on else rows[name]
@@ -234,9 +238,11 @@ def _scale_along(axes: Any, low: float, places: np.ndarray, logarithmic: bool) -
         axes.set_xlim(low, places.max())
 
 
-def _goes_on(phases: Sequence[np.ndarray], marked: Sequence[np.ndarray]) -> bool:
-    """Whether phases are drawn on beyond 180 degrees: one of them wraps often, and nothing is marked in their panel."""
-    return not any(mark.size for mark in marked) and any(_jumps(degrees).size > _WRAPS for degrees in phases)
+def _goes_on(curves: Sequence[Curve], quantity: _Quantity) -> bool:
+    """Whether a phase of a quantity wraps often over frequency."""
+    of_quantity = (curve.rows for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit)
+    phases = (rows[f"{quantity.stem}_deg"][np.argsort(rows["frequency_hz"], kind="stable")] for rows in of_quantity)
+    return any(_jumps(degrees).size > _WRAPS for degrees in phases)
 
 
 def _draw_line(axes: Any, places: np.ndarray, values: np.ndarray, curve: Curve) -> None:

@@ -9,7 +9,6 @@ from wavesweep.capabilities import modules
 from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.plots.figure_layout import Layout
-from wavesweep.program.plots.labels import valued
 from wavesweep.program.plots.member_panels import Member, members_of, specs_of
 from wavesweep.program.plots.region_figures import felt_differs, range_end
 from wavesweep.program.tables.columns import swept_range
@@ -56,33 +55,32 @@ class Shown:
         bar = {name: row[name] for name in self.layout.bars[0]}
         return row["value"], self.layout.bars.index(bar) if bar in self.layout.bars else np.nan
 
-    def own_design(self, panels: Sequence[float]) -> tuple[list[tuple[float, float]], str]:
-        """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it; otherwise none, and
-        the sentence that names the number which is not shown.
-        """
+    def own_design(self, panels: Sequence[float]) -> list[tuple[float, float]]:
+        """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it."""
         layout, spec = self.layout, self.spec
         if spec is None or self.whose == "spec" or (layout.x is None and self.whose):  # bars of hands are not designs
-            return [], ""
+            return []
         bars = layout.bars[0] if layout.x is None else ()
         names = (self.along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)
         design = {name: spec.own(spec.names.find(name).path) for name in names if name}
         if None in design.values():  # an edge of a filter's band, from which its order and cutoff follow
-            return [], ""
-        if away := self._numbers_outside(design, panels):
-            return [], f"Not shown: the nominal design, with {valued(away[0], design[away[0]], self.facts)}."
+            return []
+        if not self._shows(design, panels):
+            return []
         if layout.x is None:
-            return [(design[self.along], layout.bars.index({name: design[name] for name in bars}))], ""
-        return [(design[layout.x], design[self.along])], ""
+            return [(design[self.along], layout.bars.index({name: design[name] for name in bars}))]
+        return [(design[layout.x], design[self.along])]
 
-    def _numbers_outside(self, design: Mapping[str, float], panels: Sequence[float]) -> list[str]:
-        """The numbers of a design whose values these panels do not show."""
+    def _shows(self, design: Mapping[str, float], panels: Sequence[float]) -> bool:
+        """Whether these panels show all numbers of a design."""
         layout = self.layout
         shown = {name: (value,) for name, value in layout.fixed.items()}
         shown |= {layout.panels: panels, layout.family: layout.members} | (layout.beside if layout.x is None else {})
-        away = [name for name, values in shown.items() if name and design[name] not in values]
+        if any(name and design[name] not in values for name, values in shown.items()):
+            return False
         spans = {self.along: (max(self.swept[0], self.view[0]), min(self.swept[1], self.view[1]))}
         spans |= {layout.x: (layout.points[0], layout.points[-1])} if layout.x else {}
-        return away + [name for name, (low, high) in spans.items() if not low <= design[name] <= high]
+        return all(low <= design[name] <= high for name, (low, high) in spans.items())
 
     def _limits(self) -> tuple[bool, tuple[float, float]]:
         """Whether a scale of factors shows the limits, most of which an even one would squeeze into its lowest part, and the

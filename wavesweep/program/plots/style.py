@@ -20,6 +20,7 @@ TWO_COLUMNS = 7.0
 NARROW_BELOW = 5.0  # inches: panels of a narrower figure stand one below the other; its texts have the same size
 DOTS_PER_INCH = 200
 NOTE = 16  # letters of a note in an inch
+PASSES = 4  # in which names of axes get more lines
 NARROW, APART = 1.5, 8.0  # points, at least, between two numbers below a panel, and below neighbouring ones
 IDEAL = "black"
 DOUBTFUL = "#d62728"
@@ -177,6 +178,11 @@ def _settle(canvas: Any) -> None:
     layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
     """
     canvas.draw_without_rendering()
+    for _ in range(PASSES):  # with more lines of one name the panels are smaller
+        wrapped = [_wrapped(axes) for axes in canvas.axes]
+        if not any(wrapped):
+            break
+        canvas.draw_without_rendering()
     again = [axes for axes in canvas.axes if _thinned(axes) or _cut_off(axes) or axes.get_aspect() != "auto"]
     if close := _closest(canvas.axes) < APART * canvas.dpi / 72:
         canvas.get_layout_engine().set(w_pad=_STYLE["figure.constrained_layout.w_pad"] + APART / 2 / 72)
@@ -196,6 +202,24 @@ def _closest(panels: Sequence[Any]) -> float:
         spans += [(axes.bbox.y0, axes.bbox.x0, min(box.x0 for box in boxes), max(box.x1 for box in boxes))] if boxes else []
     pairs = product(spans, repeat=2)
     return min((b[2] - a[3] for a, b in pairs if abs(a[0] - b[0]) < 1 and a[1] < b[1]), default=float("inf"))
+
+
+def _wrapped(axes: Any) -> bool:
+    """Whether a title, or the name of an axis, was longer than its panel; it has more lines then."""
+    from textwrap import fill
+
+    longer = False
+    across, upright = axes.bbox.width, axes.bbox.height
+    for text, room in ((axes.title, across), (axes.xaxis.label, across), (axes.yaxis.label, upright)):
+        box = text.get_window_extent()
+        length = box.height if text.get_rotation() == 90 else box.width
+        lines = text.get_text().splitlines()
+        if text.get_visible() and length > room and any(" " in line for line in lines):
+            letters = max(1, int(max(map(len, lines)) * room / length))
+            wrapped = "\n".join(fill(line, letters, break_long_words=False) for line in lines)
+            longer |= wrapped != text.get_text()
+            text.set_text(wrapped)
+    return longer
 
 
 def _cut_off(axes: Any) -> bool:
