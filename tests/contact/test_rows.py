@@ -187,3 +187,15 @@ def test_another_command_says_that_it_is_of_a_wall_that_also_pulls(wavesweep, wr
         code, _, written = wavesweep(command, name, "--no-plot", "--jobs", "1")
         assert code == 0
         assert (said in " ".join(written.split())) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.asks("reports")
+def test_a_report_says_what_rows_of_contact_hold_for_and_what_refutes_more(wavesweep, write):
+    text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = { start = 0, stop = 9000 }\n'
+    code, _, _ = wavesweep("report", write(text + "[for_all]\ncontact = true\n"), "--out", "r")
+    assert code == 0
+    page = Path("r/report.html").read_text(encoding="utf-8")
+    assert "hold for every wall that is a function of K x + B v with slopes from 0 to 1" in page
+    assert page.count("proved through contact") > 2
+    assert "a wall through (" in page

@@ -16,6 +16,7 @@ from wavesweep.contact.wall_loop import LEAST_SURE, ROUNDING, SURELY, Inverse, W
 
 FIRST_ARCS = 64  # of half the circle
 MOST_ARCS = 8_000  # looked at in one check
+OVERLAP = 2.0**-44  # of neighbouring arcs, whose middles are sums of some dozens of rounded halves
 NEAREST = 0.5  # half an arc times the resolvent's norm, up to which its series converges well
 
 
@@ -153,7 +154,7 @@ def _least(loop, walls, multiplier, middles, half):
     On an arc, M differs by `rest_m` from `m + m1 s`, and `1 - K G_x - B G_v` without its pole by
     `rest_a` from `a + a1 s`, with s the angle from the middle.
     """
-    half = half * (1 + 16 * ROUNDING) + 16 * ROUNDING  # middles and widths are rounded
+    half = half + OVERLAP
     curved = half**2 / 2
     about = _resolvents(loop, middles, half)
     m, m1 = multiplier.at(middles)

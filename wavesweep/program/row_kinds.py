@@ -25,7 +25,8 @@ class RowKind:
     of the largest value in a figure. proved: whether they are what is proved, with columns of what refutes more. searched:
     whether some are not proved, and no counterexample is found. of_operator: whether they are of the spec's own loop, which its
     operator holds. unsettled: the warning about rows of which some are not settled, with {rows} and the {words} of their kinds;
-    settled: the line if all are. of_messages: other words of the kind, for a spec that has channels alone.
+    settled: the line if all are. of_messages: other words of the kind, for a spec that has channels alone. about: a sentence
+    for a report, on what such rows hold for beside the linear loop of the spec.
     """
 
     meaning: str = ""
@@ -43,6 +44,7 @@ class RowKind:
     unsettled: str = ""
     settled: str = ""
     of_messages: Mapping[str, str] | None = None
+    about: str = ""
 
     @property
     def guaranteed(self) -> bool:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.capabilities import modules
 from wavesweep.engine.errors import WavesweepError
+from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
 from wavesweep.reports.sentences import counterexamples, interval_rows, question, words_of_spec
 
@@ -31,7 +32,9 @@ MODEL = (
     "rates. Friction, saturation, the steps of an encoder and ticks that come late are not part of it."
 )
 VARYING = "Numbers and frames in [for_all] may be any of those named there; all others are as written."
-BEYOND = "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames or a hand."
+BEYOND = (
+    "A value just beyond each end that is not stable, with an eigenvalue of modulus above 1, or with frames, a hand or a wall."
+)
 SAME = (
     "wavesweep verify computes rows of the tables again, and proves certified intervals a second time, in ball arithmetic. The "
     "last command gives this file. On a processor of another type, or with another version of numpy, last digits may differ, "
@@ -169,6 +172,7 @@ def _answer(spec: Spec, intervals: ReportSection | None, own: Line, certified: b
         facts = intervals.table.facts
         assumed += [f"The model: {facts['assumes']}."] if facts["assumes"] else []
         assumed += [f"Method: {method}." for method in facts["methods"].values()]
+        assumed += filter(None, (row_kind(word).about for word in facts["methods"]))
     else:
         title = "Certified stable." if certified else "Computed in double precision, not certified."
         yield html.verdict(not own[1], title, "The ranges of its numbers follow below.", [own])
