@@ -135,7 +135,7 @@ def test_so_they_are_with_delay_lines():
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("part", range(10))
+@pytest.mark.parametrize("part", range(1))
 def test_so_they_are_with_delay_lines_at_many_places(part):
     looked, wrong = look(range(10_000 + 100 * part, 10_100 + 100 * part), 12, late_family)
     assert looked > 5_000
@@ -143,7 +143,7 @@ def test_so_they_are_with_delay_lines_at_many_places(part):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("part", range(2))
+@pytest.mark.parametrize("part", range(1))
 def test_so_they_are_at_a_million_places(part):
     looked, wrong = look(range(10_000 + 400 * part, 10_400 + 400 * part), 12)
     assert looked > 20_000
