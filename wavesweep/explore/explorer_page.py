@@ -24,6 +24,7 @@ from wavesweep.explore.limited_time import within
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.program.plots.figure_marks import facts_of_marks
+from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Spec
 
 FIRST_CELLS, LEAST_CELLS, MOST_CELLS = 16, 10, 40
@@ -75,12 +76,16 @@ class Page:
             "name": spec.name,
             "kind": spec.kind,
             "version": __version__,
-            "sliders": [asdict(slider) for slider in self.sliders],
+            "sliders": [{**asdict(slider), "unit": _unit(slider.unit)} for slider in self.sliders],
             "plane": asdict(self.plane) if self.plane else None,
             "wall": [] if spec.drawing or spec.uneven else list(WALL),
             "slow": self.first.get("plane", {}).get("how") == "cells",
             "hand": self.first["response"] is not None,
-            "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
+            "units": {
+                "felt": [_unit(unit) for unit in spec.units_felt],
+                "admittance": _unit(spec.at_port("m/N")),
+                "impedance": _unit(spec.at_port("N/m")),
+            },
             "first": self.first,
             **self.shown,
         }
@@ -173,6 +178,11 @@ class Page:
         if not all(isinstance(value, (int, float)) for value in values.values()):
             raise TypeError("values")
         return changed(self.spec, values)
+
+
+def _unit(unit):
+    """A unit as people write it."""
+    return readable(unit).replace("*", "·").replace("^2", "²").replace("^3", "³")
 
 
 def _span(given):
