@@ -2,7 +2,7 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/end_errors.py [--specs 400] [--jobs 2] [--condition NAME]
 
-Prints the table of `wavesweep/ACCURACY.md`: a row per condition with the median, the 99 % quantile and the worst error of
+Prints the table of `docs/accuracy.md`: a row per condition with the median, the 99 % quantile and the worst error of
 all certified ends, each relative to the end itself. Along the wall's stiffness and damping the truth is from ball arithmetic
 that isolates every crossing (`support.certified`); along any other number, from Newton's method on the characteristic
 determinant at 512 bits (`support.balls`). A certified column whose intervals are others than there are is named and makes

@@ -1,6 +1,5 @@
 """The site of the documents: `python -m sphinx -W docs site`, with the package installed."""
 
-import re
 import sys
 from pathlib import Path
 
@@ -22,23 +21,16 @@ copybutton_line_continuation_character = "\\"
 
 # The pages in the order of the site. They stand here, so that the files have no directives, which a forge does not show.
 SECTIONS = {
-    "Start": "haptics drives first-drawing paper gallery",
+    "Start": "haptics drives first-drawing gallery",
     "Concepts": "concepts controllers",
-    "Guides": "questions check sweeps gains identify measured for-all contact frames margins poles drawn-loops axes design "
-    "export results clusters",
+    "Guides": "check sweeps identify for-all contact frames margins drawn-loops axes design results",
     "Reference": "commands keys blocks tables other-programs json library engine",
-    "Background": "proof accuracy safety speed",
+    "Background": "proof accuracy speed",
 }
-SEE = re.compile(r"See \[.*\]\((\.\./wavesweep/\w+\.md)\)\.\n")  # a page that stands beside the code
 
 
 def source_of(page, text):
-    """The text of a page of the site: with the contents in place of a link to it, and the list of pages on the first one."""
-    if see := SEE.fullmatch(text):
-        text = (HERE / see[1]).read_text(encoding="utf-8")
-    pages = {SEE.fullmatch(path.read_text("utf-8")): path.name for path in HERE.glob("*.md")}
-    for see, name in pages.items():
-        text = re.sub(rf"\]\({re.escape(see[1])}(#[^)]*)?\)", rf"]({name}\1)", text) if see else text
+    """The text of a page of the site: with the list of pages on the first one."""
     if page == "index":
         for title, names in SECTIONS.items():
             text += "\n".join(["", "```{toctree}", f":caption: {title}", ":hidden:", "", *names.split(), "```", ""])

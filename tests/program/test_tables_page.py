@@ -13,7 +13,7 @@ from wavesweep.program import results
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
-PAGE = (pathlib.Path(__file__).parents[2] / "wavesweep" / "TABLES.md").read_text(encoding="utf-8")
+PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "other-programs.md").read_text(encoding="utf-8")
 # Two slices with an interval, whose ends have different numbers of digits, one without: that is what the traps are about.
 SPEC = {
     "controller": {"kind": "dc-slow"},

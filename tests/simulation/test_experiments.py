@@ -149,7 +149,7 @@ def test_an_answer_waits_for_a_length_that_is_proved_and_a_later_one_is_counted(
 
 def test_the_host_of_the_documents_has_an_engine_that_is_late(tmp_path):
     need("gcc")
-    page = (Path(__file__).parents[2] / "docs" / "export.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "design.md").read_text()
     tables = tomllib.loads(re.search(r"```toml\n(# late-engine.toml\n.*?)```", page, re.DOTALL)[1])
     put(exported(wavesweep.load(tables)), tmp_path)
     check(tmp_path)

@@ -25,10 +25,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").glob("*.md"))}
 MANUAL = "\n".join(PAGES.values())
 RECIPES = ROOT / "sweeps" / "recipes"
-BESIDE = (
-    *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),
-    *("wavesweep/ACCURACY.md", "wavesweep/SAFETY.md", "wavesweep/TABLES.md"),
-)
+BESIDE = (*("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),)
 TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "sweeps/paper/README.md", *BESIDE)} | {
     f"docs/{name}": text for name, text in PAGES.items()
 }

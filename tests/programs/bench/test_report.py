@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import bench
-import wavesweep
 from bench.costs import exponent
 from bench.measuring import forget
 from bench.problems import COLUMNS, PROBLEMS, bundles
@@ -114,7 +113,7 @@ def test_a_power_law_has_its_exponent():
 def promises():
     """(quantity, condition) -> what the document promises."""
     found = {}
-    for line in (Path(wavesweep.__file__).parent / "ACCURACY.md").read_text(encoding="utf-8").splitlines():
+    for line in (Path(__file__).parents[3] / "docs" / "accuracy.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if line.startswith("| ") and len(cells) <= 3 and re.fullmatch(r"1e-\d+", cells[-1]):
             for quantity in cells[0].split(" and ") if len(cells) == 3 else ["end of a stable interval"]:

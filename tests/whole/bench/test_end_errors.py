@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from support.specs import values_of
 
-import wavesweep
-
 ENDS, MOST = 1, 30  # ends of each condition, and loops to find them in: some have none
 
 
 def stated():
     """Condition -> (99 % quantile, worst), as the document has them."""
-    lines = (Path(wavesweep.__file__).parent / "ACCURACY.md").read_text(encoding="utf-8").splitlines()
+    lines = (Path(__file__).parents[3] / "docs" / "accuracy.md").read_text(encoding="utf-8").splitlines()
     found = (re.fullmatch(r"\| (.+) \| [\d,]+ of [\d,]+ \| [\d,]+ \| \S+ \| (\S+) \| (\S+) \|", line) for line in lines)
     return {match[1]: (float(match[2]), float(match[3])) for match in found if match}
 
