@@ -10,6 +10,7 @@ from support.missing import needed
 import wavesweep
 from wavesweep.engine.drawing.drawing import path_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.for_all.channel_families import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.joint import bracket, decide
 from wavesweep.for_all.patterns import growth
@@ -248,7 +249,8 @@ def test_frames_over_a_range_grow_as_those_of_each_of_its_numbers_do(seed):
     tables["numbers"]["m"], tables["block"]["plant"]["mass"] = mass, "m"
     spec, found = load(tables), family(tables, "g")
     box = np.array([[0.1, 0.99 * mass], [0.11, 1.01 * mass]])
-    over = messages_over(spec.drawing, dict(spec.values), [path_of("g"), path_of("m")], lambda sides: sides, box).polynomials()
+    sides = [Side(path_of("g")), Side(path_of("m"))]
+    over = messages_over(spec.drawing, dict(spec.values), sides, box).at(box)
     word = next(filter(None, (random_word(found, source) for _ in range(60))))
     for s in ([-1, -1], [0.3, -0.5], [1, 1]):
         g, m = box.mean(0) + (box[1] - box[0]) / 2 * s

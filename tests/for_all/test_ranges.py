@@ -9,12 +9,12 @@ from scipy.signal import butter
 from support.frames import plan_of_controller
 from support.specs import values_of
 
-from wavesweep.for_all import loop_numbers, ranges
+from wavesweep.engine.sets.enclosed_loop import Side
+from wavesweep.engine.sets.taylor_models import Polynomials, monomials
+from wavesweep.for_all import ranges
 from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.loop_numbers import FramesOver, TickSeries
 from wavesweep.for_all.norm_check import shrink_over
-from wavesweep.for_all.polynomials import Polynomials, monomials
 from wavesweep.for_all.ranges import cover
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
@@ -146,55 +146,6 @@ def attacked(kind, lengths, box, low, high, tries, seed=0):
     return worst
 
 
-@pytest.mark.parametrize(("same", "order"), [(None, 2), (1e-2, 5)])
-def test_ticks_over_a_box_are_within_their_bounds(same, order, monkeypatch):
-    """Also if terms of a higher degree, or functions that are nearly sums of others, are left out."""
-    if same:
-        monkeypatch.setattr(loop_numbers, "SAME", same)
-
-    def evaluate(x):
-        a, b = x[:, 0], x[:, 1]
-        entries = np.stack(
-            [np.exp(a) / (3 + b), np.sin(2 * a + b), np.exp(a), np.exp(a) + 1e-3 * np.cos(b), a * b, 0 * a, b, 1 + a]
-        )
-        E = np.moveaxis(entries.reshape(2, 2, 2, -1), -1, 1)
-        return E, 1e-15 * np.abs(E), np.ones((len(x), 1))
-
-    box = np.array([[-1.0, 0.2], [1.0, 1.4]])
-    part = np.array([[-0.5, 0.4], [0.7, 1.0]])
-    found = TickSeries.of(evaluate, box, (16, 16)).part(part).polynomials(order)
-    s = np.random.default_rng(1).uniform(-1, 1, (200, 2))
-    exact = evaluate(part.mean(0) + s * (part[1] - part[0]) / 2)[0] + np.eye(2)
-    model = np.einsum("pm,mkij->kpij", (s[:, None, :] ** found.exponents).prod(-1), found.terms)
-    off = np.abs(exact - model).max(1)
-    assert (off <= found.rest).all()
-    assert off.max() > found.rest.max() / 100  # the bounds are of the size of what is left out
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_part_of_a_box_keeps_what_counts_beside_an_entry_that_is_zero_in_all_ticks():
-    def evaluate(x):
-        E = np.stack([[np.exp(x[:, 0]), np.sin(x[:, 0])], [0 * x[:, 0], np.cos(x[:, 0])]])[None]
-        return np.moveaxis(E, -1, 1), np.zeros((1, len(x), 2, 2)), np.ones((len(x), 1))
-
-    part = TickSeries.of(evaluate, np.array([[-1.0], [1.0]]), (16,)).part(np.array([[0.0], [0.1]]))
-    assert part.polynomials(5).rest.max() < 1e-9
-
-
-def test_what_is_left_out_of_ticks_does_not_grow_with_each_of_a_long_frame():
-    """Rotations, whose sizes entry by entry have the norm sqrt(2)."""
-    E = np.sqrt(0.5) * np.array([[[1, 1], [-1, 1]], [[1, -1], [1, 1]]]) - np.eye(2)
-    series = TickSeries.of(
-        lambda x: (np.repeat(E[:, None], len(x), 1), np.full((2, len(x), 2, 2), 1e-15), np.ones((len(x), 1))),
-        np.array([[0.0], [1.0]]),
-        (2,),
-    )
-    frame = FramesOver(series, ((*(0, 1, 1, 1) * 31, 0, 1, 1),), (1,), (0,), np.arange(2)).polynomials(2)
-    exact = np.linalg.matrix_power(np.linalg.matrix_power(E[1] + np.eye(2), 3) @ (E[0] + np.eye(2)), 32)
-    assert (np.abs(frame.terms[0, 0] - exact) <= frame.rest[0]).all()
-    assert frame.rest.max() < 1e-8
-
-
 @pytest.mark.parametrize("stop", [1.0, 0.15])
 def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(stop):
     """What it adds to the frame, 5e-10/((p - 0.3)^2 + 1e-9), is 1/2 at 0.3 and next to nothing at the nodes."""
@@ -211,17 +162,18 @@ def test_a_box_is_divided_about_a_pole_of_an_algebraic_loop_that_no_node_shows(s
     tables["block"]["s"]["D"] = [[0]]
     loop = load(tables)
     plan = plan_of(loop.drawing, loop.values, FramesInAnyOrder((2, 3)), SlowFrames.of(loop.drawing, loop.values))
-    found = plan.over(["numbers.p"], lambda sides: sides, np.array([[0.0], [stop]]))
-    assert found == 0 if stop == 1 else found.polynomials().rest.max() < 1e-6
+    box = np.array([[0.0], [stop]])
+    found = plan.over([Side("numbers.p")], box).at(box)
+    assert found == 0 if stop == 1 else found.rest.max() < 1e-6
 
 
-def frames_at(kind, box):
+def frames_of(kind, box):
     """The frames of 18 and 22 ticks over a box of the logarithm of K_VE and the numbers of a hand."""
     values = values_of(kind) | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
     values |= {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
     paths = ["environment.K_VE", *HAND]
     plan = plan_of_controller(values, FramesInAnyOrder((18, 22)), paths)
-    return plan.over(paths, lambda sides: np.column_stack([np.exp(sides[:, 0]), sides[:, 1:]]), box)
+    return plan.over([Side(paths[0], 0.0), *map(Side, paths[1:])], box)
 
 
 @pytest.mark.slow
@@ -229,7 +181,7 @@ def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
     """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""
     box = np.array([[np.log(300.0), 0.0, 0.0, 0.0], [np.log(1200.0), 0.05, 1.0, 50.0]])
     ends = []
-    found = cover(lambda part: frames_at("pmw", part), box, np.ones((2, 2), bool), 4e9, report=ends.append)
+    found = cover(frames_of("pmw", box), box, np.ones((2, 2), bool), 2e10, report=ends.append)
     assert len(found.open)
     assert ends == sorted({*ends})
     assert ends[-1] == found.end
@@ -241,7 +193,7 @@ def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
 def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
     """Their eigenvalues are those of the march, at K_h = 0 too, where nothing holds the position."""
     box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
-    frames = frames_at(kind, box).polynomials()
+    frames = frames_of(kind, box).at(box)
     for s in product((-1.0, 0.3, 1.0), repeat=4):
         place = box.mean(0) + (box[1] - box[0]) / 2 * s
         marched = marched_frames(kind, np.exp(place[0]), place[1:], (18, 22))

@@ -4,23 +4,92 @@ They are the solution of a linear equation in the middle of the part, `P_i - sum
 number follow from its derivative. `norm_check` proves what is found here.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.engine.sets.taylor_models import Polynomials, monomials
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.mean_square import SIZING, operator_of
 from wavesweep.for_all.norms import CALLS, Centre, packed, unpacked
-from wavesweep.for_all.polynomials import Polynomials
+
+ALONE = Graph.least(np.ones((1, 1), bool))  # the graph of a single matrix
+DOUBLINGS = 60  # of a sum of powers
+CONVERGED = 1e-25  # entry of a power, below which it counts for nothing
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class OnAverage:
-    """What frames do at random. chain: from their symbols to the graph of the chain and the probability of each edge."""
+    """What frames do at random: the graph of the chain, and the probability of each edge."""
 
-    chain: Callable[[Sequence[Symbol]], tuple[Graph, np.ndarray]]
+    graph: Graph
+    weight: np.ndarray
+
+
+def forms_of_one(A: Polynomials) -> tuple[tuple[Centre, np.ndarray] | None, float]:
+    """Return a form for the middle of a cell of a single matrix, and its further terms `(monomials - 1, 1, n, n)`; None if it
+    does not decay there; and the work.
+
+    They are the Taylor series of `P - A' P A = Q`, with Q in units of the states in which P and the moments that follow Q are
+    alike in the middle. So the slack is Q but for terms of a higher order than that of A.
+    """
+    M = A.terms[0, 0]
+    n = len(M)
+    degree = A.exponents.sum(1)
+    work = DOUBLINGS * (2 + SIZING + len(degree)) * n**3 + CALLS
+    powers = _powers(M)
+    if powers is None:
+        return None, work
+    size = np.ones(n)
+    P = _summed(powers, np.eye(n))
+    for _ in range(SIZING):
+        moments = _summed([power.T for power in powers], np.diag(size**2))
+        size = (np.diagonal(moments) / np.diagonal(P)) ** 0.25
+        P = _summed(powers, np.diag(size**-2.0))
+    try:
+        to = np.swapaxes(np.linalg.cholesky(P), -1, -2)
+    except np.linalg.LinAlgError:
+        return None, work
+    basis = np.linalg.inv(to)
+    after = to @ A.terms[:, 0] @ basis
+    powers = [to @ power @ basis for power in powers]
+    forms, moved = np.zeros_like(after), np.zeros_like(after)  # P and P A
+    forms[0] = basis.T @ P @ basis
+    forms[0] = (forms[0] + forms[0].T) / 2
+    moved[0] = forms[0] @ after[0]
+    _, first, second, target = monomials(A.numbers, A.order)
+    for order in range(1, A.order + 1):
+        here = degree == order
+        pairs = here[target]
+        one, other, into = first[pairs], second[pairs], target[pairs]
+        np.add.at(moved, into, forms[one] @ after[other])
+        right = np.zeros_like(after)
+        np.add.at(right, into, np.swapaxes(after[one], -1, -2) @ moved[other])
+        forms[here] = _summed(powers, right[here])
+        moved[here] += forms[here] @ after[0]
+    if not np.isfinite(forms).all():
+        return None, work
+    return (Centre(forms[:1], ALONE, basis, to), forms[1:, None]), work
+
+
+def _powers(M):
+    """The powers of a matrix by 1, 2, 4 and so on until nothing is left; None if it does not decay."""
+    powers = []
+    with np.errstate(all="ignore"):
+        while len(powers) < DOUBLINGS and np.isfinite(M).all():
+            powers.append(M)
+            if np.abs(M).max(initial=0.0) < CONVERGED:
+                return powers
+            M = M @ M
+    return None
+
+
+def _summed(powers, Q):
+    """`sum_k M'^k Q M^k`, which solves `P - M' P M = Q`. powers: of M, see `_powers`."""
+    total = Q
+    for power in powers:
+        total = total + power.T @ total @ power
+    return (total + np.swapaxes(total, -1, -2)) / 2
 
 
 def forms_on_average(A: Polynomials, graph: Graph, weight: np.ndarray) -> tuple[tuple[Centre, np.ndarray] | None, float]:

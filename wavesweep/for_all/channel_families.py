@@ -7,7 +7,7 @@ eigenvalue of 1 in every frame. A matrix belongs to a step, from a moment at whi
 follow depends on how many messages in a row were lost, and on when those under way arrive.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -22,11 +22,11 @@ from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scal
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
-from wavesweep.for_all.folded import pivots_of, without_folded
+from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
+from wavesweep.for_all.frames_over import ORDER, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.loop_frames import LoopFrames
-from wavesweep.for_all.loop_numbers import FramesOver
-from wavesweep.for_all.plan import ANY, INSIDE
+from wavesweep.for_all.plan import ANY
 
 LOST = None  # what happens to a message that never arrives; otherwise the ticks by which it is late
 ANY_NUMBER = -1  # of messages in a row that are lost
@@ -150,41 +150,24 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
     return LoopFrames.of(ticks, drift.remaining, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
 
 
-def messages_over(
-    drawing: Drawing,
-    values: Mapping[str, object],
-    paths: Sequence[str],
-    numbers_at: Callable[[np.ndarray], np.ndarray],
-    box: np.ndarray,
-    units: np.ndarray | None = None,
-) -> FramesOver | int:
-    """Return the family over a box of sides, or the side along which it has to be divided first (see `FramesOver.of`).
-
-    numbers_at: gives the numbers of these paths, `(points, paths)`, from points of the box. units: see `FramesOver.of`.
-    """
+def messages_over(drawing: Drawing, values: Mapping[str, object], sides: Sequence[Side], box: np.ndarray) -> FramesOver:
+    """Return the family over the cells of a box of sides."""
     drawing, channels = _in_step(drawing, values)
-    inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
-
-    def with_numbers(points):
-        return values | {path: column.copy() for path, column in zip(paths, numbers_at(points).T, strict=True)}
-
-    pair = [_in_time(twin, channels) for twin in twins(drawing, with_numbers(inside))]
+    inside = inside_of(box)
+    numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
+    pair = [_in_time(twin, channels) for twin in twins(drawing, values | numbers)]
     held, drift = pair[0].held(), drift_of_drawn(*pair)
-    steps = list(_steps(channels, assembled(drawing, values)))
-
-    def ticks_at(points):
-        return _ticks(assembled(drawing, with_numbers(points)), channels, steps, held)
-
-    rows, ticks = ticks_at(inside)
+    loop = assembled(drawing, values | numbers)
+    steps = list(_steps(channels, loop))
+    rows, ticks = _ticks(loop, channels, steps, held)
     _refuse_moved(ticks, drift)
-    ahead, last = [tuple(row[:-1]) for row in rows], [row[-1] for row in rows]
+    enclosed = EnclosedLoop(drawing, values, sides, ORDER)
+    names = frozenset(channel.name for channel in channels)
+    kinds = dict.fromkeys(kind for row, *_ in steps for kind in row)
+    places = [TickPlace(_at(loop, tick, channels, arrivals), 0, held, names) for tick, arrivals in kinds]
+    ahead, last = tuple(tuple(row[:-1]) for row in rows), tuple(row[-1] for row in rows)
     symbols = tuple(symbol for _, symbol, *_ in steps)
-
-    def evaluate(points):
-        ticks = relative_ticks(ticks_at(points)[1], drift)[0]
-        return *without_folded(ticks, drift), pivots_of(ticks, len(points))
-
-    return FramesOver.of(evaluate, box, tuple(ahead), tuple(last), symbols, units)
+    return FramesOver([(enclosed, place) for place in places], drift, ahead, last, symbols)
 
 
 def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths: Sequence[str], box: np.ndarray) -> Members:
@@ -194,8 +177,7 @@ def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths:
     def with_numbers(points):
         return values | {path: points[:, at].copy() for at, path in enumerate(paths)}
 
-    inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
-    pair = [_in_time(twin, channels) for twin in twins(drawing, with_numbers(inside))]
+    pair = [_in_time(twin, channels) for twin in twins(drawing, with_numbers(inside_of(box)))]
     held, drift = pair[0].held(), drift_of_drawn(*pair)
     steps = list(_steps(channels, assembled(drawing, values)))
 

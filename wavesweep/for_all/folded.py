@@ -12,8 +12,7 @@ import numpy as np
 
 from wavesweep.engine.monodromy.drift import MarginalModes, consistent_solution
 from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.monodromy.rounding import ENTRIES
-from wavesweep.for_all.polynomials import UNIT
+from wavesweep.engine.sets.taylor_models import UNIT
 
 
 def lasting(drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: np.ndarray) -> MarginalModes:
@@ -30,22 +29,6 @@ def lasting(drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: 
     units = np.where(size > 0, 1 / size, 1.0)
     rest = np.abs(np.linalg.svd(rows * units)[2][..., -1, :])
     return replace(drift, varying=(int(states[np.argmax(rest.min(0))]),))
-
-
-def without_folded(ticks: Ticks, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
-    """Return the changes of all kinds of ticks without drift, `(kinds, ..., k, k)`, and bounds on their errors."""
-    batch = np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
-    E, dE = (
-        np.stack([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts])
-        for parts in ([each.E for each in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps])
-    )
-    V, dV = shift_of(E, dE, drift)
-    return counted_from_rest(E, dE, V, dV, drift)
-
-
-def pivots_of(ticks: Ticks, points: int) -> np.ndarray:
-    """Return what is zero where the algebraic loops of a kind of tick have no solution, `(points, kinds)`."""
-    return np.stack([np.broadcast_to(each.pivot, points) for each in ticks.maps], -1)
 
 
 def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:

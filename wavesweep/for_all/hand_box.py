@@ -69,8 +69,8 @@ class BoxGuarantee(Guarantee):
     replaces = True
     dtype = BOX_RECORD
     method = (
-        "exact intervals of the hands found to matter, intersected; where settled, guardian maps of hand and number, "
-        "interpolated with a bound and positive by Bernstein coefficients, prove all but a thousandth at either end; else "
+        "exact intervals of the hands found to matter, intersected; where settled, quadratic forms that decrease in every cell "
+        "of hand and number, checked by Cholesky with bounds on all errors, prove all but a thousandth at either end; else "
         "searched"
     )
 
@@ -94,7 +94,7 @@ class BoxGuarantee(Guarantee):
         proved_parts = list(proofs([case], span, MARGIN))
         low, high = (np.array([getattr(interval, end) for interval, _ in proved_parts]) for end in ("low", "high"))
         records = blank_records(low, high, BOX_RECORD)
-        records["settled"] = case.vouched if proved_parts else case.certified
+        records["settled"] = bool(proved_parts) or case.certified
         records["certified"] = case.certified and not proved_parts  # that there are none
         records["doubt"] = np.where(records["certified"], NONE, SEARCH)
         for record, (interval, proved) in zip(records, proved_parts, strict=False):

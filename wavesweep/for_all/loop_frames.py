@@ -12,8 +12,8 @@ from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.product import ENTRIES, pattern_of, product_with_errors
 from wavesweep.engine.monodromy.rounding import both
+from wavesweep.engine.sets.taylor_models import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
-from wavesweep.for_all.polynomials import Polynomials
 
 SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved
 SOME = 0.7  # a value at which no entry of a frame vanishes by chance

@@ -11,8 +11,8 @@ from math import comb
 
 import numpy as np
 
+from wavesweep.engine.sets.taylor_models import UNIT, Polynomials, monomials
 from wavesweep.for_all.graph import Graph
-from wavesweep.for_all.polynomials import UNIT, Polynomials, monomials
 
 SURELY = 4.0  # times the bounds: what is computed in doubles of bounds is known to far better than that
 WEIGHED = 1e-13  # relative error of a probability, in addition to some roundings of 1

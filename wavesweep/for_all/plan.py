@@ -13,13 +13,13 @@ from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
-from wavesweep.for_all.folded import lasting, pivots_of, without_folded
+from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
+from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
+from wavesweep.for_all.frames_over import ORDER, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.loop_frames import LoopFrames, Symbol
-from wavesweep.for_all.loop_numbers import FramesOver
 
 ANY = np.array([0.5, 2.0])  # stands for a number that varies
-INSIDE = np.array([[0.3], [0.7]])  # places in a box at which the structure of its ticks is looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,20 +108,19 @@ class Plan:
         ticks, _ = relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
         return LoopFrames.of(ticks, drift.remaining, *self.written(index), drift if drift.varying else None)
 
-    def over(
-        self, paths: Sequence[str], numbers_at: Callable[[np.ndarray], np.ndarray], box: np.ndarray, units=None
-    ) -> FramesOver | int:
-        """Return the frames over a box of sides, or the side along which it has to be divided first (see `FramesOver.of`).
-
-        numbers_at: gives the numbers of these paths, `(points, paths)`, from points of the box. units: see `FramesOver.of`.
-        """
-        inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+    def over(self, sides: Sequence[Side], box: np.ndarray) -> FramesOver:
+        """Return the frames over the cells of a box of sides."""
+        inside = inside_of(box)
 
         def with_numbers(points):
-            return self.values | {path: part.copy() for path, part in zip(paths, numbers_at(points).T, strict=True)}
+            columns = (side.number(points[:, at]) for at, side in enumerate(sides))
+            return self.values | {side.path: column for side, column in zip(sides, columns, strict=True)}
+
+        def drawn_at(step):
+            return self.schedule.with_period(self.drawing, step)
 
         def ticks_at(step, points=inside, places=None):
-            loop = assembled(self.schedule.with_period(self.drawing, step), with_numbers(points))
+            loop = assembled(drawn_at(step), with_numbers(points))
             return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
         _, picked, index = self._kinds(ticks_at)
@@ -134,18 +133,18 @@ class Plan:
                 maps += [ticks.maps[kind] for kind in ticks.kind]
             return relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)[0]
 
-        drift = lasting(drift, counted_at, box)
+        ticks = []
+        for step, some in groupby(picked, lambda each: each[0]):
+            enclosed = EnclosedLoop(drawn_at(step), self.values, sides, ORDER)
+            loop = self.schedule.scheduled(assembled(drawn_at(step), with_numbers(inside)))
+            held = loop.held()
+            ticks += [(enclosed, TickPlace(loop, place, held)) for _, place in some]
         rows, samples, symbols, _ = self.written(index)
-
-        def evaluate(points):
-            ticks = counted_at(points)
-            return *without_folded(ticks, drift), pivots_of(ticks, len(points))
-
-        return FramesOver.of(evaluate, box, rows, samples, symbols, units)
+        return FramesOver(ticks, lasting(drift, counted_at, box), rows, samples, symbols)
 
     def members(self, paths: Sequence[str], box: np.ndarray) -> Members:
         """Return the frames of members of a box of numbers at these paths, in plain doubles."""
-        inside = np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+        inside = inside_of(box)
 
         def with_numbers(points):
             return self.values | {path: points[:, at].copy() for at, path in enumerate(paths)}

@@ -10,15 +10,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from itertools import count
+from typing import Protocol
 
 import numpy as np
 
-from wavesweep.for_all.average import OnAverage, forms_on_average
-from wavesweep.for_all.loop_numbers import FramesOver
+from wavesweep.engine.sets.taylor_models import LEAST, Polynomials, monomials
+from wavesweep.for_all.average import OnAverage, forms_of_one, forms_on_average
 from wavesweep.for_all.norm_check import shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
 from wavesweep.for_all.patterns import Word, growing, growth
-from wavesweep.for_all.polynomials import Polynomials, monomials
 
 # Margin by which the frames in the middle of a box are made to shrink more than necessary: so much, at most so much of what
 # the spectral radii of frames and words leave. A graph is made finer up to the second share, and used up to the first one.
@@ -28,12 +28,23 @@ SEARCH = 4e9  # operations of one search for norms in the middle of a box, or mo
 NEWTON = 200  # steps on the smallest graph
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
+OF_ERRORS = 0.1  # of the slack: errors from which on they count for which side is halved
 HOPELESS = 4  # times the number of sides: parts of parts without norms, after which a proof ends
+ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
 NARROW = 1e-6  # of a side, below which a box is not divided along it
 
 Box = np.ndarray
-FramesAt = Callable[[Box], "FramesOver | int"]
+
+
+class Frames(Protocol):
+    """The frames of loops over boxes."""
+
+    def at(self, box: Box) -> Polynomials | int:
+        """Return the matrices of all symbols in a box, or the side along which it has to be divided first."""
+
+    def unresolved(self, box: Box) -> np.ndarray:
+        """Return how much of what is left out in a box is due to each of its wide sides, `(sides,)`, relative to all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,19 +66,18 @@ class Covering:
 class _Part:
     """A part of the box that is still to be proved.
 
-    frames: of it, or of a box around it; known: polynomials of a box around it that are good enough, with that box; start:
-    norms of that; barren: how often no norms were found in a row, for it and for the boxes around it.
+    known: polynomials of a box around it that are good enough, with that box; start: norms of that; barren: how often no norms
+    were found in a row, for it and for the boxes around it.
     """
 
     box: Box
-    frames: FramesOver | None = None
     known: tuple[Box, Polynomials] | None = None
     start: Centre | None = None
     barren: int = 0
 
 
 def cover(
-    frames_at: FramesAt,
+    frames: Frames,
     box: Box,
     follows: np.ndarray | OnAverage,
     work: float,
@@ -90,7 +100,7 @@ def cover(
             parts = [replace(part, box=half) for half in _halves(part.box, 0)[::-1]]
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not proved
-                parts, spent, word = _tried(frames_at, part, follows, work - used, NARROW * (box[1] - box[0]), words)
+                parts, spent, word = _tried(frames, part, follows, work - used, NARROW * (box[1] - box[0]), words)
             used += spent
             if parts is None:
                 break
@@ -105,24 +115,20 @@ def cover(
     return Covering(tuple(rest.box for *_, rest in queue), end, used, part.box.mean(0) if word else None, word)
 
 
-def _tried(frames_at, part, follows, work, narrow, words):
+def _tried(frames, part, follows, work, narrow, words):
     """The parts of a part that remain to be proved, None if it cannot be divided or a word grows; the work; and that word."""
     box, used = part.box, 0.0
-    if part.frames is None:
-        frames = frames_at(box)
-        if isinstance(frames, int):
-            narrow = box[1, frames] - box[0, frames] <= narrow[frames]
-            return None if narrow else [replace(part, box=half) for half in _halves(box, frames)], 10 * CALLS, ()
-        part, used = replace(part, frames=frames), 10 * CALLS
     wide = np.flatnonzero(box[0] < box[1])
     if part.known is None:
-        part = replace(part, frames=part.frames.part(box))
-        A = part.frames.polynomials()
+        A, used = frames.at(box), ENCLOSED
+        if isinstance(A, int):
+            narrow = box[1, A] - box[0, A] <= narrow[A]
+            return None if narrow else [replace(part, box=half) for half in _halves(box, A)], used, ()
     else:
         around, A = part.known
         half = (around[1] - around[0])[wide] / 2
         A = A.within((box.mean(0) - around.mean(0))[wide] / half, (box[1] - box[0])[wide] / 2 / half)
-    rule = follows.chain(part.frames.symbols) if isinstance(follows, OnAverage) else follows
+    rule = (follows.graph, follows.weight) if isinstance(follows, OnAverage) else follows
     try:
         found, spent = _forms(A, rule, part.start, work, words)
     except np.linalg.LinAlgError:  # singular to rounding
@@ -142,55 +148,63 @@ def _tried(frames_at, part, follows, work, narrow, words):
             moves[0] = np.inf
         part = replace(part, barren=part.barren + 1)
     else:
-        proved, moves, keep, spent = _judged(A, found, rule)
+        proved, moves, errors, spent = _judged(A, found, rule)
         used += spent
         if proved:
             return (), used, ()
+        keep = errors < SHARED
+        if errors > OF_ERRORS:
+            share, due = _left_out(A, found)
+            if share < 1 - OF_ERRORS:  # the rest is that of A itself
+                of_blocks = frames.unresolved(box)
+                due = share * due + (1 - share) * of_blocks / max(of_blocks.sum(), LEAST)
+            moves = moves + min(errors, 1 / LEAST) * due
         part = replace(part, start=found[0], barren=0)
     moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
     if not wide.size or moves.max() < 0:
         return None, used, ()
-    side, starts = int(np.argmax(moves)), [part.start, part.start]
-    if found is not None:  # where the slopes lead in the middles of the halves
-        starts = [replace(found[0], P=found[0].P + move * found[1][side]) for move in (-0.5, 0.5)]
+    side = int(np.argmax(moves))
     part = replace(part, known=(part.known or (box, A)) if keep else None)
-    halves = zip(_halves(box, int(wide[side])), starts, strict=True)
-    return [replace(part, box=half, start=start) for half, start in halves][::-1], used, ()
+    pieces = _halves(box, int(wide[side]))
+    starts = [part.start] * len(pieces)
+    if found is not None and not isinstance(follows, OnAverage):  # where the slopes lead in the middles of the halves
+        starts = [replace(found[0], P=found[0].P + move * found[1][side]) for move in (-0.5, 0.5)]
+    return [replace(part, box=piece, start=start) for piece, start in zip(pieces, starts, strict=True)][::-1], used, ()
 
 
-def units_of(frames_at: FramesAt, box: Box, follows: np.ndarray | OnAverage) -> np.ndarray | None:
+def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.ndarray | None:
     """Return exponents `(sides, n)` of units of the states in which norms hardly change over a box: see `FramesOver.of`.
 
     They follow from norms at both ends of each side, as energies do: half the logarithm of what a form has on its diagonal.
     """
-    frames = frames_at(box)
-    while isinstance(frames, int):
-        box = _halves(box, frames)[1]
-        frames = frames_at(box)
-    units = np.zeros((box.shape[1], frames.states))
+    units = None
     for side in np.flatnonzero(box[0] < box[1]):
         logs = []
         for end in box[:, side]:
             place = box.mean(0)
             place[side] = end
-            A = frames.part(np.stack([place, place])).polynomials()
+            A = frames.at(np.stack([place, place]))
+            if isinstance(A, int):
+                return None
             if isinstance(follows, OnAverage):
-                found = forms_on_average(A, *follows.chain(frames.symbols))[0]
+                found = forms_on_average(A, follows.graph, follows.weight)[0]
                 centre = found and found[0]
             else:
                 centre, factor = find_norms(A.terms[0], follows, None, SEARCH)
                 centre = centre if factor == 1 else None
             logs.append(np.log(np.abs(np.diagonal(centre.norms.P.sum(0)))) / 2 if centre else None)
+        if units is None:
+            units = np.zeros((box.shape[1], A.terms.shape[-1]))
         if logs[0] is not None and logs[1] is not None:
             change = (logs[1] - logs[0]) / (box[1, side] - box[0, side])
-            units[side, frames.kept] = change - np.median(change)
+            units[side] = change - np.median(change)
     return units
 
 
 def _forms(A, follows, start, work, words=()):
     """Norms for the middle of a box and their slopes, None if none are found; and the work. follows: or a chain."""
     if isinstance(follows, tuple):
-        return forms_on_average(A, *follows)
+        return forms_of_one(A) if A.terms.shape[1] == 1 else forms_on_average(A, *follows)
     at_middle = A.terms[0]
     repeated = at_middle[np.diagonal(follows)]  # a message that may not be lost twice in a row keeps what it was meanwhile
     rates = [growth(at_middle, word) ** (1 / len(word)) for word in words]
@@ -215,22 +229,43 @@ def _forms(A, follows, start, work, words=()):
 
 
 def _judged(A, found, follows):
-    """Whether a box is proved, how much each side moves the slack, whether the polynomials serve its halves, and the work."""
+    """Whether a box is proved, how much each side moves the slack, the errors as shares of that, and the work."""
     centre, slopes = found
     seen = A.similar(centre.basis, centre.inverse)
     P = np.zeros((len(A.terms), *centre.P.shape))
-    P[0], P[1 : 1 + A.numbers] = centre.P, slopes
+    P[0], P[1 : 1 + len(slopes)] = centre.P, slopes
     forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
     edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**2
     rule = (None, follows[1]) if isinstance(follows, tuple) else (follows,)
     proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, *rule)
     if proved:
-        return True, np.zeros(0), True, spent
+        return True, np.zeros(0), 0.0, spent
     size = np.sqrt(np.abs(terms).sum(-1).max(-1) * np.abs(terms).sum(-2).max(-1))
     worst = np.argmax(np.nan_to_num(size[1:].sum(0) + errors + higher, nan=np.inf))
-    moves = ((1 - 0.5**A.exponents) * size[:, worst, None]).sum(0)
-    return False, moves, bool((errors < SHARED).all()), spent
+    moves = size[:, worst] @ (1 - 0.5**A.exponents)  # what is gone of the terms when a side is halved
+    return False, moves, float(errors.max()), spent
+
+
+def _left_out(A, found):
+    """Which part of the errors are terms of products beyond the order of A, and the shares of these that are gone if a side is
+    halved."""
+    centre, further = found
+    seen = A.similar(centre.basis, centre.inverse)
+    size = np.abs(seen.terms).reshape(len(A.terms), -1).sum(1)
+    of_forms = np.zeros(len(A.terms))
+    of_forms[0] = np.abs(centre.P).sum()
+    of_forms[1 : 1 + len(further)] = np.abs(further).reshape(len(further), -1).sum(1)
+    degree = A.exponents.sum(1)
+    beyond = []
+    for weight in (1.0, *(0.5**exponent for exponent in A.exponents.T)):
+        one, form = (np.bincount(degree, terms * weight, A.order + 1) for terms in (size, of_forms))
+        beyond.append(np.convolve(np.convolve(one, form), one)[A.order + 1 :].sum())
+    whole, *halved = beyond
+    rest = 2 * seen.rest.sum() * size.sum() * of_forms.sum()
+    with np.errstate(invalid="ignore"):
+        share = whole / (whole + rest)
+    return share if np.isfinite(share) else 0.0, 1 - np.array(halved) / max(whole, LEAST)
 
 
 def _halves(box, side):

@@ -95,8 +95,9 @@ class ForAllGuarantee(Guarantee):
                 "rounding; refuted by a pattern of frames, or of messages, that grows"
             )
         return (
-            "guardian maps of all numbers at once, interpolated with a bound and proved positive by Bernstein coefficients; "
-            "refuted by the exact intervals of the worst numbers found"
+            "a quadratic form in every cell of the box of all numbers, a polynomial of these, which decreases: the frame is "
+            "enclosed as a Taylor model, and the form checked by Cholesky with bounds on all errors; refuted by the exact "
+            "intervals of the worst numbers found"
         )
 
     def records_of(self, loop: Loops, along: str, span: tuple[float, float]) -> np.ndarray:
@@ -395,11 +396,11 @@ def _case_verdict(spec, rules, number, case):
         return said, {**case.fixed, pattern: None}
     numbers = case.unstable()
     covered = case.cover() if numbers is None and case.ranges else None
-    if covered is not None and len(covered.unstable):
-        numbers = case.named(covered.unstable[0])
+    if covered is not None and covered.unstable:
+        numbers = case.unstable(np.array(covered.unstable))
     if numbers is not None:
         return "refuted", numbers
-    return "unknown" if covered is not None and len(covered.open) else "proved", {}
+    return "unknown" if covered is not None and not covered.whole else "proved", {}
 
 
 def _decided(spec, rules, number, case):
@@ -437,7 +438,7 @@ def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool =
     agreed: whether no member of what they are about contradicts them. none: whether it is known that there are none.
     """
     records = blank_records(*(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD)
-    records["residual"], records["certified"] = 0.0, bool((rows or none) and certified)
+    records["residual"], records["certified"] = 0.0, bool(rows or (none and certified))
     records["doubt"] = np.where(records["certified"], NONE, SEARCH)
     records["settled"] = none and certified
     for number, row in enumerate(rows):

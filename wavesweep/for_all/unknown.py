@@ -2,29 +2,34 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import product
 from types import MappingProxyType
 
 import numpy as np
 
 from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
-from wavesweep.engine.loops.domain import domain
-from wavesweep.engine.loops.resolution import Resolution, Side
+from wavesweep.engine.loops.resolution import Resolution
+from wavesweep.engine.loops.resolution import Side as Expressed
 from wavesweep.engine.search.frames_along import frames_where_solvable
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.search.open_loops import TINY
-from wavesweep.engine.stability.positive import Cover, largest_free
+from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.engine.stability.radii import drift_of
+from wavesweep.for_all.average import ALONE, OnAverage
 from wavesweep.for_all.climb import climb, constant_growth, corners_of
-from wavesweep.for_all.guardian_maps import cover
+from wavesweep.for_all.frames_over import constant_frames
+from wavesweep.for_all.ranges import cover
+from wavesweep.for_all.sides import WIDE, as_numbers, as_sides, side_of
 from wavesweep.program.reading.axes import Axis
 
 CLIMBS = 8  # of the search for worse numbers within what the others leave
 MET = 8  # unstable members that a climb has found, whose exact intervals are computed
 SAME = 1e-9  # relative: ends that are as near are found again
-FRAMES = 800_000  # that the proofs of a case may take
-MOST_UNSTABLE = 8  # points that a proof has met, at which it is looked again
+WORK = 3e11  # operations that the proofs of a case may take
+START = 0.4  # of an interval, where a proof begins
+ROUNDED = 1e-12  # of an end, by which it stays within what is proved
+ALWAYS = OnAverage(ALONE, np.ones(1))  # one matrix, whose powers decay
 ROUNDS = 4  # of a search after a proof has met an unstable loop
 FROM_ZERO = 1e-4  # of the high end, from which on is proved what begins at 0, where a mode may stand still
 
@@ -88,30 +93,39 @@ def proofs(
         if not low < high:
             yield part, None
             continue
-        covers, intervals = [(case, case.cover(low, high)) for case in cases], [part]
-        for case, covered in covers:
-            if len(covered.unstable):
-                intervals = case.narrowed(case.met(intervals, covered.unstable[:MOST_UNSTABLE, 1:]))
+        covers, intervals = [case.cover(low, high) for case in cases], [part]
+        for case, covered in zip(cases, covers, strict=True):
+            if covered.unstable:
+                intervals = case.narrowed(case.met(intervals, np.array(covered.unstable)[:, 1:]))
         if intervals != [part] and rounds:
             left = [(narrower, rounds - 1) for narrower in intervals] + left
             continue
-        yield from _free(intervals, covers, (low, high), near)
+        proved_low, proved_high = max(each.low for each in covers), min(each.high for each in covers)
+        for interval in intervals:
+            inner = interval.within(near)
+            found = max(proved_low, inner[0]), min(proved_high, inner[1])
+            yield interval, found if found[0] < found[1] else None
 
 
-def _free(intervals, covers, span, near) -> Iterator[tuple[Part, tuple[float, float] | None]]:
-    """Yield intervals, and the largest stretch of each within a span in which no covering leaves a box open."""
-    open_ = [box[:, 0] for _, covered in covers for box in covered.open]
-    for interval in intervals:
-        inner = interval.within(near)
-        yield interval, largest_free(max(span[0], inner[0]), min(span[1], inner[1]), open_)
+@dataclass(frozen=True, slots=True)
+class Proved:
+    """What is proved of a box along its number: all from low to high, NaN if nothing is.
+
+    unstable: a point that a proof has met and that seems unstable, with the number first. whole: whether all is proved.
+    """
+
+    low: float
+    high: float
+    unstable: tuple[tuple[float, ...], ...]
+    whole: bool
 
 
 class Case:
     """Loops whose numbers have ranges, along another number.
 
     loop: with the others' values; values: all of them, read or not. along: empty for none. fixed: those among the values that
-    are named with the numbers of an end. certified: whether all intervals that were looked at are. vouched: whether some are;
-    then a proof has a loop that is stable to begin with. left: frames that proofs may take.
+    are named with the numbers of an end. certified: whether all intervals that were looked at are. left: operations that
+    proofs may take.
     """
 
     def __init__(
@@ -126,7 +140,7 @@ class Case:
         self.loop, self.values = loop.read, dict(loop.values)
         self.ranges = [axis for axis in ranges if axis.path in loop.drawing.reads]
         self.box = np.array([[axis.start for axis in self.ranges], [axis.stop for axis in self.ranges]], float)
-        self.certified, self.vouched, self.left = True, False, FRAMES
+        self.certified, self.left = True, WORK
 
     def parts(self, narrow: bool = True) -> list[Part]:
         """What none of the numbers that are looked at refutes; narrow: whether a search goes to the worst ones for each end."""
@@ -162,7 +176,7 @@ class Case:
         own = np.clip([[float(self.values[axis.path]) for axis in self.ranges]], *self.box)
         if not self.ranges:
             return own
-        extremes = Resolution(*self.loop, [Side(axis.path) for axis in self.ranges]).extremes(self.box)
+        extremes = Resolution(*self.loop, [Expressed(axis.path) for axis in self.ranges]).extremes(self.box)
         return np.concatenate([own, corners_of(self.box), extremes])
 
     def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
@@ -188,7 +202,6 @@ class Case:
         for members, loops in self._built(points):
             records = Search(self.along, self.span, ((np.arange(members.size), loops),), felt=False, checked=True).records()
             self.certified &= bool(records["certified"].all())
-            self.vouched |= bool(records["certified"].any())
             for record in records[records["intervals"] > 0]:
                 low, high, *omegas = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))
                 certain = not record["open_low"] < low, not record["open_high"] > high
@@ -205,21 +218,40 @@ class Case:
             else:
                 yield from batches_built_alike(unbuilt.drawing, alike, unbuilt.changed(arrays).values)
 
-    def cover(self, low=0.0, high=0.0) -> Cover:
-        """The proof that all loops of the box are stable, from low to high of the number if there is one."""
-        box = np.column_stack([[low, high], self.box]) if self.along else self.box
-        paths = [*filter(None, [self.along]), *(axis.path for axis in self.ranges)]
-        bounds = np.array([domain(*self.loop, path, tuple(ends)) for path, ends in zip(paths, box.T, strict=True)]).T
-        frames = partial(frames_over, self.loop, paths, drift_over(self.loop, paths, box))
-        resolution = Resolution(*self.loop, [Side(path) for path in paths])
-        covered = cover(frames, box, bounds, self.left, resolution)
-        self.left -= covered.used
-        return covered
+    def cover(self, low: float = 0.0, high: float = 0.0) -> Proved:
+        """What is proved of all loops of the box, from low to high of the number if there is one: up and down from between."""
+        if self.along:
+            paths, box = [self.along, *(axis.path for axis in self.ranges)], np.column_stack([[low, high], self.box])
+        else:
+            paths, box = [axis.path for axis in self.ranges], self.box
+        sides = [side_of(*self.loop, path, ends) for path, ends in zip(paths, box.T, strict=True)]
+        if self.along and 0 < low < high / WIDE:
+            sides[0] = Side(self.along, 0.0)
+        whole = as_sides(box, sides)
+        frames = constant_frames(self.loop, sides, whole)
+        if not self.along:
+            found = cover(frames, whole, ALWAYS, self.left)
+            self.left -= found.used
+            return Proved(np.nan, np.nan, _met(found, sides), not found.open)
+        start = float(sides[0].place(low + START * (high - low)))
+        ends, met = [], ()
+        for up in (True, False):
+            part = whole.copy()
+            part[1 - up, 0] = start
+            found = cover(frames, part, ALWAYS, self.left / 2 if up else self.left, up)
+            self.left -= found.used
+            end = float(sides[0].number(found.end))
+            ends.append(box[int(up), 0] if not found.open else end - ROUNDED * abs(end) if up else end + ROUNDED * abs(end))
+            met += _met(found, sides)
+        return Proved(float(ends[1]), float(ends[0]), met, False)
 
-    def unstable(self) -> Mapping[str, float] | None:
-        """Numbers with which the loop is not stable, or not known to be, where a climb finds some; None without."""
+    def unstable(self, starts: Sequence[Sequence[float]] = ()) -> Mapping[str, float] | None:
+        """Numbers with which the loop is not stable, or not known to be, where a climb finds some; None without.
+
+        starts: places of the box at which it begins too.
+        """
         growth = constant_growth(self.loop, [axis.path for axis in self.ranges])
-        unstable = climb(growth, self.box, self._starts).unstable
+        unstable = climb(growth, self.box, np.concatenate([self._starts, np.reshape(starts, (-1, len(self.ranges)))])).unstable
         return self.named(unstable[0]) if len(unstable) else None
 
     def named(self, point) -> dict[str, float]:
@@ -231,6 +263,11 @@ def _same(part, other):
     return all(
         abs(one - two) <= SAME * max(abs(one), abs(two)) for one, two in ((part.low, other.low), (part.high, other.high))
     )
+
+
+def _met(found, sides):
+    """The point at which a proof has found no form, as numbers."""
+    return (tuple(as_numbers(found.point, sides).tolist()),) if found.word else ()
 
 
 def frames_over(loop, paths, drift, x):

@@ -15,8 +15,9 @@ from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.loops.controller_drawings import loop_drawing
-from wavesweep.engine.loops.domain import domain
-from wavesweep.engine.loops.resolution import Resolution, Side, to_divide
+from wavesweep.engine.loops.resolution import Resolution
+from wavesweep.engine.loops.resolution import Side as Expressed
+from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
 from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.channel_families import (
@@ -45,12 +46,12 @@ from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, fr
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
+from wavesweep.for_all.sides import as_sides, side_of
 from wavesweep.for_all.worst import WORK as WORK_OVER
-from wavesweep.for_all.worst import LoopsOver, as_numbers, as_sides, bracket_over, decide_over
+from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
 from wavesweep.program.spec import Axis, Spec
 
 FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0
-WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
 STARTS = (0.05, 0.01, 0.2, 0.002, 0.5)  # of an interval of the nominal loop, where a proof is begun
 KIND = "controller.kind"
 LOGGER = logging.getLogger("wavesweep.proof")  # what a proof has reached, which a command shows
@@ -217,7 +218,7 @@ def bracketed_over(
 ) -> Over | None:
     """What is proved and refuted about an interval for all numbers of some ranges; None if no start of a proof is found."""
     loops = _over(rules, values, along, ranges, span)
-    least = loops.zeros[0] + FROM_ZERO * (about[1] - loops.zeros[0])
+    least = loops.sides[0].zero + FROM_ZERO * (about[1] - loops.sides[0].zero)
     report = partial(LOGGER.info, "%s proved from %.4g to %.4g so far", name_of(along))
     for share in STARTS:
         found = bracket_over(loops, about[0] + share * (about[1] - about[0]), span, least, rules.work, report)
@@ -238,50 +239,35 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     alike = rules.messages and not rules.for_all.changing  # frames, so that steps of messages are what differs
     plan = None if alike else rules.plan(values, (along, *paths))
     own = (plan.drawing, plan.values) if plan else (rules.drawing, values)
-    over = plan.over if plan else partial(messages_over, *own)
-    zeros = np.array(
-        [*([min(0.0, span[0])] if along else []), *(_zero(*own, path, sides) for path, sides in zip(paths, box.T, strict=True))]
-    )
+    sides, whole = [side_of(*own, path, ends) for path, ends in zip(paths, box.T, strict=True)], box
+    if along:
+        zero = min(0.0, span[0])
+        sides = [Side(along, zero), *sides]
+        whole = np.column_stack([[max(span[0], zero + FROM_ZERO * (span[1] - zero)), span[1]], box])
+    whole = as_sides(whole, sides)
+    frames = plan.over(sides, whole) if plan else messages_over(*own, sides, whole)
 
     @cache
     def family(point):
         return rules.family({**values, **dict(zip(paths, point, strict=True))}, along)
 
-    numbers = [*filter(None, [along]), *paths]
-    sides = [Side(path) if np.isnan(zero) else Side(path, zero, 1.0) for path, zero in zip(numbers, zeros, strict=True)]
-    resolution, ranged = Resolution(*own, sides), as_sides(box, zeros[len(numbers) - len(paths) :])
-
-    def frames_at(part, units=None):
-        unresolved = resolution.unresolved(part)
-        if unresolved.any():
-            return to_divide(unresolved, part, np.column_stack([part[:, : len(numbers) - len(paths)], ranged]))
-        return over(numbers, lambda sides: as_numbers(sides, zeros), part, units)
-
-    whole = np.column_stack([span, box]) if along else box
-    members = plan.members(numbers, whole) if plan else members_with_messages(*own, numbers, whole)
+    numbers = [side.path for side in sides]
+    bounds = np.column_stack([span, box]) if along else box
+    members = plan.members(numbers, bounds) if plan else members_with_messages(*own, numbers, bounds)
     spec_numbers = [[float(values[path]) for path in paths]]
-    extremes = Resolution(*own, list(map(Side, paths))).extremes(box)
+    extremes = Resolution(*own, list(map(Expressed, paths))).extremes(box)
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box), extremes])
-    loops = partial(LoopsOver, family, frames_at, box, zeros, starts=starts)
+    loops = partial(LoopsOver, family, frames, box, sides, starts=starts)
     if not rules.at_random:
         return loops(growth=growth_in_words(members.at, members.states, members.follows))
-    lost = losses_at_random(rules.drawing, values) if rules.messages else {}
-    chain = cache(partial(chain_of, rules.for_all.lengths, rules.for_all.results, lost=lost))
     if alike:
         middle = family(tuple(box.mean(0).tolist()))
-        found = middle.graph, middle.weights(0.0, 0.0)[0]
-        on_average = OnAverage(lambda _: found)
+        on_average = OnAverage(middle.graph, middle.weights(0.0, 0.0)[0])
     else:
-        on_average = OnAverage(chain)
-    weights = on_average.chain(members.symbols)
-    return loops(growth=growth_on_average(members.at, members.states, *weights), on_average=on_average)
-
-
-def _zero(drawing, values, path, sides):
-    """Where the logarithms of a wide range are counted from; NaN for a range that is not."""
-    low, high = sides
-    least = domain(drawing, values, path, (low, high))[0]
-    return least if np.isfinite(least) and high - least > WIDE * (low - least) > 0 else np.nan
+        lost = losses_at_random(rules.drawing, values) if rules.messages else {}
+        on_average = OnAverage(*chain_of(rules.for_all.lengths, rules.for_all.results, frames.symbols, lost=lost))
+    growth = growth_on_average(members.at, members.states, on_average.graph, on_average.weight)
+    return loops(growth=growth, on_average=on_average)
 
 
 def decided_over(rules: Rules, values: Mapping[str, object], ranges: Sequence[Axis]) -> tuple[str, dict[str, float | None]]:

@@ -1,20 +1,22 @@
 """Intervals of a number for every point of a box of others, while frames vary: refuted at the worst point that a search finds,
 and proved box by box."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
+from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.climb import Growth, climb
+from wavesweep.for_all.frames_over import FramesOver
 from wavesweep.for_all.graph import Family
 from wavesweep.for_all.joint import nearest_refuted
 from wavesweep.for_all.mean_square import nearest_growing
 from wavesweep.for_all.norms import first_centre
 from wavesweep.for_all.patterns import Word, crossing, growing, growth, is_refuted, nearest, refuted_beyond
-from wavesweep.for_all.ranges import Box, FramesAt, cover, units_of
+from wavesweep.for_all.ranges import Box, cover, units_of
+from wavesweep.for_all.sides import as_numbers, as_sides
 
 TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
@@ -60,16 +62,16 @@ class WorstBracket:
 class LoopsOver:
     """Loops over a box of numbers, `(2, numbers)`, along another number.
 
-    family: gives the frames at a point of the box as a family along the number. frames_at: gives the frames over a box of sides
-    (see `as_sides`), the first of which is that number. zeros: from where each is counted, as sides have it. on_average: if
-    frames are at random; families are then `Chances`, and the word of what grows is (0,). growth: of members, at points of that
-    number and of the box. starts: members that are tried in any case, `(points, numbers)`.
+    family: gives the frames at a point of the box as a family along the number. frames: those over a box of sides (see
+    `as_sides`), the first of which is that number. sides: of that number and of those of the box. on_average: if frames are at
+    random; families are then `Chances`, and the word of what grows is (0,). growth: of members, at points of that number and of
+    the box. starts: members that are tried in any case, `(points, numbers)`.
     """
 
     family: Callable[[tuple[float, ...]], Family]
-    frames_at: FramesAt
+    frames: FramesOver
     box: Box
-    zeros: np.ndarray
+    sides: Sequence[Side]
     growth: Growth
     starts: np.ndarray
     on_average: OnAverage | None = None
@@ -83,18 +85,6 @@ class LoopsOver:
     def follows(self) -> np.ndarray | OnAverage:
         """Which frames may follow which, or what they do at random."""
         return self.on_average or self.family(self.middle).follows
-
-
-def as_sides(numbers: np.ndarray, zeros: np.ndarray) -> np.ndarray:
-    """Return numbers `(..., numbers)` as the sides of a box: logarithms from where they are counted, if that is not NaN."""
-    with np.errstate(all="ignore"):
-        return np.where(np.isnan(zeros), numbers, np.log(numbers - np.nan_to_num(zeros)))
-
-
-def as_numbers(sides: np.ndarray, zeros: np.ndarray) -> np.ndarray:
-    """Return the numbers of sides; see `as_sides`."""
-    with np.errstate(all="ignore"):
-        return np.where(np.isnan(zeros), sides, np.exp(sides) + np.nan_to_num(zeros))
 
 
 def bracket_over(
@@ -112,24 +102,22 @@ def bracket_over(
     """
     limits = max(limits[0], least), limits[1]
     below, above = (_worst(loops, start, limit) for limit in limits)
-    follows, zero, rounds, spent, open_ = loops.follows, loops.zeros[0], ROUNDS, 0.0, None
+    follows, first, rounds, spent, open_ = loops.follows, loops.sides[0], ROUNDS, 0.0, None
     if above.word:
-        start = max(start, zero + PART * (above.x - zero))
+        start = max(start, first.zero + PART * (above.x - first.zero))
     high = low = start
 
     def proved(bottom, top, most, up):
         def reached(side):
-            end = float(as_numbers(side, zero))
+            end = float(first.number(side))
             report(min(start, end), max(high, end))
 
         ends = (start / UNITS, start) if up else (start / UNITS**2, start / UNITS)
-        units = None if zero else units_of(loops.frames_at, _layer(loops, *ends), follows)
+        units = None if first.zero else units_of(loops.frames, _layer(loops, *ends), follows)
         words = [end.word for end in (below, above) if end.word]
         layer = _layer(loops, bottom, top)
-        found = cover(
-            partial(loops.frames_at, units=units), layer, follows, most - spent, up, words, reached if report else None
-        )
-        return found, float(as_numbers(found.end - ROUNDED if up else found.end + ROUNDED, zero)), spent + found.used
+        found = cover(replace(loops.frames, units=units), layer, follows, most - spent, up, words, reached if report else None)
+        return found, float(first.number(found.end - ROUNDED if up else found.end + ROUNDED)), spent + found.used
 
     while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
         found, end, spent = proved(high, goal, UPWARD * work, True)
@@ -161,17 +149,17 @@ def _goal(refuted, limit, start):
 
 def _layer(loops, low, high):
     """The sides of all loops from a number to another."""
-    return as_sides(np.column_stack([[low, high], loops.box]), loops.zeros)
+    return as_sides(np.column_stack([[low, high], loops.box]), loops.sides)
 
 
 def _left(loops, found, end):
     """The box around what holds a proof up on its way from below (end 0) or above (1), and its share of the other sides."""
     if not found.open:
         return None
-    open_, whole = np.array(found.open), as_sides(loops.box, loops.zeros[1:])
+    open_, whole = np.array(found.open), as_sides(loops.box, loops.sides[1:])
     open_, wide = open_[open_[:, end, 0] == found.end], whole[0] < whole[1]
     share = ((open_[:, 1] - open_[:, 0])[:, 1:][:, wide] / (whole[1] - whole[0])[wide]).prod(1).sum()
-    return as_numbers(np.array([open_[:, 0].min(0), open_[:, 1].max(0)]), loops.zeros), float(share)
+    return as_numbers(np.array([open_[:, 0].min(0), open_[:, 1].max(0)]), loops.sides), float(share)
 
 
 def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
@@ -217,7 +205,7 @@ def _beyond(loops, point, word, start, end, limit):
 
 def _met(loops, found, start, above):
     """What is refuted at a place that a proof has met."""
-    x, *point = as_numbers(found.point, loops.zeros)
+    x, *point = as_numbers(found.point, loops.sides)
     point = tuple(np.clip(point, *loops.box))
     at = _beyond(loops, point, found.word, start, x, x + abs(x))
     if at is None or (above.word and at >= above.x):
@@ -249,13 +237,13 @@ def decide_over(loops: LoopsOver, work: float = WORK) -> tuple[tuple[float, ...]
     point, word = worst(loops.box, loops.starts)
     if word:
         return point, word, False
-    found = cover(loops.frames_at, as_sides(loops.box, loops.zeros), loops.follows, work)
+    found = cover(loops.frames, as_sides(loops.box, loops.sides), loops.follows, work)
     if found.word:
-        point = tuple(np.clip(as_numbers(found.point, loops.zeros), *loops.box).tolist())
+        point = tuple(np.clip(as_numbers(found.point, loops.sides), *loops.box).tolist())
         if refuted(loops.family(point), found.word):
             return point, found.word, False
     if found.open:
         low, high = np.min(found.open, axis=(0, 1)), np.max(found.open, axis=(0, 1))
-        part = np.clip(as_numbers(np.array([low, high]), loops.zeros), *loops.box)
+        part = np.clip(as_numbers(np.array([low, high]), loops.sides), *loops.box)
         point, word = worst(part, part)
     return point if word else (), word, not found.open

@@ -130,10 +130,9 @@ def _trailing_zeros(coefficients):
 
 def _discrete_tf(name, num, den, of_num, of_den):
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
-    k = _trailing_zeros(den)
+    k, centre = realisation(den)
     padding = [0.0] * (len(den) - len(num))
     n, num, of_num = len(den) - 1 - k, [*padding, *num], [*padding, *of_num]
-    centre = -1 if _near_minus_one(den[: n + 1]) else 1
     polynomials = [
         ([numbers(coefficient) for coefficient in polynomial[: n + 1]], rest[: n + 1])
         for polynomial, rest in ((num, of_num), (den, of_den))
@@ -148,6 +147,12 @@ def _discrete_tf(name, num, den, of_num, of_den):
     if centre == -1:
         rest = *with_delays(equations, later)[1:3], [[*[0.0] * n, *later]], [[ones[0][-1] / ones[1][-1]]]
     return _block(name, ("u",), ("y",), with_delays(equations, later), rest)
+
+
+def realisation(den) -> tuple[int, int]:
+    """Return how many delays a transfer function in z has at its end, and the centre, 1 or -1, of the powers of the rest."""
+    delays = _trailing_zeros(den)
+    return delays, -1 if _near_minus_one(den[: len(den) - delays]) else 1
 
 
 def _near_minus_one(den):

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +11,13 @@ from wavesweep.engine.loops.block import Block, matrix, numbers
 from wavesweep.engine.state_space import StateSpace
 
 FEW = 64.0  # roundings that a cutoff's distance from half the rate may lose before the block's condition counts them
+
+
+def _hypotenuse(a, b):
+    return np.hypot(np.abs(a), np.abs(b))
+
+
+DOUBLES = SimpleNamespace(pi=np.pi, sqrt=np.sqrt, sin=np.sin, cos=np.cos, hypot=_hypotenuse)
 
 
 def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:
@@ -31,9 +40,9 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
     if order == 0:
         return _assemble(name, [])
     share = numbers(cutoff_hz) * period
-    warped, lost = np.tan(np.pi * share), 1 / np.maximum(1 - 2 * share.real, np.finfo(float).tiny)
-    sections = [_pair(warped, np.pi * (2 * k + order - 1) / (2 * order), highpass) for k in range(1, order // 2 + 1)]
-    filter_ = _assemble(name, sections + ([_single(warped, highpass)] if order % 2 else []))
+    lost = 1 / np.maximum(1 - 2 * share.real, np.finfo(float).tiny)
+    of_numbers = sections(order, np.tan(np.pi * share), highpass, DOUBLES)
+    filter_ = _assemble(name, [StateSpace(*map(matrix, section)) for section in of_numbers])
     passed = np.full((1, 1), 0.0 if highpass else 1.0)  # of a constant
     filter_ = replace(filter_, at_rest=(passed,))
     if not np.any(lost > FEW):
@@ -46,36 +55,49 @@ def _filter(name, order, cutoff_hz, period, highpass) -> Block:
 _known = lru_cache(maxsize=64)(_filter)  # the loops of a sweep mostly share their filters
 
 
-def _single(warped, highpass):
+def sections(order: int, warped: Any, highpass: bool, library: Any) -> list[tuple]:
+    """Return the sections of a filter as rows of E, B, C and D, the first nearest to the input.
+
+    warped: `tan(pi cutoff T)`, a number of any kind. library: has pi and sqrt, sin, cos and hypot of numbers of that kind.
+    """
+    pairs = []
+    for k in range(1, order // 2 + 1):
+        angle = library.pi * (2 * k + order - 1) / (2 * order)
+        pairs.append(_pair(warped, angle, highpass, library))
+    return pairs + ([_single(warped, highpass, library)] if order % 2 else [])
+
+
+def _single(warped, highpass, library):
     """First-order section of pole -warped: (E, B, C, D) after the bilinear transform."""
     gain = 1 / (1 + warped)
-    root = np.sqrt(2 * warped) * gain
+    root = library.sqrt(2 * warped) * gain
     sign, through = (-1, gain) if highpass else (1, warped * gain)
-    return StateSpace(*(matrix([[entry]]) for entry in (-2 * warped * gain, root, sign * root, through)))
+    return [[-2 * warped * gain]], [[root]], [[sign * root]], [[through]]
 
 
-def _pair(warped, angle, highpass):
+def _pair(warped, angle, highpass, library):
     """Second-order section of poles warped*exp(+-j angle), bilinear image of the balanced normal form."""
-    alpha, beta = warped * np.cos(angle), warped * abs(np.sin(angle))
+    alpha = warped * library.cos(angle)
+    beta = warped * abs(library.sin(angle))
     if highpass:
         c1, c2, through = (alpha**2 - beta**2) / beta, 2 * alpha, 1.0
-        scale = np.sqrt(np.hypot(np.abs(c1), np.abs(c2)))
+        scale = library.sqrt(library.hypot(c1, c2))
     else:
         c1, c2, through = (alpha**2 + beta**2) / beta, 0.0 * alpha, 0.0
-        scale = np.sqrt(c1)
-    return _bilinear(alpha, beta, scale, c1 / scale, c2 / scale, through)
+        scale = library.sqrt(c1)
+    return _bilinear(alpha, beta, scale, c1 / scale, c2 / scale, through, library)
 
 
-def _bilinear(alpha, beta, b, c1, c2, through):
+def _bilinear(alpha, beta, b, c1, c2, through, library):
     """Bilinear image of A = [[alpha, beta], [-beta, alpha]], B = [0, b], C = [c1, c2], D = through, in delta form."""
     size = (1 - alpha) ** 2 + beta**2
     p, q = (1 - alpha) / size, beta / size  # (I - A)^-1 = [[p, q], [-q, p]]
     real, imag = 2 * (alpha * p - beta * q), 2 * (alpha * q + beta * p)  # E = 2 A (I - A)^-1, same shape
-    root = np.sqrt(2)
-    E = matrix([[real, imag], [-imag, real]])
-    B = matrix([[root * q * b], [root * p * b]])
-    C = matrix([[root * (c1 * p - c2 * q), root * (c1 * q + c2 * p)]])
-    return StateSpace(E, B, C, matrix([[through + (c1 * q + c2 * p) * b]]))
+    root = library.sqrt(2.0)
+    E = [[real, imag], [-imag, real]]
+    B = [[root * q * b], [root * p * b]]
+    C = [[root * (c1 * p - c2 * q), root * (c1 * q + c2 * p)]]
+    return E, B, C, [[through + (c1 * q + c2 * p) * b]]
 
 
 def _assemble(name, sections) -> Block:

@@ -60,13 +60,15 @@ def _again(tree: Tree, numbers: Mapping[str, Any], values: np.ndarray, lost: np.
     return values if values.shape else values.item()
 
 
-def keys_with(block: DrawnBlock, value: Callable[[Tree], Any]) -> dict[str, Any]:
-    """Return the keys of a block with the values of their numbers; value: of a tree."""
+def keys_with(block: DrawnBlock, value: Callable[[Tree], Any], count: Callable[[Tree], Any] | None = None) -> dict[str, Any]:
+    """Return the keys of a block with the values of their numbers; value: of a tree; count: of one that is a whole number."""
     types = TYPES[block.type].keys
 
     def of(kind: str, entry: Any) -> Any:
-        if kind in ("number", "integer"):
-            return value(entry) if kind == "number" else int(value(entry))
+        if kind == "number":
+            return value(entry)
+        if kind == "integer":
+            return int((count or value)(entry))
         if kind == "list":
             return [value(tree) for tree in entry]
         return [[value(tree) for tree in row] for row in entry] if kind == "rows" else entry

@@ -1,0 +1,485 @@
+"""Numbers and matrices that depend on several numbers: polynomials with a bound on what they leave out.
+
+Taylor models: M. Berz, K. Makino, Verified integration of ODEs and flows using differential algebraic methods on high-order
+Taylor models, Reliable Computing 4, 361-369, 1998. Nothing is sampled: the remainder of a function follows from all of its
+derivatives, and that of a sum or a product from the sizes of the terms that are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from math import factorial, isfinite, log2
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+UNIT = np.finfo(float).eps / 2
+BITS = 128  # of the balls that constants and derivatives are computed in
+OUTWARD = 1 + 2**-40  # times what is rounded to a double, which is then above it
+LEAST = 1e-300  # added to what is rounded outward: nothing underflows
+TERMS = 12  # of the series of an exponential
+SMALL = 0.25  # norm of a matrix, up to which that series is summed
+SHRINKS = 0.9  # norm up to which a geometric series of matrices is summed
+BALANCED = 6  # sweeps of balancing
+
+
+class UnresolvedError(Exception):
+    """A cell is too wide: something has no bound in it. number: the one that contributes most, None if it is not one."""
+
+    def __init__(self, number: int | None):
+        super().__init__(number)
+        self.number = number
+
+
+@lru_cache(maxsize=32)
+def monomials(numbers: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the exponents of all monomials up to a total degree, sorted by degree, and the plan of a product.
+
+    The plan: indices of pairs of monomials whose product is kept, sorted by that product, and the product of each pair.
+    """
+    exponents = [each for each in product(range(order + 1), repeat=numbers) if sum(each) <= order]
+    exponents.sort(key=lambda each: (sum(each), tuple(-part for part in each)))
+    at = {each: i for i, each in enumerate(exponents)}
+    table = np.array(exponents, int).reshape(len(exponents), numbers)
+    total = table.sum(1)
+    first, second = np.nonzero(total[:, None] + total <= order)
+    target = np.array([at[tuple(each)] for each in (table[first] + table[second]).tolist()])
+    by_target = np.argsort(target, kind="stable")
+    return table, first[by_target], second[by_target], target[by_target]
+
+
+def midpoint(value: Any) -> tuple[float, float]:
+    """Return a double and a bound on how far a number or an arb is from it."""
+    if not isinstance(value, arb):
+        return float(value), 0.0
+    middle = float(value.mid())
+    radius = float((value - arb(middle)).abs_upper())
+    return middle, radius * OUTWARD + LEAST if radius or (middle == 0 and not value.is_zero()) else 0.0
+
+
+class TaylorModel:
+    """A number within `rest` of the polynomial `sum_k terms[k] s^exponents[k]` for all s in [-1, 1]^numbers.
+
+    terms: `(monomials,)`, those of total degree up to `order`, see `monomials`. Sums and products with numbers, arbs and other
+    models enclose those of any two values at the same s. Rounding is in the rest, and that of the rest itself.
+    """
+
+    __slots__ = ("inverted", "numbers", "order", "rest", "terms")
+    __array_priority__ = 1000  # numpy's numbers leave arithmetic to it
+
+    def __init__(self, terms: np.ndarray, rest: float, numbers: int, order: int):
+        self.terms, self.rest, self.numbers, self.order = terms, rest, numbers, order
+        self.inverted: TaylorModel | None = None  # once it is known
+
+    @staticmethod
+    def side(at: int, low: float, high: float, numbers: int, order: int) -> TaylorModel:
+        """Return the number with this index, from low to high as s goes from -1 to 1."""
+        terms = np.zeros(len(monomials(numbers, order)[0]))
+        terms[0] = (low + high) / 2
+        terms[1 + at] = max(high - terms[0], terms[0] - low) * (1 + 4 * UNIT)
+        return TaylorModel(terms, 0.0, numbers, order)
+
+    def _like(self, terms, rest):
+        return TaylorModel(terms, rest * OUTWARD, self.numbers, self.order)
+
+    def _constant(self, value):
+        middle, radius = midpoint(value)
+        terms = np.zeros_like(self.terms)
+        terms[0] = middle
+        return self._like(terms, radius)
+
+    def size(self) -> float:
+        """Return a bound on its size."""
+        return float(np.abs(self.terms).sum() * OUTWARD + self.rest)
+
+    def __neg__(self):
+        return self._like(-self.terms, self.rest)
+
+    def __add__(self, other):
+        if not isinstance(other, TaylorModel):
+            other = self._constant(other)
+        terms = self.terms + other.terms
+        return self._like(terms, self.rest + other.rest + UNIT * np.abs(terms).sum())
+
+    def __sub__(self, other):
+        return self + (-other)
+
+    def __rsub__(self, other):
+        return (-self) + other
+
+    def __mul__(self, other):
+        if not isinstance(other, TaylorModel):
+            middle, radius = midpoint(other)
+            terms = self.terms * middle
+            rounding = UNIT * np.abs(terms).sum() + LEAST * (middle != 0)
+            return self._like(terms, abs(middle) * self.rest + radius * self.size() + rounding)
+        exponents, first, second, target = monomials(self.numbers, self.order)
+        terms = np.bincount(target, self.terms[first] * other.terms[second], len(exponents))
+        degree = exponents.sum(1)
+        one = np.bincount(degree, np.abs(self.terms), self.order + 1)
+        two = np.bincount(degree, np.abs(other.terms), self.order + 1)
+        all_one, all_two = one.sum(), two.sum()
+        above = np.maximum(all_two - np.cumsum(two), 0.0) + 4 * len(two) * UNIT * all_two  # of degrees above the index
+        rest = self.rest * (all_two + other.rest) + all_one * other.rest + one[1:] @ above[::-1][1:]
+        return self._like(terms, rest + 2 * (len(terms) + 2) * UNIT * all_one * all_two + LEAST)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __truediv__(self, other):
+        if isinstance(other, TaylorModel):
+            return self * other.inverse()
+        return self * (1 / (other if isinstance(other, arb) else arb(other)))
+
+    def __rtruediv__(self, other):
+        return self.inverse() * other
+
+    def __pow__(self, exponent):
+        if isinstance(exponent, int | float) and exponent == int(exponent):
+            power, base, left = self._constant(1.0), self, abs(int(exponent))
+            while left:
+                power = power * base if left % 2 else power
+                base = base * base if left > 1 else base
+                left //= 2
+            return power if exponent >= 0 else power.inverse()
+        return (self.log() * exponent).exp()
+
+    def __rpow__(self, base):
+        return (self * (base if isinstance(base, arb) else arb(base)).log()).exp()
+
+    def _composed(self, coefficients, left_out) -> TaylorModel:
+        """Return the polynomial of `self - c` with these coefficients, the constant one first; left_out: bound on the rest."""
+        terms = self.terms.copy()
+        terms[0] = 0.0
+        difference = self._like(terms, self.rest)
+        total = self._constant(coefficients[-1])
+        for coefficient in coefficients[-2::-1]:
+            total = total * difference + coefficient
+        return self._like(total.terms, total.rest + left_out + LEAST)
+
+    def _about(self) -> tuple[float, float]:
+        """Return c, the constant term, and a bound on how far the model is from it. Errors: UnresolvedError for overflow."""
+        centre = float(self.terms[0])
+        radius = float((np.abs(self.terms[1:]).sum() + self.rest) * OUTWARD)
+        if not (isfinite(centre) and isfinite(radius)):
+            raise UnresolvedError(self.widest())
+        return centre, radius
+
+    def _shares(self, positive=True) -> tuple[float, float, float]:
+        """Return c, `q = r/|c|` for the bound r on the distance from it, and a bound on `q^(order + 1)/(1 - q)`.
+
+        Errors: UnresolvedError if the model may be 0, or negative where it has to be positive.
+        """
+        centre, radius = self._about()
+        if not radius * OUTWARD**3 < abs(centre) or (positive and centre < 0):
+            raise UnresolvedError(self.widest())
+        share = radius / abs(centre) * OUTWARD
+        return centre, share, share ** (self.order + 1) / (1 - share) * OUTWARD
+
+    def inverse(self) -> TaylorModel:
+        """Return 1 over it: `1/(c + d) = sum_k (-d)^k/c^(k+1)`, a geometric series.
+
+        Errors: UnresolvedError if it may be 0.
+        """
+        if self.inverted is None:
+            centre, _, tail = self._shares(positive=False)
+            coefficients = [1 / arb(centre)]
+            for _ in range(self.order):
+                coefficients.append(-coefficients[-1] / centre)
+            self.inverted = self._composed(coefficients, tail / abs(centre) * OUTWARD)
+        return self.inverted
+
+    def sqrt(self) -> TaylorModel:
+        """Return the root: `sqrt(c) sum_k binomial(1/2, k) (d/c)^k`, whose coefficients get smaller."""
+        centre, _, tail = self._shares()
+        coefficients = [arb(centre).sqrt()]
+        for k in range(self.order + 1):
+            coefficients.append(coefficients[-1] * (0.5 - k) / (k + 1) / centre)
+        size = float((abs(coefficients.pop()) * arb(centre) ** (self.order + 1)).abs_upper())
+        return self._composed(coefficients, size * tail * OUTWARD)
+
+    def log(self) -> TaylorModel:
+        """Return the logarithm: `log(c) - sum_k (-d/c)^k/k`."""
+        centre, _, tail = self._shares()
+        coefficients = [arb(centre).log()]
+        coefficients += [(-1) ** (k + 1) / (k * arb(centre) ** k) for k in range(1, self.order + 1)]
+        return self._composed(coefficients, tail / (self.order + 1) * OUTWARD)
+
+    def exp(self) -> TaylorModel:
+        """Return the exponential: `exp(c) sum_k d^k/k!`; the rest is at most `exp(c + r) r^(order + 1)/(order + 1)!`."""
+        centre, radius = self._about()
+        coefficients = [arb(centre).exp()]
+        for k in range(1, self.order + 1):
+            coefficients.append(coefficients[-1] / k)
+        largest = float((arb(centre) + arb(radius)).exp().abs_upper()) * OUTWARD
+        if not isfinite(largest):
+            raise UnresolvedError(self.widest())
+        return self._composed(coefficients, largest * self._last(radius))
+
+    def sin(self) -> TaylorModel:
+        """Return the sine, of which no derivative exceeds 1."""
+        centre, radius = self._about()
+        sine, cosine = arb(centre).sin(), arb(centre).cos()
+        return self._composed(_derivatives((sine, cosine, -sine, -cosine), self.order), self._last(radius))
+
+    def cos(self) -> TaylorModel:
+        """Return the cosine, of which no derivative exceeds 1."""
+        centre, radius = self._about()
+        sine, cosine = arb(centre).sin(), arb(centre).cos()
+        return self._composed(_derivatives((cosine, -sine, -cosine, sine), self.order), self._last(radius))
+
+    def tan(self) -> TaylorModel:
+        """Return the tangent. Errors: UnresolvedError if the cosine may be 0."""
+        return self.sin() / self.cos()
+
+    def _last(self, radius):
+        """A bound on `r^(order + 1)/(order + 1)!`."""
+        with np.errstate(over="ignore"):
+            return float(np.float64(radius) ** (self.order + 1) / factorial(self.order + 1) * OUTWARD)
+
+    def widest(self) -> int | None:
+        """Return the number on which it depends most; None if it is on none."""
+        moves = np.abs(self.terms) @ (monomials(self.numbers, self.order)[0] > 0)
+        return int(np.argmax(moves)) if moves.any() else None
+
+
+def _derivatives(four, order):
+    """The coefficients of a function whose derivatives are these four in turn."""
+    return [four[k % 4] / factorial(k) for k in range(order + 1)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polynomials:
+    """Matrices within `rest` of `sum_k terms[k] s^exponents[k]`, entry by entry, for all s in [-1, 1]^numbers.
+
+    terms: `(monomials, ..., n, m)`, those of total degree up to `order`, the constant one first, then those of degree one in
+    the order of the numbers; rest: `(..., n, m)`. Sums and products enclose those of any two matrices at the same s.
+    Accuracy: rounding of the terms is in the rest; that of the rest itself is not, and a check has to leave room for it.
+    """
+
+    terms: np.ndarray
+    rest: np.ndarray
+    numbers: int
+    order: int
+
+    @staticmethod
+    def constant(matrix: np.ndarray, numbers: int, order: int) -> Polynomials:
+        """Return a matrix that is the same for all numbers."""
+        terms = np.zeros((len(monomials(numbers, order)[0]), *np.shape(matrix)))
+        terms[0] = matrix
+        return Polynomials(terms, np.zeros(np.shape(matrix)), numbers, order)
+
+    @staticmethod
+    def of_entries(rows: Sequence[Sequence[Any]], shape: tuple[int, int], numbers: int, order: int) -> Polynomials:
+        """Return the matrix of these entries: models, arbs or numbers."""
+        terms = np.zeros((len(monomials(numbers, order)[0]), *shape))
+        rest = np.zeros(shape)
+        for i, row in enumerate(rows):
+            for j, entry in enumerate(row):
+                if isinstance(entry, TaylorModel):
+                    terms[:, i, j], rest[i, j] = entry.terms, entry.rest
+                elif not (isinstance(entry, int) and entry == 0):
+                    terms[0, i, j], rest[i, j] = midpoint(entry)
+        return Polynomials(terms, rest, numbers, order)
+
+    @property
+    def exponents(self) -> np.ndarray:
+        """The exponents of each monomial, `(monomials, numbers)`."""
+        return monomials(self.numbers, self.order)[0]
+
+    @property
+    def whole(self) -> np.ndarray:
+        """Bounds on the sizes of the entries."""
+        return np.abs(self.terms).sum(0) + self.rest
+
+    def _like(self, terms, rest):
+        return Polynomials(terms, rest, self.numbers, self.order)
+
+    def __add__(self, other: Polynomials) -> Polynomials:
+        terms = self.terms + other.terms
+        return self._like(terms, self.rest + other.rest + UNIT * np.abs(terms).sum(0))
+
+    def __sub__(self, other: Polynomials) -> Polynomials:
+        return self + other.times(-1.0)
+
+    def times(self, factor: float | np.ndarray) -> Polynomials:
+        """The matrices times exact factors, entry by entry."""
+        terms = self.terms * factor
+        return self._like(terms, self.rest * np.abs(factor) + UNIT * np.abs(terms).sum(0))
+
+    def __matmul__(self, other: Polynomials) -> Polynomials:
+        return self._product(other, np.matmul, self.terms.shape[-1])
+
+    def entrywise(self, other: Polynomials) -> Polynomials:
+        """The products of entries at the same place."""
+        return self._product(other, np.multiply, 1)
+
+    def _product(self, other, multiply, summed):
+        _, first, second, target = monomials(self.numbers, self.order)
+        present = [each.terms.any(tuple(range(1, each.terms.ndim))) for each in (self, other)]
+        kept = present[0][first] & present[1][second]
+        first, second, target = first[kept], second[kept], target[kept]
+        one, two = self._by_degree(self.terms), self._by_degree(other.terms)
+        all_one, all_two = one.sum(0), two.sum(0)
+        above = all_two - np.cumsum(two, 0)  # of degrees above the index
+        rest = multiply(self.rest, all_two + other.rest) + multiply(all_one, other.rest)
+        for k in range(1, self.order + 1):
+            if one[k].any():
+                rest = rest + multiply(one[k], np.maximum(above[self.order - k], 0.0))
+        terms = np.zeros((len(self.terms), *rest.shape))
+        if target.size:
+            starts = np.flatnonzero(np.append(True, target[1:] != target[:-1]))
+            terms[target[starts]] = np.add.reduceat(multiply(self.terms[first], other.terms[second]), starts, axis=0)
+        roundings = 2 * (summed + len(terms)) * UNIT
+        return self._like(terms, rest + roundings * multiply(all_one, all_two))
+
+    def _by_degree(self, terms):
+        """The sums of the sizes of the terms of each degree."""
+        degree = self.exponents.sum(1)
+        starts = np.searchsorted(degree, np.arange(self.order + 1))
+        if len(degree) == 1:  # without numbers there is no degree but 0
+            return np.concatenate([np.abs(terms), np.zeros((self.order, *terms.shape[1:]))])
+        return np.add.reduceat(np.abs(terms), starts, axis=0)
+
+    def scaled(self, model: TaylorModel | Any) -> Polynomials:
+        """The matrices times a number."""
+        shape = self.rest.shape
+        one = Polynomials.of_entries([[model]], (1, 1), self.numbers, self.order)
+        return self.entrywise(
+            self._like(np.broadcast_to(one.terms, (len(one.terms), *shape)), np.broadcast_to(one.rest, shape))
+        )
+
+    def of(self, which) -> Polynomials:
+        """The matrices at some places of a leading axis."""
+        return self._like(self.terms[:, which], self.rest[which])
+
+    def at(self, rows, columns) -> Polynomials:
+        """Some rows and columns."""
+        place = np.ix_(rows, columns)
+        return self._like(self.terms[..., *place], self.rest[..., *place])
+
+    def entries(self) -> list[list[Any]]:
+        """The entries of one matrix as models, 0 where they are exactly that."""
+        shape = self.rest.shape
+        zero = self.whole == 0
+        return [
+            [
+                0 if zero[i, j] else TaylorModel(self.terms[:, i, j], float(self.rest[i, j]), self.numbers, self.order)
+                for j in range(shape[1])
+            ]
+            for i in range(shape[0])
+        ]
+
+    def within(self, middle: np.ndarray, half: np.ndarray) -> Polynomials:
+        """The same matrices for s = middle + half t, as polynomials in t, `(numbers,)` each."""
+        e = self.exponents
+        powers = np.arange(self.order + 1)
+        less = np.maximum(powers - powers[:, None], 0)
+        factor = np.ones((len(e), len(e)))  # [new, old]
+        for number, (at, wide) in enumerate(zip(middle, half, strict=True)):
+            table = _binomials(self.order).T * wide ** powers[:, None] * at**less
+            factor *= table[e[:, number, None], e[:, number]]
+        terms = np.tensordot(factor, self.terms, (1, 0))
+        rounding = 4 * (len(e) + self.order) * UNIT * np.abs(self.terms).sum(0)
+        return self._like(terms, self.rest + rounding)
+
+    def similar(self, basis: np.ndarray, inverse: np.ndarray) -> Polynomials:
+        """Matrices similar to these: `B^-1 A B` for the exact inverse of the basis B; `inverse` is nearly that.
+
+        With `inverse B = I + D` they are `(I + D)^-1 inverse A B`.
+        """
+        size, n = np.abs(inverse), len(basis)
+        terms = inverse @ self.terms @ basis
+        rest = size @ self.rest @ np.abs(basis) + 4 * n * UNIT * (size @ np.abs(self.terms).sum(0) @ np.abs(basis))
+        D = np.abs(inverse @ basis - np.eye(n)) + 2 * n * UNIT * (size @ np.abs(basis))
+        share = D.sum(1).max()
+        off = D + share * D.max() / (1 - share) if share < 0.5 else np.full_like(D, np.inf)
+        return self._like(terms, rest + 2 * off @ (np.abs(terms).sum(0) + rest))
+
+    def widest(self) -> int | None:
+        """Return the number that moves the entries most; None if none does."""
+        sizes = np.abs(self.terms).reshape(len(self.terms), -1).sum(1)
+        moves = np.nan_to_num(sizes, posinf=1e300) @ (self.exponents > 0)
+        return int(np.argmax(moves)) if moves.any() else None
+
+    def exponential(self) -> Polynomials:
+        """`exp(A)` of one square matrix: a series for `A/2^k`, then k squarings.
+
+        In units of powers of 2 in which rows and columns are alike. What the series leaves out is at most
+        `X^13 (I + 2 X)/13!`, entry by entry, for the sizes X of the entries, whose norm is at most 1/4.
+        """
+        n = len(self.rest)
+        if not np.isfinite(self.whole).all():
+            raise UnresolvedError(self.widest())
+        units = _units(self.whole)
+        ratio = units[None, :] / units[:, None]
+        scaled = self.times(ratio)
+        norm = scaled.whole.sum(1).max(initial=0.0)
+        halvings = max(0, int(np.ceil(log2(max(norm, LEAST) / SMALL))))
+        if halvings > BITS:
+            raise UnresolvedError(self.widest())
+        scaled = scaled.times(0.5**halvings)
+        one = Polynomials.constant(np.eye(n), self.numbers, self.order)
+        total = one
+        for term in range(TERMS, 0, -1):
+            total = one + (scaled @ total).times(1 / term)
+            total = self._like(total.terms, total.rest + 2 * UNIT * total.whole)  # 1/term is rounded
+        size = scaled.whole
+        left_out = np.linalg.matrix_power(size, TERMS + 1) @ (np.eye(n) + 2 * size) / factorial(TERMS + 1)
+        total = self._like(total.terms, total.rest + left_out)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(halvings):
+                total = total @ total
+        if not np.isfinite(total.whole).all():
+            raise UnresolvedError(self.widest())
+        return total.times(1 / ratio)
+
+    def inverse(self) -> Polynomials:
+        """The inverse of one square matrix: with C near to that of its middle, `(I - D)^-1 C` for `D = I - C A`.
+
+        The geometric series is summed up to D^(order + 1); the rest is at most `X^(order + 2) (I - X)^-1`, entry by entry, for
+        the sizes X of D. Errors: UnresolvedError if these do not shrink.
+        """
+        n = len(self.rest)
+        with np.errstate(all="ignore"):
+            try:
+                near = np.linalg.inv(self.terms[0])
+            except np.linalg.LinAlgError:
+                raise UnresolvedError(self.widest()) from None
+            C = Polynomials.constant(near, self.numbers, self.order)
+            one = Polynomials.constant(np.eye(n), self.numbers, self.order)
+            D = one - C @ self
+            size = D.whole
+            units = _units(size)
+            scaled = D.times(units[None, :] / units[:, None])
+        if not scaled.whole.sum(1).max(initial=0.0) < SHRINKS:
+            raise UnresolvedError(scaled.widest())
+        total = one
+        for _ in range(self.order + 1):
+            total = one + D @ total
+        left_out = np.linalg.matrix_power(size, self.order + 2) @ np.abs(np.linalg.inv(np.eye(n) - size)) * (1 + 1e-6)
+        return self._like(total.terms, total.rest + left_out) @ C
+
+
+def _units(size):
+    """Powers of 2 for the states in which rows and columns of sizes are alike."""
+    units = np.ones(len(size))
+    for _ in range(BALANCED):
+        for i in range(len(size)):
+            column = size[:, i] @ (1 / units) * units[i] - size[i, i]
+            row = size[i] @ units / units[i] - size[i, i]
+            if column > 0 and row > 0 and isfinite(column) and isfinite(row):
+                units[i] *= 2.0 ** round(log2(row / column) / 2)
+    return units
+
+
+@lru_cache(maxsize=32)
+def _binomials(order):
+    table = np.zeros((order + 1, order + 1))
+    table[:, 0] = 1
+    for i in range(1, order + 1):
+        table[i, 1:] = table[i - 1, 1:] + table[i - 1, :-1]
+    return table

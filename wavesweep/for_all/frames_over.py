@@ -1,0 +1,217 @@
+"""The frames of loops over cells of a box of numbers: ticks as Taylor models, and their products.
+
+Which blocks run in which tick, and what drifts, follow from the loop in doubles, and are the same in all cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loops.from_drawing import assembled, twins
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
+from wavesweep.engine.sets.taylor_models import UNIT, Polynomials, TaylorModel, UnresolvedError, monomials
+from wavesweep.for_all.folded import lasting
+from wavesweep.for_all.loop_frames import Symbol, alive
+
+ORDER = 5  # total degree of the polynomials
+ORDERS = (8, 10, 10, 8)  # the same for so many numbers where frames are all alike, whose forms are of that degree too
+INSIDE = np.array([[0.3], [0.7]])  # places in a box at which the structure of its ticks is looked at
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TickPlace:
+    """A tick of a loop in doubles: the one at a place of its frame. held, exact: see `LoopModel.tick`."""
+
+    loop: MultirateLoop
+    place: int
+    held: Mapping[str, Sequence[str]]
+    exact: Collection[str] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FramesOver:
+    """The frames of a loop over cells of a box of sides.
+
+    ticks: of each kind, with the loop that it is a tick of; those of one loop stand together. drift: what drifts in it.
+    rows, samples, symbols: see `LoopFrames`. units: `(sides, k)` exponents; the k states x that are kept are
+    replaced by `exp(units' s) x` at the sides s. kept: the states that not every frame forgets, once they are known.
+    """
+
+    ticks: Sequence[tuple[EnclosedLoop, TickPlace]]
+    drift: MarginalModes
+    rows: tuple[tuple[int, ...], ...]
+    samples: tuple[int, ...]
+    symbols: tuple[Symbol, ...]
+    units: np.ndarray | None = None
+    kept: list[int] = field(default_factory=list)
+
+    @property
+    def states(self) -> int:
+        """The number of states without drift, including those that every frame forgets."""
+        return len(self.drift.remaining)
+
+    def at(self, cell: np.ndarray) -> Polynomials | int:
+        """Return the matrices of all symbols in a cell `(2, sides)`, or the side along which it has to be divided first."""
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                frames = self._frames(self._maps(cell))
+                return frames if self.units is None else frames.entrywise(self._ratios(cell, frames))
+        except UnresolvedError as error:
+            return int(np.argmax(np.ptp(cell, 0))) if error.number is None else error.number
+
+    def unresolved(self, cell: np.ndarray) -> np.ndarray:
+        """Return how much of what is left out of blocks and gains in a cell is due to each of its wide sides, `(sides,)`,
+        relative to the blocks and gains themselves."""
+        due = np.zeros(int((cell[0] < cell[1]).sum()))
+        for loop in dict.fromkeys(loop for loop, _ in self.ticks):
+            for terms, rest in loop.over(cell).parts():
+                moves = terms @ (monomials(due.size, loop.order)[0] > 0)
+                if moves.any():
+                    due += rest / terms.sum() * moves / moves.sum()
+        return due
+
+    def _maps(self, cell):
+        """The maps of all kinds of ticks without drift, `(kinds, n, n)`."""
+        changes = []
+        for loop, places in groupby(self.ticks, lambda pair: pair[0]):
+            model = loop.over(cell)
+            changes += [model.tick(each.loop, each.place, each.held, each.exact) for _, each in places]
+        terms = np.stack([change.terms for change in changes], 1)
+        both = Polynomials(terms, np.stack([change.rest for change in changes]), changes[0].numbers, changes[0].order)
+        E = without_drift(both, self.drift)
+        return E + Polynomials.constant(np.broadcast_to(np.eye(self.states), E.rest.shape), E.numbers, E.order)
+
+    def _ratios(self, cell, frames):
+        """By what the entries of frames change with the units of the states."""
+        wide = np.flatnonzero(cell[0] < cell[1])
+        sides = []
+        for at in range(cell.shape[1]):
+            low, high = map(float, cell[:, at])
+            index = int(np.searchsorted(wide, at))
+            sides.append(TaylorModel.side(index, low, high, frames.numbers, frames.order) if low < high else low)
+        units = []
+        for exponents in self.units.T:
+            total = sum((side * float(exponent) for side, exponent in zip(sides, exponents, strict=True)), 0.0)
+            units.append(total.exp() if isinstance(total, TaylorModel) else np.exp(total))
+        n = len(units)
+        column = Polynomials.of_entries([[unit] for unit in units], (n, 1), frames.numbers, frames.order)
+        row = Polynomials.of_entries([[1 / unit for unit in units]], (1, n), frames.numbers, frames.order)
+        ratio = column @ row
+        shape = frames.rest.shape
+        terms = np.broadcast_to(ratio.terms[:, None], (len(ratio.terms), *shape))
+        return Polynomials(terms, np.broadcast_to(ratio.rest, shape), frames.numbers, frames.order)
+
+    def _frames(self, maps):
+        if not np.isfinite(maps.whole).all():
+            raise UnresolvedError(None)
+        powers_known, powers = {}, {}
+
+        def power(kind, count):
+            if (kind, count) not in powers:
+                tick = maps.of(kind)
+                if count == 1:
+                    powers[kind, count] = tick
+                elif count % 2:
+                    powers[kind, count] = tick @ power(kind, count - 1)
+                else:
+                    powers[kind, count] = power(kind, count // 2) @ power(kind, count // 2)
+            return powers[kind, count]
+
+        def joined(row):
+            if row not in powers_known:
+                runs = [(kind, len(list(run))) for kind, run in groupby(row)]
+                if row[:-1] in powers_known:
+                    powers_known[row] = maps.of(row[-1]) @ powers_known[row[:-1]]
+                elif len(runs) == 1:
+                    powers_known[row] = power(*runs[0])
+                else:  # in halves, since what is left out grows with the depth, and what repeats is multiplied once
+                    first = sum(length for _, length in runs[: 1 << (len(runs) - 1).bit_length() - 1])
+                    powers_known[row] = joined(row[first:]) @ joined(row[:first])
+            return powers_known[row]
+
+        rows = sorted(set(self.rows), key=len)
+        products = {row: joined(row) for row in rows if row}
+        identity = Polynomials.constant(np.eye(self.states), maps.numbers, maps.order)
+        of_rows = [products.get(row, identity) for row in self.rows]
+        terms = np.stack([each.terms for each in of_rows], 1)
+        before = Polynomials(terms, np.stack([each.rest for each in of_rows]), maps.numbers, maps.order)
+        frames = maps.of(list(self.samples)) @ before
+        states = alive((frames.whole > 0).any(0), np.arange(self.states))
+        if not self.kept:
+            self.kept.extend(states.tolist())
+        if not set(states.tolist()) <= set(self.kept) or not np.isfinite(frames.whole).all():
+            raise UnresolvedError(frames.widest())
+        return frames.at(self.kept, self.kept)
+
+
+def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray) -> FramesOver:
+    """Return the frames of a loop whose frames are all alike over the cells of a box of sides."""
+    inside = inside_of(box)
+    values = {**loop.values, **{side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}}
+    drawn = assembled(loop.drawing, values)
+    numbers = int((box[0] < box[1]).sum())
+    order = ORDERS[numbers] if numbers < len(ORDERS) else ORDER
+    enclosed = EnclosedLoop(loop.drawing, loop.values, sides, order)
+    running, kind = drawn.schedule()
+    held = drawn.held()
+    places = [TickPlace(drawn, int(np.argmax(kind == index)), held) for index in range(len(running))]
+    drift = drift_of_drawn(*twins(loop.drawing, values))
+
+    def ticks_at(points):
+        columns = {side.path: side.number(points[:, at]) for at, side in enumerate(sides)}
+        ticks = ticks_of(assembled(loop.drawing, {**loop.values, **columns}), alone=True, terms=True)
+        return relative_ticks(ticks, drift)[0]
+
+    drift = lasting(drift, ticks_at, box)
+    *row, sample = kind.tolist()
+    return FramesOver([(enclosed, place) for place in places], drift, (tuple(row),), (sample,), (Symbol(len(kind)),))
+
+
+def inside_of(box: np.ndarray) -> np.ndarray:
+    """Return places in a box at which the structure of its loops is looked at, `(places, sides)`."""
+    return np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
+
+
+def without_drift(E: Polynomials, drift: MarginalModes) -> Polynomials:
+    """Return changes of all kinds of ticks, `(kinds, n, n)`, as changes of the states that remain without drift.
+
+    A mode of a constant shape is kept by every tick: states that move with its lead by a factor are counted from it, and then
+    nothing depends on the lead. Modes whose shapes depend on the numbers, with the leads S and the other states R: `E_R V =
+    -E_S` in all ticks together, and the states `x_R - V x_S` follow `E_RR - V E_SR`. With J near to an inverse of the rows,
+    `V = -(J E_R)^-1 J E_S`.
+    """
+    n = E.rest.shape[-1]
+    factors = np.zeros((1, n, n))
+    for lead, followers in drift.constant:
+        for state, factor in followers:
+            factors[0, state, lead] = factor
+    if factors.any():
+        rounding = UNIT * np.abs(factors)
+        to, back = (Polynomials.constant(np.eye(n) + sign * factors, E.numbers, E.order) for sign in (-1, 1))
+        to, back = (Polynomials(each.terms, rounding, E.numbers, E.order) for each in (to, back))
+        E = to @ E @ back
+    remaining, leads = list(drift.remaining), list(drift.varying)
+    own = E.at(remaining, remaining)
+    if not leads:
+        return own
+    M, S = (_below(E.at(range(n), columns)) for columns in (remaining, leads))
+    size = np.abs(M.terms[0]).max(-1, initial=0.0)
+    weight = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
+    J = Polynomials.constant(np.linalg.pinv(M.terms[0] * weight[:, None]) * weight, E.numbers, E.order)
+    V = (J @ M).inverse() @ (J @ S)
+    shift = Polynomials(V.terms[:, None], V.rest[None], E.numbers, E.order)
+    return own + shift @ E.at(leads, remaining)
+
+
+def _below(E):
+    """The rows of all kinds of ticks below each other."""
+    terms = E.terms.reshape(len(E.terms), -1, E.rest.shape[-1])
+    return Polynomials(terms, E.rest.reshape(-1, E.rest.shape[-1]), E.numbers, E.order)
