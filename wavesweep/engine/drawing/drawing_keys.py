@@ -134,7 +134,7 @@ class KeyReader:
                 continue
             outputs = [signal for signal in sorted(self.signals) if block and signals and signal.startswith(f"{block}.")]
             expected = f"an output of {block}: {' or '.join(outputs)}" if outputs else NAMES_OF[signals]
-            yield Fault(at, expected, f"an unknown name {show(name)}", nearest(name, sorted(names)))
+            yield Fault(at, expected, f"an unknown name {show(name)}", nearest(name, outputs or sorted(names)))
 
     def is_hidden(self, block: str) -> bool:
         """Whether a block has mistakes that hide its ports."""

@@ -336,7 +336,10 @@ def _axis_name(spec: Spec, along: str | None) -> str:
         raise UsageError(f"along: expected the name of a number, found {along!r:.60}")
     if spec.drawing and not spec.names.find(name):
         if along == "K_VE" and not spec.wall:
-            expected = "wall = { stiffness = ..., damping = ... }, the numbers of a wall"
+            expected = (
+                "wall = { stiffness = ..., damping = ... }, the numbers of a wall; or wavesweep stability-region, which is "
+            )
+            expected += "along any number"
             raise SpecError([spec.mistake("ports", expected, "no wall")])
         if not name:
             expected = "along = ..., the number whose stable intervals are wanted"
