@@ -11,7 +11,7 @@ from tests.contact.test_proof import FIG4, SLOW
 from wavesweep import SpecError, UsageError
 from wavesweep.contact.on_check import lines
 from wavesweep.contact.rows import FREE, LINEAR
-from wavesweep.contact.verdict import verdict
+from wavesweep.contact.verdict import of_wall
 from wavesweep.program.spec import load
 from wavesweep.program.tables.frame import framed
 from wavesweep.program.tables.interval_table import intervals
@@ -84,7 +84,7 @@ def test_a_loop_that_is_unstable_without_its_wall_has_no_row():
     spec = spec_of({"controller": {"kind": "dc-lm"}, "local_model": {"K_LM": 4e4}})
     (row,) = contact_rows(spec).itertuples()
     assert (row.intervals, row.certified, row.settled) == (0, True, True)
-    assert verdict(spec) == {"verdict": "refuted", "counterexample": FREE}
+    assert of_wall(spec) == {"verdict": "refuted", "counterexample": FREE}
 
 
 def test_a_spec_is_written_with_the_key_again():
@@ -140,7 +140,7 @@ def test_what_the_proof_is_not_about_is_refused(tables, more, text):
 def test_the_verdict_on_the_own_wall(stiffness, damping, expected):
     wall = {"K_VE": stiffness, "B_VE": damping}
     spec = spec_of({**FIG4, "environment": {**FIG4["environment"], **wall}})
-    found = verdict(spec)
+    found = of_wall(spec)
     assert found["verdict"] == expected
     assert (found["counterexample"] == LINEAR) == (damping == 5)
 

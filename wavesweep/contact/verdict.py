@@ -1,4 +1,4 @@
-"""Whether a spec's own wall may be any that pushes and never pulls."""
+"""Whether a spec's own wall, and each of its saturations, may be any function with slopes from 0 to 1."""
 
 from __future__ import annotations
 
@@ -6,13 +6,34 @@ from wavesweep.contact.motions import motion_at
 from wavesweep.contact.rows import FREE, LINEAR, wall_cut
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
-from wavesweep.engine.monodromy.cut import close
+from wavesweep.engine.drawing.drawing import Drawing, path_of
+from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.monodromy.cut import LinearFractional, close
+from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.engine.stability.spectrum import radius_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
+SATURATION = "saturation"  # the type of block
+WITHIN = "no limit, the loop within its limits"
+OPEN = "its output held, the loop that is open there"
 
-def verdict(spec: Spec) -> dict[str, str]:
+
+def saturations(drawing: Drawing | None) -> list[str]:
+    """The names of the blocks of a drawing that saturate and do nothing else."""
+    return [block.name for block in drawing.blocks if block.type == SATURATION] if drawing else []
+
+
+def refuse(spec: Spec) -> None:
+    """Raise UsageError if the spec has neither a wall nor a saturation."""
+    if not spec.wall and not saturations(spec.drawing):
+        expected = "wall = { stiffness = ..., damping = ... } in [ports], or a block of type saturation"
+        raise UsageError(f"[for_all] contact: expected {expected}, found neither")
+
+
+def of_wall(spec: Spec) -> dict[str, str]:
     """What is known of the spec's own stiffness and damping, in words.
 
     verdict: "proved", "refuted" or "unknown"; counterexample: what refutes it, else empty.
@@ -20,16 +41,32 @@ def verdict(spec: Spec) -> dict[str, str]:
     wall = [float(spec.values[path]) for path in spec.wall]
     stiffness, damping = (*wall, 0.0)[:2]
     cut = wall_cut(own_loop(spec, spec.wall[0]))
+    return _verdict(cut, stiffness, damping, LINEAR, FREE)
+
+
+def of_saturation(spec: Spec, block: str) -> dict[str, str]:
+    """The same of a saturation, while all other blocks stay within their limits."""
+    own = own_loop(spec)
+    drawing = with_gain(own.drawing, f"{block}.y")
+    try:
+        opened = open_loops(Loops(drawing, own.values | {path_of(GAIN): 1.0}), GAIN)
+    except IllPosedLoopError:
+        opened = None
+    return _verdict(opened and opened.cut, 1.0, 0.0, WITHIN, OPEN)
+
+
+def _verdict(cut: LinearFractional | None, K, B, linear, free) -> dict[str, str]:
+    """What is known of a cut with these numbers; linear, free: what the two extreme functions are called."""
     loop = WallLoop.of(cut) if cut else None
     if loop is None:
         return {"verdict": "unknown", "counterexample": ""}
     if loop.unstable:
-        return {"verdict": "refuted", "counterexample": FREE}
-    line = Line.of(WallsAlong(loop, 0, damping))
-    if line.proved(stiffness, stiffness):
+        return {"verdict": "refuted", "counterexample": free}
+    line = Line.of(WallsAlong(loop, 0, B))
+    if line.proved(K, K):
         return {"verdict": "proved", "counterexample": ""}
-    if radius_of(close(cut, stiffness, damping)) > 1:
-        return {"verdict": "refuted", "counterexample": LINEAR}
-    motion = motion_at(line.walls, stiffness)
+    if radius_of(close(cut, K, B)) > 1:
+        return {"verdict": "refuted", "counterexample": linear}
+    motion = motion_at(line.walls, K)
     found = str(motion) if motion else ""
     return {"verdict": "refuted" if found else "unknown", "counterexample": found}

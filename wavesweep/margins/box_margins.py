@@ -16,6 +16,7 @@ import numpy as np
 
 from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.dead_time import pieces_of, timing
@@ -27,7 +28,7 @@ from wavesweep.engine.search.open_loops import ANY
 from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive, positive
 from wavesweep.engine.stability.sampled_frames import Frames
-from wavesweep.margins.broken_loops import GAIN, broken_at, with_block, with_gain
+from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import MOST, SPANS, BrokenLoop, Margin, disk_margins
 from wavesweep.program.spec import Axis, Spec

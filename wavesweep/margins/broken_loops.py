@@ -2,12 +2,11 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing, path_of
-from wavesweep.engine.drawing.drawn_block import DrawnBlock
+from wavesweep.engine.drawing.drawing import path_of
+from wavesweep.engine.drawing.gain_at_signal import BLOCK, GAIN, with_gain
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest
 from wavesweep.engine.loops.batch import Loops
@@ -22,7 +21,6 @@ from wavesweep.program.spec import Spec, load
 from wavesweep.program.sweep.grid import own_loop
 
 MOST_TIMES = 200  # samples in a frame, whose return ratio is a matrix of that size
-BLOCK, GAIN = "the cut", "gain of the cut"  # no block and no number of a spec can be called so
 
 
 def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
@@ -150,13 +148,3 @@ def _times_per_frame(loop: Loops) -> dict[str, int]:
     times_of = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
     of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read]
     return times_of | dict.fromkeys(of_plants, drawn.ticks)
-
-
-def with_gain(drawing: Drawing, signal: str) -> Drawing:
-    """The drawing with a gain behind a signal, which runs when its block does; all wires read the signal behind it."""
-    source = next(block for block in drawing.blocks if block.name == signal.rpartition(".")[0])
-    gain = DrawnBlock(BLOCK, "gain", (("k", ("name", GAIN, 0)),), source.every, source.phase, source.phases)
-    behind = {signal: f"{BLOCK}.y"}
-    wires = tuple((port, tuple((behind.get(name, name), factor) for name, factor in terms)) for port, terms in drawing.wires)
-    wires += ((f"{BLOCK}.u", ((signal, ("number", 1.0, 0)),)),)
-    return replace(drawing, blocks=(*drawing.blocks, gain), wires=wires)
