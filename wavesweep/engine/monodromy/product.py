@@ -14,7 +14,7 @@ from wavesweep.engine.monodromy.batches import in_parts
 from wavesweep.engine.monodromy.periodic import in_a_row
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
 
-WIDE = 16  # ticks, or stretches of them, one after the other, over which errors are summed up
+WIDE = 128  # ticks, or stretches of them, one after the other, over which errors are summed up
 
 
 def product_with_errors(
@@ -58,8 +58,8 @@ def product_with_tight_errors(
     what is before it, and T_k what is behind it, both less identity. To first order the product
     is off by the sum of `(I + T_k) (d_k (I + S_k) + r_k)`, r_k being the rounding of this step.
     So sizes are taken of products whose terms have cancelled, and not anew wherever two stretches
-    are joined. Stretches that repeat are multiplied once: rows of up to WIDE are one tick of
-    another row.
+    are joined. A longer row than WIDE is one of stretches, of which those that repeat are
+    multiplied once.
     """
     kinds, still = tuple(kind.tolist()), ~pattern_of(kind, changes)
     batch, n = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*changes, *sizes))), changes[0].shape[-1]
@@ -81,6 +81,8 @@ def product_with_tight_errors(
 @lru_cache(maxsize=64)
 def _steps_of(kinds):
     """Kinds of ticks as a row of at most WIDE steps, each of which is a kind or again such a row."""
+    if len(kinds) <= WIDE:
+        return kinds
     return _narrowed(tuple(_narrowed(tuple(alike)) for _, alike in groupby(kinds)))
 
 
