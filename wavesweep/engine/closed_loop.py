@@ -12,7 +12,8 @@ from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.drawing.expressions import Terms, text_of
-from wavesweep.engine.energy.lifted_map import TickMaps, damping_peak, squared_norm
+from wavesweep.engine.energy.lifted_map import TickMaps, damping_peak
+from wavesweep.engine.energy.norms import squared_norm
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Rejected, check, computable, nearest
 from wavesweep.engine.keys.key import Key, Names

@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, START
-from wavesweep.engine.energy.lifted_map import TOLERANCE, LiftedMap, TickMaps, reached, read, squared_norm
+from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, reached, read
+from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
 from wavesweep.engine.monodromy.drift import MarginalModes, errors_of_closed, filled, without_drift
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve

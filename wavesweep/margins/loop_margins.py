@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, START, Peak, angles, with_middles
-from wavesweep.engine.energy.lifted_map import TOLERANCE, TickMaps, squared_norm
+from wavesweep.engine.energy.lifted_map import TickMaps
+from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
 from wavesweep.engine.monodromy.cut import ERRORS, FIRST, MATRICES, LinearFractional, open_in, with_batch
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH

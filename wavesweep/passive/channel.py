@@ -7,7 +7,8 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import WAVE_ENDS, Drawing, path_of
 from wavesweep.engine.drawing.expressions import names_in
-from wavesweep.engine.energy.lifted_map import TOLERANCE, TickMaps, reached, read, squared_norm
+from wavesweep.engine.energy.lifted_map import TickMaps, reached, read
+from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.controller_drawings import loop_drawing

@@ -197,20 +197,6 @@ class LiftedMap:
         return measures
 
 
-TOLERANCE = 1e-10  # relative, of a norm
-
-
-def squared_norm(ticks: TickMaps) -> Peak:
-    """The peak of the square of the H-infinity norm of a lifted map; half of TOLERANCE is left for rounding."""
-    lifted = ticks.lifted(measured=False)
-    return hinf_norm(
-        lambda owner, theta, _: lifted.largest_square(owner, theta),
-        lambda owner, square: angles(ticks.loss_pencil(owner, square)),
-        ticks.loops,
-        lambda _, square: TOLERANCE * square,
-    )
-
-
 def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: np.ndarray) -> Peak:
     """Return the damping that loops need, from their ticks and their maps of a frame from displacements to forces.
 
