@@ -203,3 +203,10 @@ def test_documents_name_files_that_there_are(name):
     prose = re.sub(r"```.*?```", "", TEXTS[name], flags=re.DOTALL)
     named = re.findall(r"`((?:\.ci|wavesweep|tests|sweeps|benchmarks)/[\w./-]*)`", prose)
     assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_the_page_on_what_takes_how_long_has_the_questions_that_are_measured():
+    from what_takes_how_long import QUESTIONS
+
+    shown = re.findall(r"^\| (.+?) \| (.+?) \| [\d.]+ (?:ms|s|min) \|$", PAGES["speed.md"].partition("## ")[0], re.MULTILINE)
+    assert shown == [(question, loop) for question, loop, _ in QUESTIONS]
