@@ -17,6 +17,9 @@ def random_loop(source):
         }
         for ticks in every
     ]
+    for channel in channels:
+        if not (channel["late"] or channel["lost"]):  # it would be a hold
+            channel["lost"] = 1
     numbers = source.uniform(0.1, 2, 5).tolist()
     return {"tick": 10 ** source.uniform(-2, 0), "numbers": numbers, "channels": channels}
 
