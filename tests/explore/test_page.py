@@ -282,6 +282,7 @@ sweep = { along = "k", k = { start = 0, stop = 5 } }
 
 @pytest.mark.thorough
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_word_on_a_busy_machine")
 def test_the_command_saves_and_does_not_overwrite(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text('controller.kind = "dc"\nsweep.B_VE = [0, 1]\n')

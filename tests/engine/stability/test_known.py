@@ -390,8 +390,8 @@ def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
 
 
 @pytest.mark.thorough
-def test_a_combination_that_the_wall_does_not_change_makes_no_loop_unstable():
-    """The impedance of the local model is zero and nothing filters behind it: such a loop is not certified either way."""
+def test_a_combination_that_the_wall_does_not_change_makes_no_loop_stable():
+    """The impedance of the local model is zero and nothing filters behind it: an eigenvalue of 1 stays whatever b is."""
     loop = wavesweep.compile({
         "controller": {"kind": "pmw-lm", "b": 80.8, "Kp": 0.0}, "rates": {"fast_hz": 5000.0, "ratio": 2},
         "environment": {"integration": "explicit", "delay": 1, "K_VE": 5000.0, "B_VE": 0.5},
@@ -400,7 +400,8 @@ def test_a_combination_that_the_wall_does_not_change_makes_no_loop_unstable():
         "local_model": {"K_LM": 0.0, "B_LM": 0.0},
     })  # fmt: skip
     for along in ("b", "Kp"):
-        assert not loop.stable_intervals(along, (2.0, 40.0)).certified.any()
+        assert (loop.stable_intervals(along, (2.0, 40.0)).intervals == 0).all()
+    assert loop.spectral_radius(b=[5.0, 10.0, 20.0]) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is_lost_in_rounding():

@@ -1,5 +1,6 @@
 """What cannot be answered is refused before anything is computed; `check` says what would be."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -94,6 +95,13 @@ def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, 
     chosen = choose(jobs, backend, None, chunks, lambda: seconds)
     assert (chosen.count, chosen.backend) == expected
     assert chosen.why
+
+
+def test_an_error_for_want_of_memory_names_the_loops_that_take_it(long):
+    with pytest.raises(MemoryError) as caught, job.naming_values(job_of(long)):
+        raise MemoryError
+    (note,) = caught.value.__notes__
+    assert re.fullmatch(r"It is taken by loops of \d+ states and \d+ ticks a frame, of which up to \d+ are .*", note)
 
 
 def test_samples_of_a_run_come_from_its_ends_and_from_between(long):

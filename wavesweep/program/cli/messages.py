@@ -22,6 +22,7 @@ FIRST_WORD = 5.0  # s after which a run says that it goes on
 MINUTE = 60.0  # s of work that are left, from which on that is said at once
 SHORT = 1.0  # s from which on an estimate is one, and a terminal has a bar
 LOOK = 0.5  # s
+WRITING = "writing"  # the activity of commands that have --no-plot
 START = 5.0  # s of the first report from which on it is more than the start of workers
 
 
@@ -175,7 +176,9 @@ class Watch:
 
     def draw(self, panel: int, panels: int, share: float) -> None:
         """Take which share of the curves of which panel of a figure, counted from 0, is computed."""
-        self._figure = f"curves for the figure{f' {panel + 1} of {panels}' if panels > 1 else ''}, which --no-plot leaves out"
+        which = f" {panel + 1} of {panels}" if panels > 1 else ""
+        without = ", which --no-plot leaves out" if self._doing == WRITING else ""
+        self._figure = f"curves for the figure{which}{without}"
         self.hear(round(100 * (panel + share) / panels), 100)
 
     def look(self) -> None:

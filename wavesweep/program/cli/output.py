@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from wavesweep.capabilities import FOR_ALL_MESSAGES, FOR_ALL_NUMBERS, OVER_AXES, WITH_MESSAGES, listed
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.file_places import own_folder, refuse_inputs
-from wavesweep.program.cli.messages import progress, say, show_json, where
+from wavesweep.program.cli.messages import WRITING, progress, say, show_json, where
 from wavesweep.program.cli.options import Options
 from wavesweep.program.cli.verbosity import verbosity
 
@@ -98,7 +98,7 @@ def _written(tables: Sequence[Table], directory: Path, options: Options) -> list
     rows = max(table.rows for table in tables)
     if not options.quiet and rows >= NOTABLE and sys.stderr.isatty():
         say(f"writing {rows:,} rows{' and the figure' if options.formats else ''}")
-    with progress(options.quiet, "writing"):
+    with progress(options.quiet, WRITING):
         finished = [_finish(table, directory, options, table is tables[0]) for table in tables]
     if not options.to_folder and not options.quiet:
         for table in tables[1:]:

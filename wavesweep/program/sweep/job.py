@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.engine.keys.checking import show
-from wavesweep.program.sweep.grid import Grid, groups, is_plain
+from wavesweep.program.sweep.grid import Grid, groups, is_plain, own_loop
 from wavesweep.program.sweep.pools import Task
 
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
@@ -167,9 +167,18 @@ def cut_otherwise(job: Job, **sizes: int) -> Job:
 
 @contextmanager
 def naming_values(job: Job) -> Iterator[None]:
-    """Put the values of the axes in front of an error of a loop without a solution, if it comes out of a chunk of the job."""
+    """Put the values of the axes in front of an error of a loop without a solution, if it comes out of a chunk of the job.
+
+    An error for want of memory is told how large the loops are that take it.
+    """
     try:
         yield
+    except MemoryError as error:
+        drawn = own_loop(job.grid.spec).drawn()
+        slices = min(job.slices, job.chunks.deep * job.chunks.wide)
+        size = f"{len(drawn.labels())} states and {drawn.ticks} ticks a frame, of which up to {slices} are computed at once"
+        error.add_note(f"It is taken by loops of {size}; fewer ticks of delay or shorter frames take less.")
+        raise
     except IllPosedLoopError as error:
         values = "" if error.chunk is None else _unsolvable(job, job.chunks[error.chunk])
         if not values:
