@@ -80,7 +80,6 @@ def test_the_quick_plane_and_its_intervals_are_near_the_proved_ones(client):
         assert np.array([row[:2] for row in column]).reshape(-1, 2) == pytest.approx(pairs, abs=0.5)  # 1e-4 of the plane
 
 
-@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("source", [ARM, UNEVEN], ids=["drawn", "uneven"])
 def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
