@@ -22,7 +22,8 @@ def figure_of(*, bode, **more):
 
 
 def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
-    figure = plots.bode(responses, {})
+    calm = responses | {"impedance_deg": 0 * responses["impedance_deg"]}  # one that wraps often would draw both on
+    figure = plots.bode(calm, {})
     (phase,) = [axes for axes in figure.axes if axes.get_ylabel() == "phase of admittance (deg)"]
     expected = responses["admittance_deg"][: np.unique(responses["frequency_hz"]).size]
     drawn = phase.lines[0].get_ydata()
@@ -30,6 +31,16 @@ def test_phases_are_those_of_the_table_and_lines_break_at_the_jumps(responses):
     assert np.abs(np.diff(expected)).max() > 180
     assert np.nanmax(np.abs(np.diff(drawn))) <= 180
     assert set(np.diff(phase.get_yticks())) <= {45.0, 90.0}
+
+
+def test_all_phases_of_a_figure_are_drawn_on_if_one_wraps_often(responses):
+    turned = responses["impedance_deg"] - 360 * 0.2 * responses["frequency_hz"]
+    figure = plots.bode(responses | {"impedance_deg": (turned + 180) % 360 - 180}, {})
+    phases = [axes for axes in figure.axes if axes.get_ylabel().startswith("phase of")]
+    assert len(phases) == 2
+    for axes in phases:
+        drawn = axes.lines[0].get_ydata()
+        assert np.nanmin(drawn) < -180
 
 
 @pytest.mark.sample(1)

@@ -134,7 +134,11 @@ def draw_curves(
         grid = canvas.subplots(*shape, sharex=True, squeeze=False)
         pairs = np.stack([grid[::2].ravel(), grid[1::2].ravel()], axis=1)
         # All phases of a figure are drawn on beyond 180 degrees, or none is.
-        goes_on = x == "frequency_hz" and not marks and any(_goes_on(curves, quantity) for quantity in quantities)
+        goes_on = (
+            x == "frequency_hz"
+            and not any(mark.colours for mark in marks)
+            and any(_goes_on(curves, quantity) for quantity in quantities)
+        )
         for axes in pairs[len(quantities) :].ravel():
             axes.set_visible(False)
         for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=False)):
