@@ -172,12 +172,17 @@ class Case:
 
     @cached_property
     def _starts(self):
-        """Members that are tried in any case: the spec's own, corners, the middle, and the extremes of expressions."""
-        own = np.clip([[float(self.values[axis.path]) for axis in self.ranges]], *self.box)
+        """Members that are tried in any case: those that are tried first, and the extremes of expressions."""
         if not self.ranges:
-            return own
+            return self._first
         extremes = Resolution(*self.loop, [Expressed(axis.path) for axis in self.ranges]).extremes(self.box)
-        return np.concatenate([own, corners_of(self.box), extremes])
+        return np.concatenate([self._first, extremes])
+
+    @property
+    def _first(self):
+        """The spec's own member, the corners and the middle."""
+        own = np.clip([[float(self.values[axis.path]) for axis in self.ranges]], *self.box)
+        return np.concatenate([own, corners_of(self.box)]) if self.ranges else own
 
     def met(self, parts: Sequence[Part], points: np.ndarray) -> list[Part]:
         """What is left of the parts after the exact intervals at points of the box."""
@@ -251,8 +256,12 @@ class Case:
         starts: places of the box at which it begins too.
         """
         growth = constant_growth(self.loop, [axis.path for axis in self.ranges])
-        unstable = climb(growth, self.box, np.concatenate([self._starts, np.reshape(starts, (-1, len(self.ranges)))])).unstable
-        return self.named(unstable[0]) if len(unstable) else None
+        for tried in (self._first, self._starts) if self.ranges else (self._first,):  # extremes take longer to find
+            begun = np.concatenate([tried, np.reshape(starts, (-1, len(self.ranges)))])
+            unstable = climb(growth, self.box, begun).unstable
+            if len(unstable):
+                return self.named(unstable[0])
+        return None
 
     def named(self, point) -> dict[str, float]:
         """The numbers of a point of the box."""

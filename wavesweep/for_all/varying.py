@@ -255,9 +255,13 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
     bounds = np.column_stack([span, box]) if along else box
     members = plan.members(numbers, bounds) if plan else members_with_messages(*own, numbers, bounds)
     spec_numbers = [[float(values[path]) for path in paths]]
-    extremes = Resolution(*own, list(map(Expressed, paths))).extremes(box)
-    starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box), extremes])
-    loops = partial(LoopsOver, family, frames, box, sides, starts=starts)
+    starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])
+
+    @cache
+    def extremes():
+        return Resolution(*own, list(map(Expressed, paths))).extremes(box)
+
+    loops = partial(LoopsOver, family, frames, box, sides, starts=starts, extremes=extremes)
     if not rules.at_random:
         return loops(growth=growth_in_words(members.at, members.states, members.follows))
     if alike:

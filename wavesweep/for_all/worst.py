@@ -65,7 +65,8 @@ class LoopsOver:
     family: gives the frames at a point of the box as a family along the number. frames: those over a box of sides (see
     `as_sides`), the first of which is that number. sides: of that number and of those of the box. on_average: if frames are at
     random; families are then `Chances`, and the word of what grows is (0,). growth: of members, at points of that number and of
-    the box. starts: members that are tried in any case, `(points, numbers)`.
+    the box. starts: members that are tried in any case, `(points, numbers)`; extremes: gives further ones, at which an
+    expression is least or largest.
     """
 
     family: Callable[[tuple[float, ...]], Family]
@@ -74,6 +75,7 @@ class LoopsOver:
     sides: Sequence[Side]
     growth: Growth
     starts: np.ndarray
+    extremes: Callable[[], np.ndarray]
     on_average: OnAverage | None = None
 
     @property
@@ -167,9 +169,9 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
 
     Words are searched at the points at which members grow most up to what is refuted already, until that comes no closer.
     """
-    best = Refuted()
+    best, tried = Refuted(), np.concatenate([loops.starts, loops.extremes()])
     for _ in range(CLIMBS):
-        end, starts = (best.x, [*loops.starts, best.point]) if best.word else (limit, loops.starts)
+        end, starts = (best.x, [*tried, best.point]) if best.word else (limit, tried)
         box = np.column_stack([sorted((start, end)), loops.box])
         climbed = climb(loops.growth, box, np.insert(starts, 0, end, axis=1))
         before = best
@@ -234,9 +236,10 @@ def decide_over(loops: LoopsOver, work: float = WORK) -> tuple[tuple[float, ...]
                     return point, word
         return (), ()
 
-    point, word = worst(loops.box, loops.starts)
-    if word:
-        return point, word, False
+    for starts in (lambda: loops.starts, loops.extremes):  # extremes take longer to find
+        point, word = worst(loops.box, starts())
+        if word:
+            return point, word, False
     found = cover(loops.frames, as_sides(loops.box, loops.sides), loops.follows, work)
     if found.word:
         point = tuple(np.clip(as_numbers(found.point, loops.sides), *loops.box).tolist())
