@@ -21,9 +21,10 @@ from wavesweep.for_all.patterns import short_words
 SCATTERED, LEAST_SCATTERED = 256, 32  # members that are tried first, beside those that are given
 BEST, OTHERS = 4, 4  # of those, from which the climb goes on: the worst, and some of the next
 NEXT = 64
-MOVES = 6  # of each in a step, half of them along some numbers alone
-STEPS = 24
-FIRST, SHRINK = 0.5, 0.7  # a first step in halves of a range, and each to the next
+MOVES = 8  # of each in a step, half of them along some numbers alone
+STEPS = 40
+FIRST = 0.4  # step of each, in halves of a range
+LONGER, SHORTER = 1.4, 0.6  # the next step of one that has moved, and of one that has not
 DECADE = 10.0  # ratio of the ends of a range above which steps are factors
 OPERATIONS = 3e8  # of a climb
 OF_A_MEMBER = 2e4  # operations beside those of its matrices
@@ -72,8 +73,10 @@ def climb(growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float
     others = np.linspace(BEST, min(len(points), NEXT) - 1, OTHERS).astype(int)
     chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
     points, values = found.points[chosen], found.growth[chosen]
-    step, left = FIRST, most - len(found.points)
-    while left > 0 and step > FIRST * SHRINK**STEPS:
+    step, left = np.full((len(points), 1), FIRST), most - len(found.points)
+    for _ in range(STEPS):
+        if left < 0:
+            break
         moves = step * rng.normal(size=(MOVES, len(points), wide.size))
         moves[::2] *= rng.random(moves[::2].shape) < 1 / wide.size
         places = np.repeat(points[None], MOVES, 0)
@@ -84,7 +87,8 @@ def climb(growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float
         better = reached[best] > values
         points = np.where(better[:, None], places[best], points)
         values = np.where(better, reached[best], values)
-        step, left = SHRINK * step, left - reached.size
+        step = step * np.where(better, LONGER, SHORTER)[:, None]
+        left -= reached.size
     return _ranked(np.concatenate([points, found.points]), np.append(values, found.growth))
 
 

@@ -7,6 +7,7 @@ from support import together
 import wavesweep
 
 POINTS = 3  # members of a loop that are computed in both ways
+FEW = 6  # loops of each kind
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -39,3 +40,31 @@ def test_a_climb_finds_the_worst_member_of_two_sines_in_a_ring():
     worst, place = loop.climb(1.1)
     assert worst == pytest.approx(np.sqrt(1.1), rel=1e-6)
     assert np.abs(np.sin(place)) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", together.KINDS)
+def test_claims_give_way_where_numbers_are_unstable_only_together(name):
+    for seed in range(FEW):
+        loop = together.drawn(name, seed)
+        found = together.judged(loop)
+        assert not found["wrong"], (seed, found, loop.tables)
+        assert found["said"] == "refuted", (seed, found, loop.tables)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("ten", range(100))
+@pytest.mark.parametrize("name", together.KINDS)
+def test_claims_give_way_in_thousands_of_loops(name, ten):
+    for seed in range(10 * ten, 10 * ten + 10):
+        loop = together.drawn(name, seed)
+        found = together.judged(loop)
+        assert not found["wrong"], (seed, found, loop.tables)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", range(100))
+@pytest.mark.parametrize("name", together.KINDS)
+def test_intervals_of_an_amplitude_hold_where_numbers_matter_together(name, seed):
+    loop = together.drawn(name, seed)
+    assert not together.rows_held(loop), loop.tables
