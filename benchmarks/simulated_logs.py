@@ -123,3 +123,49 @@ def of_one_mass(kind: str, logs: int, seed: int, seconds: float, rate_hz: float 
         SimulatedLog(truth, force[:, at], reading[:, at], period, float(steps[at]), kinds[at])
         for at, truth in enumerate(truths)
     ]
+
+
+def of_two_masses(hand: float, logs: int, seed: int, seconds: float, rate_hz: float = 4000.0) -> list[SimulatedLog]:
+    """Logs of random motors with a load on a shaft under noise; hand: a walking torque on the motor, over that of the log.
+
+    The solution between two changes of the torque is exact: it is that of matrix exponentials.
+    """
+    from scipy.linalg import expm
+
+    source = np.random.default_rng([seed, int(1000 * hand), int(1000 * seconds)])
+    period = 1 / rate_hz
+    ticks = round(seconds * rate_hz)
+    found = []
+    for _ in range(logs):
+        motor = 10 ** source.uniform(-4, -1)
+        load = motor * source.uniform(0.4, 3)
+        turn = 2 * np.pi * source.uniform(20, 90)
+        both = motor * load / (motor + load)
+        stiffness = turn**2 * both
+        losses = 2 * source.uniform(0.01, 0.05) * turn * both
+        drag, load_drag = motor * source.uniform(1, 4), load * source.uniform(0.5, 2)
+        delay = source.integers(0, 4 * PARTS + 1) / PARTS
+        torque = 400 * (motor + load) * source.standard_normal(ticks)
+        walk = np.cumsum(source.standard_normal(ticks))
+        beside = hand * torque.std() * (walk - walk.mean()) / walk.std()
+        flow = np.zeros((5, 5))
+        flow[0, 1] = flow[2, 3] = 1.0
+        flow[1] = [-stiffness / motor, -(drag + losses) / motor, stiffness / motor, losses / motor, 1 / motor]
+        flow[3] = [stiffness / load, losses / load, -stiffness / load, -(load_drag + losses) / load, 0.0]
+        part = delay % 1.0
+        early, after = (expm(flow * period * share) for share in (part, 1 - part))
+        late = np.concatenate([np.zeros(int(delay) + 1), torque])
+        state = np.zeros(5)
+        places = np.empty(ticks)
+        for tick in range(ticks):
+            places[tick] = state[0]
+            for step, push in ((early, late[tick]), (after, late[tick + 1])):
+                state[4] = push + beside[tick]
+                state = step @ state
+        step = min(2 * np.pi / source.choice([2000, 20000]), np.ptp(places) / 50)
+        names = ("mass", "damping", "load_mass", "load_damping", "coupling_stiffness", "coupling_damping", "delay")
+        values = (motor, drag, load, load_drag, stiffness, losses, delay)
+        truth = dict(zip(names, map(float, values), strict=True))
+        reading = step * np.round(places / step)
+        found.append(SimulatedLog(truth, torque, reading, period, float(step), "noise"))
+    return found

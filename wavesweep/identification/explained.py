@@ -8,8 +8,7 @@ from operator import itemgetter
 import numpy as np
 from scipy.special import gammaincc
 
-from wavesweep.engine.errors import UsageError
-from wavesweep.identification.fit import NO_RESONANCE, Fit, at_an_instant, by_prediction, fitted, moves, refined
+from wavesweep.identification.fit import Fit, at_an_instant, by_prediction, fitted, moves, refined
 from wavesweep.identification.model import ORDER, OWN, Model, late, measured, resonance
 from wavesweep.identification.prediction import Prediction, innovations_of, predicted
 
@@ -59,12 +58,10 @@ def identified(model: Model, force: np.ndarray, reading: np.ndarray, period: flo
     otherwise that by the errors of predictions, whose intervals allow for forces that the log does not have.
     """
     log = (force, reading, period, resolution)
-    found = None if model.load else predicted(model, *log)
+    found = predicted(model, *log)
     fit = fitted(model, *log, found)
-    if fit is None and model.load:
-        raise UsageError(NO_RESONANCE)
     verdict = judged(fit) if fit else None
-    if found and (verdict is None or verdict.missing not in ("", "one-way", "unseen")):
+    if verdict is None or verdict.missing not in ("", "one-way", "unseen"):
         fit = by_prediction(found, *log)
         verdict = lacking(fit, found)
     return (at_an_instant(fit) if model.measured == "acceleration" else fit), verdict
@@ -80,17 +77,15 @@ def lacking(fit: Fit, found: Prediction) -> Verdict:
         force, reading = force[first : first + TRIED], reading[first : first + TRIED]
     log = (force, reading, rows.period, rows.resolution)
     model = replace(model, without=())
-    tones = np.geomspace(3 / (len(force) * rows.period), 0.4 / rows.period, TONES)
-    alone, _ = innovations_of(model, *log)
-    with_tone, tone_hz = innovations_of(model, *log, tones)
-    trials = [("resonance", tone_hz, with_tone)]
-    trials += [(name, float("nan"), innovations_of(larger, *log)[0]) for name, larger in _larger(model)]
-    missing = ("force", float("nan"), 0.0)
-    for name, frequency, left in trials:
+    missing, most = ("force", float("nan"), 0.0), LIKELIER
+    effects = list(_larger(model))
+    alone = innovations_of(model, *log) if effects else None
+    for name, larger in effects:
+        left = innovations_of(larger, *log)
         likelier = len(force) * np.log(alone.rms / left.rms)
         share = 1 - (left.walked / alone.walked) ** 2
-        if likelier > LIKELIER and share > max(CLEAR, missing[2]):
-            missing = (name, frequency, share)
+        if likelier > most and share > CLEAR:
+            missing, most = (name, left.tone_hz, share), likelier
     left = fit.residual[rows.skip :][rows.used]
     expected, usual = _of_encoder(fit)
     rms = float(np.sqrt(np.mean(left**2)))
@@ -99,12 +94,16 @@ def lacking(fit: Fit, found: Prediction) -> Verdict:
 
 def _larger(model):
     """The models with one more effect, by the name of this."""
+    if model.delay is not None:
+        yield "delay", replace(model, delay=None)
+    if model.load:
+        return
+    if not (model.friction or model.spring or model.measured == "acceleration"):
+        yield "resonance", replace(model, load=True)
     if not model.friction:
         yield "friction", replace(model, friction=True)
     if not model.spring:
         yield "spring", replace(model, spring=True)
-    if model.delay is not None:
-        yield "delay", replace(model, delay=None)
 
 
 def judged(fit: Fit) -> Verdict:

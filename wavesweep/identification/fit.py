@@ -6,14 +6,10 @@ row on at which the force before the first one no longer matters, at a free posi
 """
 
 from dataclasses import dataclass, replace
-from itertools import product
-from operator import itemgetter
-from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from wavesweep.engine.errors import UsageError
 from wavesweep.identification.estimates import Estimate, estimated
 from wavesweep.identification.model import (
     ORDER,
@@ -22,12 +18,10 @@ from wavesweep.identification.model import (
     Model,
     euler,
     measured,
-    of_modes,
     readings,
-    resonance,
     sensitivities,
 )
-from wavesweep.identification.prediction import NO_MASS, Prediction, predicted
+from wavesweep.identification.prediction import Prediction, predicted
 
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
 RESTING = 10  # equal readings at the start of a log show a device held by friction
@@ -36,18 +30,6 @@ PART = 5000  # rows that show whether errors grow
 GROWN = 5.0  # times the noise of the readings or their step, above which an error is not that of an encoder
 EXACT = 1e-7  # of the motion: smaller errors are those of the last digits
 MARCHED = 10_000  # rows at most that are marched with friction, tick by tick; in more of them the predictions know enough
-RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
-TONES = np.geomspace(0.2, 100, 16)  # natural frequencies tried first (Hz)
-NEAR = np.geomspace(0.5, 2, 7)  # factors about the best of these
-LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
-SOONER = range(1, 33)  # those of an acceleration, which has no memory of the force, and of a log in which no mass shows without
-NO_RESONANCE = (
-    "no resonance of two masses on a spring shows for certain: record a chirp or noise through the resonance, with more force, "
-    "or leave --two-masses out"
-)
-RESONANCES, RINGING = 120, (0.01, 0.05, 0.2)  # frequencies and damping ratios tried first
-APART, STARTS = 0.1, 5  # logarithm of two sizes that are not the same, of frequencies a third; resonances that are tried
-UNLIKELY = 30.0  # twice the logarithm of the odds by which two masses have to fit better than any other numbers
 SECANT = 0.01  # widest step of a derivative with friction, relative to the scale of the number
 ROUNDS = 3  # of least squares without outliers, and of the likelihood about new numbers
 OUTLIER = 6.0  # standard deviations from the median beyond which a reading is an outlier, if it is also two steps off
@@ -131,14 +113,10 @@ def fitted(
     """
     rows = LogRows(force, reading, period, resolution)
     begun = replace(model, without=_hidden(model, reading, moves(model, reading)))
-    if model.load:
-        rows = replace(rows, skip=min(LATE[-1] + 2, len(force) // 8))
-        theta = _begun_with_load(begun, rows)
-    else:
-        found = found or predicted(model, force, reading, period, resolution)
-        begun, theta, rows = _from_prediction(begun, found, rows)
-        if not _encoder_alone(begun, theta, rows, found.noise):
-            return None
+    found = found or predicted(model, force, reading, period, resolution)
+    theta, rows = _from_prediction(begun, found, rows)
+    if not _encoder_alone(begun, theta, rows, found.noise):
+        return None
     model, theta, rows = _later(begun, theta, rows)
     for _ in range(ROUNDS):
         used = _inliers(model, theta, rows)
@@ -167,14 +145,14 @@ def fitted(
 
 
 def _from_prediction(model, found, rows):
-    """Model, numbers and rows to begin with, from a fit by predictions; the numbers of the log alone are guessed."""
+    """Numbers and rows to begin with, from a fit by predictions; the numbers of the log alone are guessed."""
     rows = replace(rows, skip=found.skip)
-    numbers = found.numbers | {"log_mass": found.theta[0]}
+    numbers = found.numbers
     if model.friction:
         numbers |= _at_first(model, rows)
     else:
         numbers |= _own(model, numbers, rows)
-    return model, np.array([numbers[name] for name in model.names]), rows
+    return np.array([numbers[name] for name in model.names]), rows
 
 
 def _at_first(model, rows):
@@ -320,116 +298,3 @@ def refined(model: Model, theta: np.ndarray, rows: LogRows) -> np.ndarray:
     finest = {"xtol": 1e-7, "ftol": 1e-9} if model.friction else {"xtol": 1e-11, "ftol": 1e-14}
     done = least_squares(off, np.ones(len(theta)), slopes, x_scale="jac", gtol=None, max_nfev=40, **finest)
     return theta + (done.x - 1) * size
-
-
-def _resonances(model, alone, rows, numbers):
-    """The resonances that explain most of what one mass with these numbers leaves, apart from each other."""
-    rate, pairs = numbers["damping"] / np.exp(numbers["log_mass"]), []
-    changes = np.diff(rows.reading[rows.skip :])  # in which slow motion, that is not known well, weighs less
-    for late in LATE[:-2] if model.delay is None else (model.delay,):
-        columns = []
-        for rate_near in (rate / 4, rate, 4 * rate):
-            unit = {"mass": 1.0, "damping": rate_near, "stiffness": 0.0, "friction": 0.0, "delay": late}
-            linear_columns, moved = _columns(alone, unit, alone.own, rows.force, rows.period, rows.skip)
-            columns += [moved, *linear_columns.T]
-        still = np.diff(np.array(columns)).T
-        basis = np.linalg.svd(still / np.maximum(np.linalg.norm(still, axis=0), 1e-300), full_matrices=False)
-        basis = basis[0][:, basis[1] > 1e-9 * basis[1][0]]
-        left = changes - basis @ (basis.T @ changes)
-        for tone in np.geomspace(3 / (len(rows.force) * rows.period), 0.4 / rows.period, RESONANCES):
-            for ratio in RINGING:
-                mode = np.diff(resonance(rows.force, tone, ratio, rows.period, late, model.measured)[rows.skip :])
-                mode_beside = mode - basis @ (basis.T @ mode)
-                share = float(left @ mode_beside) / max(float(mode_beside @ mode_beside), 1e-300)
-                if share > 0:
-                    left_over = float(left @ left) - share * float(left @ mode_beside)
-                    pairs.append(
-                        (left_over, late, tone, ratio, np.exp(-numbers["log_mass"]), share * np.exp(numbers["log_mass"]))
-                    )
-    pairs.sort()
-    starts = []
-    for pair in pairs:
-        if all(abs(np.log(pair[2] / chosen_start[2])) > 3 * APART for chosen_start in starts) and len(starts) < STARTS:
-            starts.append(pair)
-    return starts
-
-
-def _square(model, theta, rows):
-    """The sum of squares of the residual."""
-    return float(np.sum(rows.residual(model, theta) ** 2))
-
-
-def _begun_with_load(model, rows):
-    """The best of the least squares from resonances that explain most of what one mass leaves, see `of_modes`."""
-    alone, fits = replace(model, load=False), []
-    numbers = dict(zip(alone.names, _first(alone, rows), strict=True))
-    rate = numbers["damping"] / np.exp(numbers["log_mass"])
-    for _, late, tone, ratio, total, load in _resonances(model, alone, rows, numbers):
-        begun = of_modes(1 / total, rate, tone, ratio, load)
-        begun |= model.numbers(np.array([(begun | {"delay": late}).get(name, 0.0) for name in model.names]))
-        begun |= _own(model, begun, rows)
-        theta = refined(model, np.array([begun[name] for name in model.names]), rows)
-        fits.append((_square(model, theta, rows), theta))
-    fits = sorted((fit for fit in fits if np.isfinite(fit[0])), key=itemgetter(0))
-    alone, at = (
-        replace(alone, delay=model.delay),
-        [model.names.index(name) for name in ("log_mass", "log_load", "log_coupling")],
-    )
-    other_errors = [error for error, theta in fits if np.abs(theta - fits[0][1])[at].max() > APART]
-    single = refined(alone, np.array([numbers[name] for name in alone.names]), rows)
-    other_errors.append(_square(alone, single, rows))
-    if not fits or min(other_errors) < fits[0][0] * (1 + UNLIKELY / (len(rows.reading) - rows.skip - 1)):
-        raise UsageError(NO_RESONANCE)
-    return fits[0][1]
-
-
-def _first(model, rows):
-    """Rough numbers: for each rate of decay and frequency tried, the other numbers follow linearly; then delays are tried."""
-    tones = [(2 * np.pi * tone) ** 2 for tone in TONES if tone < 0.3 / rows.period] if model.spring else [0.0]
-    best = None
-
-    def tried(rates, squares, lates):
-        beginnings = (_beginning(model, rows, *start) for start in product(lates, squares, rates))
-        return min(filter(None, (best, *beginnings)), default=None, key=itemgetter(0))
-
-    best = tried(RATES, tones, [model.delay or 0.0])
-    if model.delay is None and (best is None or model.measured == "acceleration"):  # at another delay no mass may show
-        best = tried(RATES[::4], tones[:1], SOONER)
-    if best is None:
-        raise UsageError(NO_MASS)
-    for near in (NEAR, NEAR**0.25):  # values between those tried, and delays
-        best = tried(near * best.rate, near * best.square if model.spring else [0.0], [best.late])
-        best = tried([best.rate], [best.square], LATE if model.delay is None else [])
-    mass = best.mass
-    numbers = {"log_mass": np.log(mass), "damping": best.rate * mass, "stiffness": best.square * mass, "delay": best.late}
-    numbers |= {"friction": 0.05 * np.std(rows.force)} | best.linear_values
-    return np.array(itemgetter(*model.names)(numbers))
-
-
-class LinearFit(NamedTuple):
-    """What follows linearly from a rate of decay (1/s), a squared frequency and a delay (ticks), and the squared error."""
-
-    error: float
-    mass: float
-    rate: float
-    square: float
-    late: float
-    linear_values: dict[str, float]
-
-
-def _beginning(model, rows, late, square, rate):
-    """The best mass and what the log has of its own; None if the mass would be negative."""
-    unit = {"mass": 1.0, "damping": rate, "stiffness": square, "friction": 0.0, "delay": late}
-    linear_names = [name for name in model.own if name not in model.without]
-    with np.errstate(all="ignore"):
-        columns, moved = _columns(model, unit, linear_names, rows.force, rows.period, rows.skip)
-    A, place = np.column_stack([moved, columns]), rows.reading[rows.skip :]
-    size = np.linalg.norm(A, axis=0)
-    if not np.isfinite(size).all() or not size.all():
-        return None
-    x = np.linalg.lstsq(A / size, place, rcond=1e-10)[0] / size
-    if x[0] <= 0:
-        return None
-    linear_values = dict(zip(linear_names, x[1:].tolist(), strict=True))
-    linear_values |= {"offset": linear_values["offset"] / x[0]} if "offset" in linear_values else {}
-    return LinearFit(float(np.sum((A @ x - place) ** 2)), 1 / x[0], rate, square, late, linear_values)

@@ -13,9 +13,10 @@ An interval is the widest of those of white innovations and of sums of scores ov
 other variances and the last round of the smoother change.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -25,10 +26,10 @@ from scipy.signal import savgol_filter
 from scipy.special import stdtrit
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.identification.model import ORDER, OWN, Model, late, resonance
+from wavesweep.identification.model import ORDER, OWN, Model, late, of_modes, resonance
 from wavesweep.identification.predictor import Predictor, tick_of
 
-PART = 6000  # rows with the largest forces, from which a long log's numbers are found first
+PART, PART_OF_TWO = 6000, 3000  # rows with the largest forces, from which a long log's numbers are found first; of two masses
 WIDTHS = (2, 4, 8, 16, 32, 64)  # rows to either side, over which a first velocity is smoothed
 CLEAR = 6.0  # times the noise of a velocity, below which a twentieth of its size has to be
 SLOWEST = 5e-3  # of the usual velocity, at which friction turns round first
@@ -44,15 +45,23 @@ PASSES = 2  # of the smoother
 BLOCKS = (10, 20)
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
 OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))  # decades by which the variances are changed
-CHANGED = 20_000  # rows at most, with which they are changed
+CHANGED = 6_000  # rows at most, with which they are changed
 NORMAL = 1.96
-RINGING = 0.03  # damping ratio of a resonance that is tried
+RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
+COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
+FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))  # variances, white and of the walk, of the filters through which they are looked for
+STARTS, APART = 2, 0.3  # resonances from which two masses are searched, and the logarithm of their ratio at least
+LIKELIER = 15.0  # logarithm of the odds by which two masses have to explain the innovations better than one
 SPIKE = 20.0  # standard deviations of a second difference, beyond which a single reading is an outlier
 FEW = 0.02  # share of the rows that may be outliers; more are not
 
 NO_MASS = (
     "the force does not show in the position: no mass, however large or small, fits better than none; record a pulse, a chirp "
     "or noise that moves the device by many steps of its encoder"
+)
+NO_RESONANCE = (
+    "no resonance of two masses on a spring shows for certain: record a chirp or noise through the resonance, with more force, "
+    "or leave --two-masses out"
 )
 OTHER_SIGN = "the position moves against the force, as a mass below 0 would; --scale force=-1 turns its sign"
 
@@ -62,7 +71,6 @@ class ScaledLog:
     """A log in units of its own: ticks, `unit` for what is read (m, m/s or m/s^2), `pushed` for forces (N).
 
     speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more. moving: 0 while it rests.
-    beside: other signals in the readings, of unknown size, `(rows, signals)`.
     """
 
     model: Model
@@ -74,7 +82,6 @@ class ScaledLog:
     moving: np.ndarray | float = 1.0
     speeds: np.ndarray | None = None
     slowest: float = 0.0
-    beside: np.ndarray | None = None
 
     def part(self, first: int, end: int) -> "ScaledLog":
         """Some of its rows."""
@@ -151,8 +158,6 @@ def _errors(log: ScaledLog, found: Mapping[str, float], skip: int):
     tick = tick_of(log.model, found, log.period, found["delay"] - whole_ticks)
     predictor = Predictor(tick, found["white"], found["drift"], len(log.reading) - skip)
     columns = [predictor.effect(parts, skip) for parts in _pushes(log, found, tick, whole_ticks)]
-    if log.beside is not None:
-        columns += [predictor.innovations(signal, skip) for signal in log.beside.T]
     return predictor, predictor.innovations(log.reading, skip), np.stack(columns, axis=1)
 
 
@@ -184,6 +189,11 @@ class _Search:
         entries = {"rate": (begun["rate"], rate, -50.0 - 50.0 / (rows * log.period), fastest)}
         if model.spring:
             entries["square"] = (begun["square"], max(begun["square"], 1.0), -np.inf, np.inf)
+        if model.load:
+            entries["log_share"] = (np.log(begun["share"]), 0.2, -7.0, 7.0)
+            entries["load_rate"] = (begun["load_rate"], rate, -fastest, fastest)
+            entries["log_square"] = (np.log(begun["square"]), 0.2, -np.inf, 2 * np.log(3.0 / log.period))
+            entries["coupling_rate"] = (begun["coupling_rate"], max(begun["coupling_rate"], rate) / 2, -fastest, fastest)
         if model.delay is None:
             entries["delay"] = (begun["delay"], 0.5, FEWEST, MOST)
         if model.measured != "acceleration":
@@ -204,6 +214,9 @@ class _Search:
                 numbers[name] = 10 ** numbers[name]
         if "turning" in numbers:
             numbers["turning"] = float(np.exp(numbers["turning"]))
+        if "log_share" in numbers:
+            numbers["share"] = float(np.exp(numbers["log_share"]))
+            numbers["square"] = float(np.exp(numbers["log_square"]))
         return numbers
 
 
@@ -223,16 +236,14 @@ def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: floa
     between = np.interp(np.arange(len(reading)), np.flatnonzero(~wild), reading[~wild])
     whole = scaled(model, force, between, period, resolution)
     log = whole
-    if len(force) > PART:
-        sizes = whole.force[: len(force) // PART * PART].reshape(-1, PART).std(axis=1)
-        first = PART * int(np.argmax(sizes))
-        log = whole.part(first, first + PART)
-    begun = _begun(log)
-    skip = int(max(begun["delay"], 0.0)) + SPARE
-    search = _Search(whole, begun)
-    point = _least(log, search, search.begun, skip, 20)
+    rows = PART_OF_TWO if model.load else PART
+    if len(force) > rows:
+        sizes = whole.force[: len(force) // rows * rows].reshape(-1, rows).std(axis=1)
+        first = rows * int(np.argmax(sizes))
+        log = whole.part(first, first + rows)
+    search, point, skip = _near(log, whole)
     if log is not whole:
-        point = _least(whole, search, point, skip, 8)
+        point = _least(whole, search, point, skip, 5)
     log, moved, before = whole, 0.0, None
     for _ in range(PASSES * model.friction):
         predictor, errors, columns = _errors(log, search.found(point), skip)
@@ -264,60 +275,101 @@ def _spikes(reading, resolution):
 
 
 class Innovations(NamedTuple):
-    """rms: of the innovations of a model, in the unit of the reading. walked: of the force that is not in the log (N)."""
+    """rms: of the innovations of a model, in the unit of the reading. walked: of the force that is not in the log (N).
+
+    tone_hz: of the resonance of two masses.
+    """
 
     rms: float
     walked: float
+    tone_hz: float
 
 
-def innovations_of(
-    model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float, tones: Sequence[float] = ()
-) -> tuple[Innovations, float]:
-    """The innovations of a model that is fitted to a log, infinite if it does not fit; and the frequency of a resonance (Hz).
-
-    tones: frequencies of resonances; with that one which explains most beside the model the fit is made again.
-    """
+def innovations_of(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Innovations:
+    """The innovations of a model that is fitted to a log; infinite if it does not fit."""
     log = scaled(model, force, reading, period, resolution)
     try:
-        begun = _begun(log)
+        search, point, skip = _near(log, log)
     except UsageError:
-        return Innovations(np.inf, np.inf), float("nan")
-    search = _Search(log, begun)
-    skip = int(max(begun["delay"], 0.0)) + SPARE
-    point = _least(log, search, search.begun, skip, 20)
+        return Innovations(np.inf, np.inf, float("nan"))
     found = search.found(point)
-    predictor, errors, columns = _errors(log, found, skip)
+    _, errors, columns = _errors(log, found, skip)
     left = _projected(errors, columns)[1]
-    best, tone_hz = np.inf, float("nan")
-    for tone in tones:
-        mode = resonance(log.force - log.force[0], tone, RINGING, period, found["delay"], model.measured)
-        mode = mode / np.std(mode)
-        pair = np.stack([mode, np.gradient(mode)], axis=1)
-        seen = [predictor.innovations(signal, skip) for signal in pair.T]
-        rest = _projected(left, np.stack([_projected(signal, columns)[1] for signal in seen], axis=1))[1]
-        error = float(rest @ rest)
-        if error < best:
-            best, tone_hz, beside = error, float(tone), pair
-    if np.isfinite(best):
-        log = replace(log, beside=beside)
-        point = _least(log, search, point, skip, 20)
-        _, errors, columns = _errors(log, search.found(point), skip)
-        left = _projected(errors, columns)[1]
-    return Innovations(float(left.std()) * log.unit, _walked(log, search, point, skip)), tone_hz
+    tone_hz = float("nan")
+    if model.load:
+        tone_hz = float(np.sqrt(found["square"] * (1 + 1 / found["share"]))) / (2 * np.pi)
+    return Innovations(float(left.std()) * log.unit, _walked(log, search, point, skip), tone_hz)
+
+
+def _near(log, whole):
+    """The search, its best point for `log`, a part of the whole log, and the rows that are left out."""
+    if not log.model.load:
+        begun = _begun(log)
+        skip = int(max(begun["delay"], 0.0)) + SPARE
+        search = _Search(whole, begun)
+        return search, _least(log, search, search.begun, skip, 20), skip
+    alone = replace(log, model=replace(log.model, load=False))
+    begun = _begun(alone)
+    search = _Search(alone, begun)
+    skip = int(max(begun["delay"], 0.0)) + SPARE
+    point = _least(alone, search, search.begun, skip, 20)
+    without = _square(alone, search, point, skip)
+    skip = int(MOST) // 2 + SPARE
+    best = np.inf, search, point
+    found = search.found(point) | {"rate": RATES[0]}  # that of one mass is not that of two
+    for begun in _resonances(alone, found, skip):
+        search = _Search(whole, begun)
+        point = _least(log, search, search.begun, skip, 10)
+        best = min(best, (_square(log, search, point, skip), search, point), key=itemgetter(0))
+    _, search, point = best
+    point = _least(log, search, point, skip, 30)
+    best = _square(log, search, point, skip), search, point
+    if not (len(log.reading) / 2 * np.log(without / best[0]) > LIKELIER):
+        raise UsageError(NO_RESONANCE)
+    return best[1], best[2], skip
+
+
+def _square(log, search, point, skip):
+    """The mean square of the innovations; infinite for a mass that is not positive."""
+    _, errors, columns = _errors(log, search.found(point), skip)
+    gains, left = _projected(errors, columns)
+    return float(np.mean(left**2)) if gains[0] > 0 else np.inf
+
+
+def _resonances(log, found, skip):
+    """Two masses, by the resonances that explain most beside one mass, apart from each other."""
+    model, period, rows = log.model, log.period, len(log.reading)
+    tones = np.geomspace(3 / (rows * period), 0.4 / period, RESONANCES)
+    delays = COUPLED_DELAYS if model.delay is None else (model.delay,)
+    pairs = []
+    for delay, (white, drift) in product(delays, FILTERS):
+        filtered = found | {"delay": delay, "white": white, "drift": drift}
+        predictor, errors, columns = _errors(log, filtered, skip)
+        alone = _projected(errors, columns)[1]
+        for tone in tones:
+            mode = resonance(log.force, tone, RINGING, period, delay, model.measured) / period ** (2 - ORDER[model.measured])
+            both = np.column_stack([columns[:, 0], predictor.innovations(mode, skip)])
+            gains, left = _projected(errors, both)
+            if (gains > 0).all():
+                share = float(left @ left) / float(alone @ alone)
+                pairs.append((share, tone, gains[1] / gains[0], filtered))
+    starts = []
+    for _, tone, share, filtered in sorted(pairs, key=itemgetter(0)):
+        if len(starts) < STARTS and all(abs(np.log(tone / near)) > APART for near, _ in starts):
+            numbers = of_modes(1.0 + share, found["rate"], tone, RINGING, share)
+            shape = {"share": share, "load_rate": found["rate"], "square": np.exp(numbers["log_coupling"])}
+            starts.append((tone, filtered | shape | {"coupling_rate": numbers["coupling_damping"]}))
+    return [begun for _, begun in starts]
 
 
 def _smoothed(log, predictor, found, gains, skip):
     """The states at each row, from all readings."""
     whole_ticks = int(np.floor(found["delay"]))
     push = np.zeros((len(predictor.M), len(log.reading)))
-    pushes = _pushes(log, found, predictor.tick, whole_ticks)
-    for gain, parts in zip(gains, pushes, strict=False):
+    for gain, parts in zip(gains, _pushes(log, found, predictor.tick, whole_ticks), strict=True):
         for effect, force in parts:
             push += gain * np.outer(effect, force)
-    reading = log.reading
-    if log.beside is not None:
-        reading = reading - log.beside @ gains[len(pushes) :]
-    return predictor.smoothed(reading, push, skip)
+    return predictor.smoothed(log.reading, push, skip)
 
 
 def _walked(log, search, point, skip):
@@ -379,7 +431,10 @@ def _least(log, search, point, skip, most):
     def left(part):
         nonlocal scale
         with np.errstate(all="ignore"):
-            _, errors, columns = _errors(log, search.found(part * search.size), skip)
+            try:
+                _, errors, columns = _errors(log, search.found(part * search.size), skip)
+            except np.linalg.LinAlgError:
+                return np.full(len(log.reading) - skip, 1e6)
             if not (np.isfinite(errors).all() and np.isfinite(columns).all()):
                 return np.full(len(log.reading) - skip, 1e6)
             gains, rest = _projected(errors, columns)
@@ -405,6 +460,11 @@ def _theta(log, found, gains):
         "friction": gains[1] / gains[0] * log.pushed if model.friction else 0.0,
         "delay": found["delay"],
     }
+    if model.load:
+        numbers["log_load"] = np.log(found["share"] * mass)
+        numbers["load_damping"] = found["load_rate"] * found["share"] * mass
+        numbers["log_coupling"] = np.log(found["square"] * mass)
+        numbers["coupling_damping"] = found["coupling_rate"] * mass
     return np.array([numbers[name] for name in model.names if name not in OWN])
 
 

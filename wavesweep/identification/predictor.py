@@ -92,6 +92,9 @@ class Predictor:
         self.spread = float(tick.C @ self.covariance @ tick.C) + 1.0
         self.gain = tick.A @ self.covariance @ tick.C / self.spread
         self.M = tick.A - np.outer(self.gain, tick.C)
+        self._by_modes = len(self.M) > 4  # more poles near 1 would leave few digits to a polynomial
+        if self._by_modes:
+            self._triangle, self._basis = schur(self.M, "complex")
         self._past = np.poly(self.M).real
         self._ahead = np.poly(tick.A).real
         free = _free(self.M, tick.C, rows)
@@ -100,16 +103,35 @@ class Predictor:
 
     def innovations(self, reading: np.ndarray, skip: int) -> np.ndarray:
         """Of a log without force, from row `skip` on, without what the state at this row explains."""
+        if self._by_modes:
+            return self._without_initial((reading - self._seen([(self.gain, reading)]))[skip:])
         return self._without_initial(lfilter(self._ahead, self._past, reading)[skip:])
 
     def effect(self, parts: list[tuple[np.ndarray, np.ndarray]], skip: int) -> np.ndarray:
         """The same of what forces add to the predictions. parts: the effect of a unit force over a tick, and the forces."""
+        if self._by_modes:
+            return self._without_initial(self._seen(parts)[skip:])
         effect = np.zeros(len(parts[0][1]))
         for push, force in parts:
             # C adj(z - M) B = det(z - M + B C) - det(z - M)
             response = np.poly(self.M - np.outer(push, self.tick.C)).real - self._past
             effect += lfilter(response, self._past, force)
         return self._without_initial(effect[skip:])
+
+    def _seen(self, parts):
+        """What is read of the states that signals move, each by its effect, from rest: one pole after the other."""
+        seen = np.zeros(len(parts[0][1]), dtype=complex)
+        states = []
+        for row in reversed(range(len(self.M))):
+            drive = np.zeros(len(seen), dtype=complex)
+            for push, signal in parts:
+                drive[1:] += (self._basis[:, row].conj() @ push) * signal[:-1]
+            for later, state in enumerate(states):
+                drive[1:] += self._triangle[row, len(self.M) - 1 - later] * state[:-1]
+            state = lfilter([1.0], [1.0, -self._triangle[row, row]], drive)
+            states.append(state)
+            seen += (self.tick.C @ self._basis[:, row]) * state
+        return seen.real
 
     def smoothed(self, reading: np.ndarray, push: np.ndarray, skip: int) -> np.ndarray:
         """The states at each row from all readings and `push`, the effects of all forces, `(states, rows)` both.

@@ -9,10 +9,13 @@ from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.identification.fit import LATE, NO_RESONANCE, RATES, RESONANCES, RINGING
 from wavesweep.identification.model import OWN, Model, euler, of_modes, reach, step, tick_of_two
 from wavesweep.identification.points import FrequencyResponse
+from wavesweep.identification.prediction import NO_RESONANCE
 
+LATE = (0, 1, 2, 4, 8, 16, 32)  # delays tried first (ticks)
+RATES = np.geomspace(0.03, 300, 13)  # damping over mass tried first (1/s)
+RESONANCES, RINGING = 120, (0.01, 0.05, 0.2)  # frequencies and damping ratios tried first
 RELATED = 3.5  # standard deviations of the correlation of neighbouring residuals beyond which they are not noise
 ALIKE = 0.99  # largest correlation of neighbouring residuals by which intervals are widened
 RARE = 9.0  # logarithm of the odds beyond which an effect or a single frequency is not noise
