@@ -52,6 +52,54 @@ def stamps(ticks, fast_hz=1000.0, start=12.5):
     return start + np.append(0, np.cumsum(ticks)) / fast_hz
 
 
+SEEN = np.array([11.1, 11.0, 22.3, 11.2])  # ms
+PROGRAMS = {
+    "PresentMon 1": (
+        "Application,ProcessID,SwapChainAddress,Runtime,TimeInSeconds,msInPresentAPI,msBetweenPresents",
+        [f"a.exe,7,0xA,DXGI,{t:.6f},0.1,{ms}" for t, ms in zip(np.cumsum([0, *SEEN]) / 1e3, [0, *SEEN], strict=True)],
+    ),
+    "PresentMon 2": (
+        "Application,ProcessID,SwapChainAddress,CPUStartTime,FrameTime,CPUBusy",
+        [f'"a, b.exe",7,0xA,{100 + k},{ms},NA' for k, ms in enumerate(SEEN)],
+    ),
+    "PlotJuggler": ("__time,/statistics/period", [f"{1.7e9 + t:.6f}," for t in np.cumsum([0, *SEEN]) / 1e3]),
+    "rostopic": ("%time,field.data", [f"{1_700_000_000_000_000_000 + round(1e6 * t)},0" for t in np.cumsum([0, *SEEN])]),
+    "ROS 2": (
+        "header.stamp.sec,header.stamp.nanosec,name",
+        [f"{1_700_000_000 + int(t // 1000)},{round(1e6 * (t % 1000))},x" for t in 990 + np.cumsum([0, *SEEN])],
+    ),
+}
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_files_of_other_programs_are_read_as_they_are(program, tmp_path):
+    header, rows = PROGRAMS[program]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([header, *rows]))
+    assert read_run(path, 10_000.0, {}, {}).ticks == pytest.approx(10 * SEEN, abs=0.02)
+
+
+def test_frames_of_two_swap_chains_are_refused(tmp_path):
+    header, rows = PROGRAMS["PresentMon 1"]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join([header, *rows[:-1], rows[-1].replace("0xA", "0xB")]))
+    with pytest.raises(UsageError, match=r"SwapChainAddress: expected the frames of one, found 2 \(0xA, 0xB\); keep the rows"):
+        read_run(path, 10_000.0, {}, {})
+
+
+@pytest.mark.asks("check")
+def test_check_takes_other_names_and_units_of_frames_as_identify_does(wavesweep, written):
+    Path("mine.toml").write_text(
+        '[controller]\nkind = "dc-slow"\n[for_all]\n"rates.ratio" = { values = [16, 20, 25, 33], varying = true }\n'
+    )
+    written("took", run_of_chain(50))
+    named = ("--column", "duration=took", "--scale", "duration=0.001")
+    code, out, _ = wavesweep("check", "mine.toml", "--frames", "times.csv", *named, "--all")
+    assert (code, "all 50 are within 16, 20, 25, 33 ticks in any order" in out) == (0, True)
+    code, _, err = wavesweep("check", "mine.toml", *named)
+    assert (code, "--column: expected --frames, whose column it names" in err) == (2, True)
+
+
 def test_stamps_and_durations_give_the_same_lengths(written):
     lengths = run_of_chain(200)
     of_stamps = read_run(written("time", stamps(lengths)), 1000.0, {}, {})
@@ -282,11 +330,11 @@ def test_a_file_that_cannot_be_used_is_refused(written, name, numbers, said):
 
 
 @pytest.mark.parametrize("name", ["stamp", "time"])
-def test_check_names_no_option_that_only_identify_has(wavesweep, written, name):
+def test_check_names_the_option_that_helps(wavesweep, written, name):
     Path("slow.toml").write_text('controller.kind = "dc-slow"\n')
     written(name, [0, 20, 40, 60])
     code, _, err = wavesweep("check", "slow.toml", "--frames", "times.csv")
-    assert (code, "times.csv: " in err, "--column" in err, "--scale" in err) == (2, True, False, False)
+    assert (code, "times.csv: " in err, "--column" in err, "--scale" in err) == (2, True, name == "stamp", name == "time")
 
 
 def test_a_rate_at_which_frames_last_more_ticks_than_a_ratio_has_is_refused(written):

@@ -47,7 +47,21 @@ STEPS = 3  # commands that are named, at most
     "--frames",
     metavar="TIMES",
     help="Say also whether the frames of a run are among those that the answers are for. A CSV file with a column time (s), "
-    "their stamps, or duration (s).",
+    "their stamps, or duration (s), or one of PresentMon or of ROS.",
+)
+@click.option(
+    "--column",
+    "columns",
+    multiple=True,
+    metavar="NAME=COLUMN",
+    help="Which column of --frames is time or duration, e.g. time=t.",
+)
+@click.option(
+    "--scale",
+    "scales",
+    multiple=True,
+    metavar="NAME=FACTOR",
+    help="Factor from that column to s, e.g. duration=0.001 from ms.",
 )
 @folder("Folder for the pictures [default: results/<spec's name>], or a file for the only one, e.g. loop.svg.", or_file=True)
 @click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable, or --frames are others.")
@@ -58,6 +72,8 @@ def check(
     plot: bool,
     locus: str | None,
     frames: str | None,
+    columns: tuple[str, ...],
+    scales: tuple[str, ...],
     out: str | None,
     exit_code: bool,
     overrides: tuple[str, ...],
@@ -91,13 +107,17 @@ def check(
     from wavesweep.program.analyses.assumptions import near_rates, over_preset, unusual
     from wavesweep.program.analyses.own_design import own_design, own_lines
     from wavesweep.program.cli.messages import printable, progress, say, show_json
+    from wavesweep.program.csv_files import factors, pairs
 
     loaded, silent = specs.load(spec, overrides), verbosity().as_json or verbosity().quiet
     # Errors come before anything is printed.
     poles = (
         partial(_offered("locus").root_locus, loaded, _offered("locus").axis_over(loaded, locus)) if locus is not None else None
     )
-    run = _offered("frames").within(loaded, frames) if frames is not None else None
+    if frames is None and (columns or scales):
+        raise click.UsageError(f"--{'column' if columns else 'scale'}: expected --frames, whose column it names, found none")
+    named = pairs(columns, "--column"), factors(pairs(scales, "--scale"))
+    run = _offered("frames").within(loaded, frames, *named) if frames is not None else None
     list(asked("on_check", "refuse", loaded))
     places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
 

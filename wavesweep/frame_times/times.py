@@ -1,5 +1,6 @@
 """Frames from a file of time stamps or durations, in ticks of the fast loop."""
 
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,15 @@ MOST_BYTES = 1_000_000_000
 FITS = 0.1  # ticks by which a frame may differ from a whole number of them
 LONGEST = 10.0  # s, of most frames
 MOST_TICKS = 1e9  # of a frame
+KNOWN = {  # columns of PresentMon 2 and 1, of PlotJuggler and of rostopic: what they are, and the factor to s
+    "frametime": ("duration", 1e-3),
+    "msbetweenpresents": ("duration", 1e-3),
+    "timeinseconds": ("time", 1.0),
+    "__time": ("time", 1.0),
+    "%time": ("time", 1e-9),
+}
+SECONDS, NANOSECONDS = "stamp.sec", "stamp.nanosec"  # ends of names in messages of ROS 2, as those of ros2_control
+SWAP_CHAINS = ("SwapChainAddress", "ProcessID")  # of PresentMon, in a file with the frames of several programs
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +87,14 @@ def read_run(
     for option, readings in (("--column", columns), ("--scale", scales)):
         if wrong := [name for name in readings if name not in ("time", "duration")]:
             raise UsageError(f"{option} {wrong[0]}: expected time or duration, the columns of frames, found {wrong[0]}")
-    name, column = _column(path, file, columns, options)
-    readings = file.numbers([column], 3 if name == "time" else 2)[:, 0] * scales.get(name, 1.0)
+    column = _column(path, file, columns, options)
+    name = column.name
+    rows = file.numbers(column.columns, 3 if name == "time" else 2)
+    readings = rows @ np.array(column.factors) * scales.get(name, 1.0)
+    if column.known:
+        _refuse_several(path, file)
+    if column.known and name == "duration" and readings[0] == 0:  # before the first frame there is none
+        readings = readings[1:]
     durations = np.diff(readings) if name == "time" else readings
     begins = readings[:-1] if name == "time" else np.cumsum(readings) - readings
     if (median := float(np.median(durations))) > LONGEST:
@@ -89,19 +105,54 @@ def read_run(
     return MeasuredFrames(begins, durations * fast_hz, file.sha256)
 
 
-def _column(path, file, columns, options) -> tuple[str, str]:
-    """What is read, time or duration, and the name of its column."""
+@dataclass(frozen=True)
+class FrameColumn:
+    """What is read, time or duration, from which columns, whose sum it is with these factors; known: by their names alone."""
+
+    name: str
+    columns: tuple[str, ...]
+    factors: tuple[float, ...] = (1.0,)
+    known: bool = False
+
+
+def _column(path, file, columns, options) -> FrameColumn:
+    """The column that is read."""
     names = {name: [columns[name]] if name in columns else [name, f"{name}_s"] for name in ("time", "duration")}
     column_of = {
         name: next((wanted_name for wanted_name in wanted if wanted_name in file.names), None) for name, wanted in names.items()
     }
     name = next((name for name in (*columns, "time", "duration") if column_of[name]), None)
-    if name is None:
-        likely = (column for column in file.names if any(word in column.lower() for word in ("time", "stamp")))
-        meant = nearest("time", file.names) or next(likely, "NAME")
-        hint = f"--column time={meant} names that of stamps" if options else "give the one of stamps (s) the name time"
-        raise UsageError(f"{path}: expected a column {' or '.join(columns.values() or names)}, found {file.listed}; {hint}")
-    return name, column_of[name]
+    if name is not None:
+        return FrameColumn(name, (column_of[name],))
+    if not columns and (known := _known(file)):
+        return known
+    likely = (column for column in file.names if any(word in column.lower() for word in ("time", "stamp")))
+    meant = nearest("time", file.names) or next(likely, "NAME")
+    hint = f"--column time={meant} names that of stamps" if options else "give the one of stamps (s) the name time"
+    raise UsageError(f"{path}: expected a column {' or '.join(columns.values() or names)}, found {file.listed}; {hint}")
+
+
+def _known(file) -> FrameColumn | None:
+    """The column of a program whose names are known."""
+    lower = {name.lower(): name for name in file.names}
+    for name, (what, factor) in KNOWN.items():
+        if name in lower:
+            return FrameColumn(what, (lower[name],), (factor,), known=True)
+    seconds = next((name for name in file.names if name.endswith(SECONDS)), None)
+    if seconds is None:
+        return None
+    nanoseconds = seconds.removesuffix(SECONDS) + NANOSECONDS
+    return FrameColumn("time", (seconds, nanoseconds), (1.0, 1e-9), known=True) if nanoseconds in file.names else None
+
+
+def _refuse_several(path, file) -> None:
+    """Raise UsageError for a file with the frames of several programs."""
+    for name in (chain for chain in SWAP_CHAINS if chain in file.names):
+        place = file.names.index(name)
+        values = {row[place] for row in csv.reader(file.body.splitlines()) if len(row) > place}
+        if len(values) > 1:
+            shown = ", ".join(sorted(values)[:3])
+            raise UsageError(f"{path}: {name}: expected the frames of one, found {len(values)} ({shown}); keep the rows of one")
 
 
 def _refuse_lengths(path, name, durations, fast_hz, most) -> None:

@@ -83,16 +83,18 @@ def _refuse_built_in(spec: Spec) -> None:
         raise UsageError(f"{spec.name}: expected a controller with a slow environment, which has frames, found {spec.kind}")
 
 
-def within(spec: Spec, path: str) -> dict[str, Any]:
+def within(
+    spec: Spec, path: str, columns: Mapping[str, str] | None = None, scales: Mapping[str, float] | None = None
+) -> dict[str, Any]:
     """Whether the frames of a file are among those that the answers of a spec are for, as facts that JSON can hold.
 
     expected: these lengths, in ticks, in any order if `varying`. left: how many frames are not certain to be among them; first:
     of the first one, its number from 1, when it begins (s), and its measured length in ticks. every: if all these lengths are
     multiples of a number of ticks, and all frames are among them for a loop that looks for results in every so many ticks, this
-    number; otherwise 1. Errors: UsageError.
+    number; otherwise 1. columns, scales: see `times.read_run`. Errors: UsageError.
     """
     expected, varying = lengths_of(spec)
-    run = read_run(path, spec.tick_hz)
+    run = read_run(path, spec.tick_hz, columns or {}, scales or {})
     allowed = expected if varying else expected and tuple(ticks for ticks in expected if ticks == run.lengths[0])
 
     def outside(each):

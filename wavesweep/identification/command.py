@@ -24,7 +24,8 @@ OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"
     "--frames",
     metavar="TIMES",
     help="In place of a log: a CSV file of the frames of a slow environment, with a column time (s), the stamp of each, or "
-    "duration (s). The lengths that occur, how often, and which follow which; and [for_all] with them.",
+    "duration (s), or one of PresentMon or of ROS. The lengths that occur, how often, and which follow which; and [for_all] "
+    "with them.",
 )
 @click.option(
     "--fast-hz", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="Of frames: the rate of the fast loop's ticks."
@@ -123,15 +124,15 @@ def identify(
       wavesweep identify --frames times.csv --fast-hz 1000
     """
     from wavesweep.identification.device_spec import spec_text
-    from wavesweep.identification.log import pairs
     from wavesweep.identification.table import identify
     from wavesweep.program import results
     from wavesweep.program.cli.file_places import refuse_inputs, refuse_no_folder, refuse_other_things, write_whole
     from wavesweep.program.cli.messages import progress, say, show_json, where
+    from wavesweep.program.csv_files import factors, pairs
     from wavesweep.program.tables import kind_named
 
     started = time.perf_counter()
-    named = {"columns": pairs(columns, "--column"), "scales": _factors(pairs(scales, "--scale"))}
+    named = {"columns": pairs(columns, "--column"), "scales": factors(pairs(scales, "--scale"))}
     if frames is not None:
         source, find, text = frames, *_of_frames(frames, log, given, named)
     else:
@@ -212,18 +213,6 @@ def _bounds(text: str) -> tuple[float, float]:
     if not 0 < bounds[0] <= bounds[1] < float("inf"):
         raise UsageError(f"--motor-constant {text}: expected a number above 0, or LOW..HIGH, found {text}")
     return bounds
-
-
-def _factors(given: dict[str, str]) -> dict[str, float]:
-    factors = {}
-    for name, text in given.items():
-        try:
-            factors[name] = float(text)
-        except ValueError:
-            raise UsageError(f"--scale {name}={text}: expected a number, found {text}") from None
-        if not 0 < abs(factors[name]) < float("inf"):
-            raise UsageError(f"--scale {name}={text}: expected a finite number that is not 0")
-    return factors
 
 
 def _refuse_foreign(target: Path, overwrite: bool) -> None:

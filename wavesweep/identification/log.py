@@ -162,17 +162,6 @@ def _period(path: str | Path, times: np.ndarray) -> tuple[float, float]:
     return period, float(off.max())
 
 
-def pairs(given: Iterable[str], option: str) -> dict[str, str]:
-    """The words NAME=VALUE of an option as a mapping. Errors: UsageError for another form."""
-    pairs_read = {}
-    for text in given:
-        name, equals, value = (side.strip() for side in text.partition("="))
-        if not (name and equals and value):
-            raise UsageError(f"{option} {text}: expected NAME=VALUE, e.g. position={'2e-5' if option == '--scale' else 'enc'}")
-        pairs_read[name] = value
-    return pairs_read
-
-
 def step_of(reading: np.ndarray) -> float:
     """The step of the encoder that is visible in the readings, 0 if there is none."""
     steps = np.unique(np.abs(np.diff(reading)))

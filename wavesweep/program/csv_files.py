@@ -2,7 +2,7 @@
 
 import csv
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -100,3 +100,27 @@ def read_csv(path: str | Path, most: int) -> Csv:
     if names and all(name.replace(".", "").lstrip("-").isdigit() for name in names):
         raise UsageError(f"{path}:1: expected a header with the names of the columns, found {header.strip()[:SHOWN]}")
     return Csv(path, names, body, hashlib.sha256(data).hexdigest())
+
+
+def pairs(given: Iterable[str], option: str) -> dict[str, str]:
+    """The words NAME=VALUE of an option as a mapping. Errors: UsageError for another form."""
+    pairs_read = {}
+    for text in given:
+        name, equals, value = (side.strip() for side in text.partition("="))
+        if not (name and equals and value):
+            raise UsageError(f"{option} {text}: expected NAME=VALUE, e.g. position={'2e-5' if option == '--scale' else 'enc'}")
+        pairs_read[name] = value
+    return pairs_read
+
+
+def factors(given: Mapping[str, str]) -> dict[str, float]:
+    """The values of an option --scale as factors. Errors: UsageError for one that is no number, infinite, or 0."""
+    found = {}
+    for name, text in given.items():
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise UsageError(f"--scale {name}={text}: expected a number, found {text}") from None
+        if not 0 < abs(found[name]) < float("inf"):
+            raise UsageError(f"--scale {name}={text}: expected a finite number that is not 0")
+    return found

@@ -242,7 +242,7 @@ class FramesModule(Protocol):
     def number_of(self, spec: Spec) -> str:
         """The number of a spec by which its frames vary."""
 
-    def within(self, spec: Spec, path: str) -> dict[str, Any]:
+    def within(self, spec: Spec, path: str, columns: Mapping[str, str], scales: Mapping[str, float]) -> dict[str, Any]:
         """Whether a run is within what a spec's answers are for."""
 
     def lines(self, found: Facts) -> Iterator[Ranked]:
