@@ -82,6 +82,8 @@ def lacking(fit: Fit, found: Prediction) -> Verdict:
     alone = innovations_of(model, *log) if effects else None
     for name, larger in effects:
         left = innovations_of(larger, *log)
+        if not np.isfinite(left.rms):
+            continue
         likelier = len(force) * np.log(alone.rms / left.rms)
         share = 1 - (left.walked / alone.walked) ** 2
         if likelier > most and share > CLEAR:
