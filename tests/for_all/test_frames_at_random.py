@@ -347,8 +347,8 @@ def test_along_a_wall_that_a_drift_depends_on_its_place_of_rest_is_set_aside():
     (row,) = intervals_for_all(Rules.of(spec).on_average(), loops, "environment.K_VE", (0.0, 2000.0))
     for K in (row["low"], row["high"] / 2, row["high"]):
         assert radius(on_a_spring(K, 50.0), lengths, shares) < 1 + 1e-7
-    assert radius(on_a_spring(row["fails_from"], 50.0), lengths, shares) > 1 + 1e-9
-    assert row["high"] == pytest.approx(row["fails_from"], rel=0.01)
+    assert radius(on_a_spring(1500.0, 50.0), lengths, shares) > 1 + 1e-9
+    assert 1000 < row["high"] < 1500
 
 
 def test_a_spec_is_written_again_with_its_shares():
