@@ -97,6 +97,7 @@ def test_a_spec_is_written_with_the_key_again():
     assert {*spec_of(FIG4, for_all=both).tables()["for_all"]} == {"contact", "device.mass"}
 
 
+@pytest.mark.slow
 def test_contact_beside_a_range_has_rows_of_both():
     both = {"contact": True, "device.mass": {"start": 0.09, "stop": 0.1}}
     frame = framed(intervals(spec_of(FIG4, for_all=both)))
@@ -145,6 +146,7 @@ def test_the_verdict_on_the_own_wall(stiffness, damping, expected):
     assert (found["counterexample"] == LINEAR) == (damping == 5)
 
 
+@pytest.mark.slow
 @pytest.mark.asks("check")
 def test_check_says_it():
     """In its facts and in a line of its own."""
@@ -155,6 +157,7 @@ def test_check_says_it():
     assert line.endswith("own stiffness and damping: proved to come to rest")
 
 
+@pytest.mark.slow
 def test_the_example_draws_a_wall_that_goes_on_and_two_that_rest(tmp_path):
     path = Path("sweeps/examples/contact.py").resolve()
     made = spec_from_file_location("contact_example", path)
@@ -189,7 +192,7 @@ def test_another_command_says_that_it_is_of_a_wall_that_also_pulls(wavesweep, wr
         assert (said in " ".join(written.split())) == expected
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.asks("reports")
 def test_a_report_says_what_rows_of_contact_hold_for_and_what_refutes_more(wavesweep, write):
     text = '[controller]\nkind = "dc"\n[sweep]\nK_VE = { start = 0, stop = 9000 }\n'

@@ -49,6 +49,7 @@ BALANCED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.asks("simulation")
 @pytest.mark.parametrize(("tables", "output", "size"), [(ARM, "angle", 1.0), (SPEED, "speed", 5.0)])
 def test_a_loop_that_is_proved_comes_to_rest_from_beyond_its_limits(tables, output, size):
