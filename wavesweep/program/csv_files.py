@@ -13,6 +13,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.program.reading.reading import read_bytes
 
 LEAST, MOST = 1e-30, 1e30  # sizes of numbers, whose squares and products are then doubles
+MOST_COLUMNS = 10_000  # of a log, an export of everything has some hundreds
 SHOWN = 60  # letters of a file that a message repeats
 
 
@@ -96,6 +97,8 @@ def read_csv(path: str | Path, most: int) -> Csv:
         if mark in header.strip() and "," not in header:
             expected = "expected commas between columns and points in numbers"
             raise UsageError(f"{path}:1: {expected}, found {word}; export it again with commas")
+    if (columns := header.count(",") + 1) > MOST_COLUMNS:
+        raise UsageError(f"{path}:1: expected at most {MOST_COLUMNS} columns, found {columns}; export those that are needed")
     names = [name.strip() for name in next(_rows(path, [header]), [])]
     if names and all(name.replace(".", "").lstrip("-").isdigit() for name in names):
         raise UsageError(f"{path}:1: expected a header with the names of the columns, found {header.strip()[:SHOWN]}")
