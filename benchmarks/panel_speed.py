@@ -18,6 +18,8 @@ from wavesweep.program.platform_compat import keep_memory
 
 RECIPES = Path(__file__).parents[1] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "b": 25.0, "Kp": 20.0}}
+ENGINE = {"device": {"velocity": "difference"}, "environment": {"integration": "explicit", "delay": "frame", "K_VE": 200.0}}
+USUAL = BANK | ENGINE  # as `init pmw-lm` writes it
 IMPEDANCES, MASSES = {"b": np.linspace(10, 60, 100)}, {"device.mass": np.linspace(0.1, 0.5, 100)}
 LONG = {  # a frame of 1,000 ticks
     "rates": {"tick_hz": 1000},
@@ -29,6 +31,12 @@ LONG = {  # a frame of 1,000 ticks
     },
     "wire": {"device.f": "force.y", "scene.u": "device.x", "force.u": "-K*scene.y"},
 }
+
+
+def uneven(kind, rate):
+    """A loop as `init` writes it, of an engine whose rate need not divide that of the device."""
+    filters = {"lp1": {"order": 1, "cutoff_hz": 10.0}}
+    return ENGINE | {"controller": {"kind": kind, "b": 25.0}, "rates": {"slow_hz": rate}, "filters": filters}
 
 
 def chain(masses, ticks):
@@ -53,6 +61,14 @@ CASES = (
     ("pmw-lm, 9 states", BANK, "device.mass", (0.05, 1), IMPEDANCES),
     ("pmw-lm, 9 states", BANK, "filters.lp1.cutoff_hz", (2, 60), IMPEDANCES),
     ("pmw-lm at 60 Hz, 50 ticks", BANK | {"rates": {"slow_hz": 60}}, "K_VE", (0, 20000), IMPEDANCES),
+    ("pmw-lm, usual engine", USUAL, "b", (5, 200), {"K_VE": np.linspace(100, 1500, 100)}),
+    ("pmw-lm, usual engine", USUAL, "Kp", (1, 100), IMPEDANCES),
+    ("pmw-lm, usual engine", USUAL, "device.mass", (0.05, 1), IMPEDANCES),
+    *(
+        (f"{kind} at {rate} Hz, usual engine", uneven(kind, rate), "K_VE", (0, 5000), IMPEDANCES)
+        for kind in ("pmw", "pmw-lm")
+        for rate in (60, 72, 90)
+    ),
     ("teleoperation.toml, 13 states", RECIPES / "teleoperation.toml", "c", (0.1, 10), {"kp": np.linspace(40, 60, 100)}),
     ("policy.toml, 5 states", RECIPES / "policy.toml", "f", (0.1, 60), {"zeta": np.linspace(0.5, 2, 100)}),
     ("two-rate-wall.toml, 4 states", RECIPES / "two-rate-wall.toml", "K", (0, 3000), {"B": np.linspace(1, 10, 100)}),

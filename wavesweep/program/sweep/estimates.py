@@ -50,19 +50,19 @@ SLOW = 2.0  # s of a slice, which its first call does not change by much
 
 
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
-    """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
+    """Seconds of a processor for the whole job, estimated from a small part of it; longest: for the samples, s."""
     sample, times = job.kind.sample(job)
     total_slices, (job, chunks) = job.slices * times, _samples(sample)
     tasks, slices = [job.task(chunk) for chunk in chunks], 0
     with naming_values(job):
-        loops, points, started = chunks[0].loops[:1], chunks[0].points[:1], time.perf_counter()
+        loops, points, started = chunks[0].loops[:1], chunks[0].points[:1], time.process_time()
         job.task(replace(chunks[0], loops=loops, points=points))()
-        if (first := time.perf_counter() - started) > SLOW:
+        if (first := time.process_time() - started) > SLOW:
             return first * total_slices
-        started = time.perf_counter()  # the first call costs more than it will later
+        started = time.process_time()  # the first call costs more than it will later
         for chunk, task in zip(chunks, tasks, strict=True):
             timed(chunk.number, task)
-            seconds, slices = time.perf_counter() - started, slices + chunk.slices
+            seconds, slices = time.process_time() - started, slices + chunk.slices
             if seconds > longest:
                 break
     return seconds / slices * total_slices

@@ -24,7 +24,7 @@ LOOK = 2.0  # s between two looks at a pool
 SILENT = 20.0  # s without a result after which the run says so
 PROCESSES = 2  # by default
 LOGGER = logging.getLogger("wavesweep")  # Python writes its warnings to stderr, unless somebody listens
-WORTH = 0.6  # s of work; measured: two processes are ready after 0.2 s, and below this they save nothing
+WORTH = 1.2  # s of work; two processes take 0.45 s each until their first chunk is done, and below this save nothing
 
 
 @dataclass(frozen=True, slots=True)
