@@ -99,10 +99,15 @@ class WallLoop:
         if cut.poles_at_one:
             return None
         cut = _in_units(cut)
-        B, dB, direct = cut.B[:, 0], cut.dB[:, 0], cut.D[:, 0]
+        B = cut.B[:, 0]
+        dB = cut.dB[:, 0]
+        direct = cut.D[:, 0]
         both = [OFFSET, VELOCITY]
-        rows, dRows, dDirect = cut.C[both], cut.dC[both], cut.dD[both, 0]
-        residue, dResidue = 0.0, 0.0
+        rows = cut.C[both]
+        dRows = cut.dC[both]
+        dDirect = cut.dD[both, 0]
+        residue = 0.0
+        dResidue = 0.0
         apart = [count_outside(block[None]) for block in cut.uncontrolled]
         counts = [count_outside(cut.E[None], cut.dE[None]), *apart]
         stable = all(count[0] == 0 and clear[0] for count, clear in counts)
@@ -119,7 +124,8 @@ class WallLoop:
             of_products = error @ (np.abs(B) + dB) + np.abs(row) @ dB
             dResidue = float(SURELY * (of_products + cut.dD[ADVANCE, 0] + lost))
         elif cut.integrates:
-            residue, dResidue = float(direct[ADVANCE]), float(cut.dD[ADVANCE, 0])
+            residue = float(direct[ADVANCE])
+            dResidue = float(cut.dD[ADVANCE, 0])
         known = cut.E, B, rows, direct[both], residue
         errors = cut.dE, dB, dRows, dDirect, dResidue
         return WallLoop(*known, *errors, stable, unstable)
