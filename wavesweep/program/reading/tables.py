@@ -96,9 +96,14 @@ class SpecTable:
 
 @cache
 def tables() -> Mapping[str, SpecTable]:
-    """Return the tables of the capabilities that there are by path, in the order in which messages list them."""
+    """Return the tables of the capabilities that there are by path, in the order in which messages list them.
+
+    One in a table of another capability is there if that is.
+    """
     installed = {module.TABLE.path: module.TABLE for module in modules("keys")}
-    return {path: installed[path] for path in (*TABLES, *installed) if path in installed}
+    holders = {"", "sweep", *installed}
+    there = [path for path in installed if path.rpartition(".")[0] in holders]
+    return {path: installed[path] for path in (*TABLES, *there) if path in there}
 
 
 def missing() -> dict[str, str]:
