@@ -8,6 +8,7 @@ from wavesweep.for_all.channel_families import members_with_messages
 from wavesweep.for_all.climb import Growth, climb, corners_of, growth_on_average
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.rows import cases_of, intervals_for_all, verdict
+from wavesweep.for_all.unknown import Case, Proved
 from wavesweep.for_all.varying import Rules
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of, own_loop
@@ -115,6 +116,15 @@ def test_frames_at_random_are_tried_at_numbers_that_matter_only_together():
 
 LARGEST = 74.2 * (0.36032**5 - 1.5 * 0.36032**3 + 0.5 * 0.36032) ** 2
 UP_TO = {"sweep": {"along": "K", "K": {"start": 0, "stop": 2}}}
+
+
+def test_a_proof_gives_way_to_the_spec_s_own_loop_with_its_own_dead_time(monkeypatch):
+    """The dead time at p = 1 has a tick more than at the ends, in a case that was taken to be built alike."""
+    tables = TURNING | {"numbers": {"p": 1.0}}
+    monkeypatch.setattr(Case, "unstable", lambda *_: None)
+    monkeypatch.setattr(Case, "cover", lambda *_: Proved(np.nan, np.nan, (), whole=True))
+    found = verdict(load(tables))
+    assert (found["verdict"], found["doubt"]) == ("unknown", "contradiction")
 
 
 @pytest.mark.slow

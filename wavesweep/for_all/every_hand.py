@@ -19,7 +19,7 @@ from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.loops.from_drawing import scalar_place
 from wavesweep.for_all.joint import PROVED, decide
-from wavesweep.for_all.members import agree, members, unstable
+from wavesweep.for_all.members import claims_hold
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part
 from wavesweep.for_all.unknown import Case, Part
 from wavesweep.for_all.varying import Rules, placed, text_of
@@ -58,8 +58,7 @@ class EveryHandGuarantee(Guarantee):
         found = [_row(_Margin(self.rules, case, along), case, span) for case in cases]
         row = None if None in found else all_of(found)
         rows = [row] if row and row.low < row.high else []
-        agreed = all(agree(members(self.rules, case, FREE), along, span, rows) for case in cases)
-        return recorded(rows, True, agreed=agreed)
+        return recorded(rows, True, agreed=claims_hold(self.rules, cases, rows, FREE))
 
 
 def refuse(spec: Spec, rules: Rules, along: str) -> None:
@@ -123,7 +122,7 @@ def damping(spec: Spec) -> dict[str, object] | None:
     margin, worst, _ = max(margins_at_rest, key=lambda each: each[1].refuted - each[2])
     numbers = {"needed": needed.proved, "refuted": worst.refuted, "device": has}
     facts = {name: value if np.isfinite(value) else None for name, value in numbers.items()} | {"by": margin.text(worst)}
-    if needed.proved <= has and any(unstable(members(rules, margin.case, FREE)) for margin in margins):
+    if needed.proved <= has and not claims_hold(rules, [margin.case for margin in margins], changes=FREE):
         return facts | {"needed": None, "doubt": "contradiction"}
     return facts
 

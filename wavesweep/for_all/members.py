@@ -17,15 +17,15 @@ from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case
 from wavesweep.for_all.varying import Rules
 
-MOST = 6  # values of each number that varies, its ends among them
+MOST = 6  # values of each number that varies, its ends among them, beside the spec's own
 ROUNDING = 1e-6  # of an end, or of a radius: no contradiction
 
 
 def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None) -> list[Loops]:
     """Return loops of a case at constant frames; changes: other numbers of all, such as those of no hand.
 
-    Unknown numbers have the spec's own values, or the nearest of their ranges. None where constant frames are not among what
-    is claimed: with messages lost at random, or a step that is not the time of a frame.
+    Unknown numbers have the spec's own values, or the nearest of their ranges, and dead times their own whole ticks. None where
+    constant frames are not among what is claimed: with messages lost at random, or a step that is not the time of a frame.
     """
     values = {**case.values, **(changes or {})}
     if rules.at_random:
@@ -33,7 +33,7 @@ def members(rules: Rules, case: Case, changes: Mapping[str, float] | None = None
     for axis in (each for each in case.ranges if each.path not in (changes or {})):
         values[axis.path] = float(np.clip(values[axis.path], axis.start, axis.stop))
     constant = _at_constant_frames(rules, values)
-    return [Loops(rules.drawing_of(numbers, (case.along,)), numbers) for numbers in constant]
+    return [Loops(rules.drawing_of(numbers, (case.along,)), numbers).unbuilt for numbers in constant]
 
 
 def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
@@ -42,7 +42,8 @@ def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
     choices = []
     for axis in varied:
         tried = values_of_range(axis)
-        choices.append([tried[i] for i in sorted({*np.linspace(0, len(tried) - 1, MOST).astype(int).tolist()})])
+        spread = {tried[i] for i in np.linspace(0, len(tried) - 1, MOST).astype(int).tolist()}
+        choices.append(sorted(spread | ({values[axis.path]} & {*tried})))
     for combination in product(*choices):
         numbers = values | dict(zip((axis.path for axis in varied), combination, strict=True))
         frames_differ = any(numbers[axis.path] != values[axis.path] and axis.path != DELAY for axis in varied)
@@ -53,16 +54,30 @@ def _at_constant_frames(rules, values) -> Iterator[dict[str, object]]:
         yield numbers
 
 
-def agree(loops: Sequence[Loops], along: str, span: tuple[float, float], rows: Sequence) -> bool:
-    """Return whether rows lie within the stable intervals of each loop, as far as these are certified."""
-    for loop in loops if rows else ():
-        records = Search(along, span, ((np.zeros(1, int), loop.read),), felt=False, checked=True).records()
-        stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
-        if records["certified"].all() and not all(
-            any(a - ROUNDING * abs(a) <= row.low and row.high <= b + ROUNDING * abs(b) for a, b in stable) for row in rows
-        ):
-            return False
-    return True
+def claims_hold(
+    rules: Rules,
+    cases: Sequence[Case],
+    rows: Sequence | None = None,
+    changes: Mapping[str, float] | None = None,
+) -> bool:
+    """Return whether no member of some cases contradicts what is claimed of all: a claim that one does gives way.
+
+    rows: the intervals that are claimed, along the number of the cases; None for a claim about its own value. changes: see
+    `members`.
+    """
+    loops = [(loop, case) for case in cases for loop in members(rules, case, changes)]
+    if rows is None:
+        return not any(bool((radii_of(loop.read) > 1 + ROUNDING).any()) for loop, _ in loops)
+    return all(_within(rows, loop, case.along, case.span) for loop, case in loops if rows)
+
+
+def _within(rows, loop, along, span):
+    """Whether rows lie within the stable intervals of a loop, as far as these are certified."""
+    records = Search(along, span, ((np.zeros(1, int), loop.read),), felt=False, checked=True).records()
+    if not records["certified"].all():
+        return True
+    stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
+    return all(any(a - ROUNDING * abs(a) <= row.low and row.high <= b + ROUNDING * abs(b) for a, b in stable) for row in rows)
 
 
 def nowhere(loops: Sequence[Loops], along: str, span: tuple[float, float]) -> bool:
@@ -76,8 +91,3 @@ def nowhere(loops: Sequence[Loops], along: str, span: tuple[float, float]) -> bo
             both = [(max(low, a), min(high, b)) for low, high in common for a, b in stable]
             common = [(low, high) for low, high in both if low - ROUNDING * abs(low) <= high + ROUNDING * abs(high)]
     return not common
-
-
-def unstable(loops: Sequence[Loops]) -> bool:
-    """Return whether one of the loops is unstable at its own values, beyond rounding."""
-    return any(bool((radii_of(loop.read) > 1 + ROUNDING).any()) for loop in loops)

@@ -18,7 +18,7 @@ from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
-from wavesweep.for_all.members import agree, members, nowhere, unstable
+from wavesweep.for_all.members import claims_hold, members, nowhere
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, placed, text_of
 from wavesweep.program.analyses.interval_jobs import Guarantee
@@ -158,7 +158,7 @@ def intervals_for_all(rules: Rules, loop: Loops, along: str, span: tuple[float, 
     """Intervals of a loop for all numbers of [for_all] along the number `along` within span = (low, high), as records."""
     loop = _Loop(rules, along, span, loop)
     rows = loop.varying() if rules.vary else loop.intervals()
-    agreed = all(agree(members(rules, case), along, span, rows) for case in loop.cases)
+    agreed = claims_hold(rules, loop.cases, rows)
     if rules.at_random:
         none = not rows and loop.grows_everywhere()
     elif rules.vary:
@@ -381,7 +381,7 @@ def _verdict(spec, rules):
             return {"verdict": said, "counterexample": numbers_in_words(numbers)}
         decided &= said == "proved"
     covered = {"verdict": "proved" if decided else "unknown", "counterexample": ""}
-    if decided and any(unstable(members(rules, case)) for case in loop.cases):
+    if decided and not claims_hold(rules, loop.cases):
         return covered | {"verdict": "unknown", "doubt": "contradiction"}
     return covered
 
