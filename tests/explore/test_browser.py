@@ -145,7 +145,7 @@ def test_the_page_can_be_used_by_the_keyboard_alone(opened, client):
     page.focus("[id='s-device.damping']")
     page.keyboard.press("ArrowRight")
     assert page.evaluate("values['device.damping']") > 1.5
-    assert "N*s/m" in page.get_attribute("[id='s-device.damping']", "aria-valuetext")
+    assert "N·s/m" in page.get_attribute("[id='s-device.damping']", "aria-valuetext")
     page.focus("#plane")
     before = page.evaluate("values['environment.K_VE']")
     page.keyboard.press("ArrowUp")

@@ -77,7 +77,7 @@ MOST_SHOWN = 12  # frames, or messages of a channel, that are listed
 def run_in_words(spec: Spec) -> RunWords:
     """Return the frames and the messages of the spec's experiment in words."""
     patterns, messages = spec.simulate["messages"] or {}, []
-    for block in spec.drawing.channels if spec.drawing else ():
+    for block in spec.drawing.senders if spec.drawing else ():
         if turns := written_messages(patterns.get(block.name, ())[:MOST_SHOWN]):
             rest = ", ..." * (len(patterns[block.name]) > MOST_SHOWN)
             said = ", ".join(each if isinstance(each, str) else _late(each) for each in turns)

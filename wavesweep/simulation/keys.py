@@ -378,7 +378,7 @@ def build(request: Request) -> Experiment:
 
 def refuse_unknown_channels(belongs: Sorted, drawing: Drawing | None, mistakes: Mistakes) -> None:
     """Add the mistakes of messages on channels that the loop does not have."""
-    channels = [block.name for block in drawing.channels] if drawing else []
+    channels = [block.name for block in drawing.senders] if drawing else []
     for path, leaf in belongs.below(MESSAGES).items():
         if path not in channels:
             expected = f"channels of a drawn loop ({', '.join(channels) or 'it has none'}), each with a list"

@@ -263,7 +263,7 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
     late = next(((name, 1.0 - waits[name][1]) for name in arriving), ("", 1.0))
     body = next((tuple(_numbers(block, numbers).values()) for block in drawing.blocks if block.name == device), ())
     entries = tuple((run_column("inputs", name), signal) for name, signal, _ in drawing.inputs if signal != hand)
-    channels = {block.name: _numbers(block, numbers) for block in drawing.channels}
+    channels = {block.name: _numbers(block, numbers) for block in drawing.senders}
     loop = replace(loop, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
     return replace(loop, device=device, body=body, late=late, wall=wall, walled=bool(drawing.wall), frames=frames)
 

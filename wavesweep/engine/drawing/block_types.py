@@ -362,7 +362,7 @@ TYPES = MappingProxyType(
 
 def without_rule(blocks: Iterable[Any]) -> list[str]:
     """Return names and types of those of some drawn blocks that have no rule for steps that vary, see `BlockType.steps`."""
-    return [f"{block.name} ({block.type})" for block in blocks if not TYPES[block.type].steps]
+    return [f"{block.name} ({block.type})" for block in blocks if not (TYPES[block.type].steps or block.in_time)]
 
 
 EVERY = whole("every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick")

@@ -168,6 +168,11 @@ class Drawing:
     @property
     def channels(self) -> tuple[DrawnBlock, ...]:
         """The blocks whose messages may be late or lost."""
+        return tuple(block for block in self.senders if not block.in_time)
+
+    @property
+    def senders(self) -> tuple[DrawnBlock, ...]:
+        """The blocks that send messages, which a simulation may let come late or lose."""
         return tuple(block for block in self.blocks if block.type == "channel")
 
     @property

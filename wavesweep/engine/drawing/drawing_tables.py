@@ -214,7 +214,7 @@ class _TableReader(PortReader):
     def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
         """Read the blocks, and what wires can read and have to feed."""
         read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
-        blocks = tuple(block.settled() for block in read.values() if block is not None)
+        blocks = tuple(block for block in read.values() if block is not None)
         if not read:
             self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
         kinds = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}

@@ -70,12 +70,12 @@ class DrawnBlock:
         ahead = ("*", ("number", AHEAD[keys["integration"]], 0), ("/", self.every, tick_hz, 0), 0)
         return ("+", ("+", keys["b"], keys["B"], 0), ("*", keys["K"], ahead, 0), 0)
 
-    def settled(self) -> DrawnBlock:
-        """The block itself, or a hold in place of a channel whose messages are all in time by its own keys."""
+    @property
+    def in_time(self) -> bool:
+        """Whether it is a channel whose messages are all in time by its own keys, which is a hold."""
         keys = dict(self.keys)
-        if self.type == "channel" and all(keys[name][:2] == ("number", 0.0) for name in ("late", "lost", "loss", "burst")):
-            return replace(self, type="hold", keys=(), limits=())
-        return self
+        may_fail = ("late", "lost", "loss", "burst")
+        return self.type == "channel" and all(keys[name][:2] == ("number", 0.0) for name in may_fail)
 
     def core(self, tick_hz: Tree, named: bool = False) -> DrawnBlock:
         """The block itself, or of a block of firmware its transfer function; named: in the names of its keys and of T."""

@@ -54,7 +54,7 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, r
         order = f"{'' if alone else 'in any order, or '}at random (mean_square)"
     if spec.drawing:
         said = [*_continuous(spec), *(f"{name_of(path)} is {how} {order}" for path, how in varied.items())]
-        of_run = [in_run.frames, in_run.messages * bool(spec.drawing.channels)] if in_run else []
+        of_run = [in_run.frames, in_run.messages * bool(spec.drawing.senders)] if in_run else []
         said += of_run if in_run else [*_unknown(spec, swept), *_messages(spec, swept)]
         if limits := ", ".join(_limits(spec, swept)):
             said.append(f"kept to its limits, {limits}" if run else f"linear while {limits}; simulate goes beyond")

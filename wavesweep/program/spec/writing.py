@@ -86,9 +86,8 @@ def _written_leaf(path: str, values: Mapping[str, float], given) -> dict[Path, o
 
 def _written_block(block, values, given):
     """The keys of a block, as `written` gives them."""
-    kind = given.leaves[f"block.{block.name}.type"].value  # a channel that is always in time is drawn as a hold
-    tables = {("block", block.name, "type"): kind}
-    for name, key in keys_of_block(kind).items():
+    tables = {("block", block.name, "type"): block.type}
+    for name, key in keys_of_block(block.type).items():
         path = f"block.{block.name}.{name}"
         leaf = given.leaves.get(path)
         value = values.get(path, leaf.value if leaf else key.default)

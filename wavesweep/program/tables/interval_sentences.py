@@ -23,9 +23,9 @@ HAND = ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g}
 
 def open_in_words(places: Numbers, unit: str = "") -> str:
     """Where nothing is known."""
+    ends = dict.fromkeys(f"{places[end]:.6g}" for end in ("from", "to"))
     several = "" if places["places"] == 1 else f"at {places['places']} places "
-    between = "at" if places["from"] == places["to"] else "from"
-    return f"not known {several}{between} {span_in_words(places['from'], places['to'])}{unit}"
+    return f"not known {several}{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)}{unit}"
 
 
 class Sentences:

@@ -55,7 +55,7 @@ def steps_of(spec: Spec) -> Steps | None:
     frames = frames_in_turn(spec, len(hand_force(spec).force), effects_of(spec))
     if not (frames or _proved_for_changes(spec)):
         return None
-    if spec.drawing and spec.drawing.channels:
+    if spec.drawing and spec.drawing.senders:
         raise UsageError(
             "export: expected frames of one length in a loop with channels, found frames that vary; leave either out"
         )
