@@ -37,7 +37,7 @@ TABLES = {
     "poles": lambda: poles(load(WALL)),
     "poles-over": lambda: poles(load(SWEPT), "B_VE"),
 }
-ALL = re.compile(r"\ball \d+ \w+ certified|the only row is certified")
+ALL = re.compile(r"\ball \d+ \w+ (certified|checked)|the only row is (certified|checked)")
 
 
 def said(table, columns):
@@ -81,3 +81,10 @@ def test_rows_in_doubt_are_a_warning_with_their_number(name):
         assert [line for line, warning in lines if warning and number.search(line)], (word, lines)
         certain = [line for line, _ in lines if ALL.search(line)]
         assert all(word and word not in line.partition(": ")[0] for line in certain), (word, certain)
+
+
+@pytest.mark.slow
+def test_what_sampled_bounds_stand_for_is_checked_and_not_certified():
+    table = TABLES["zwidth-hands"]()
+    words = {line.partition("(")[2].partition(")")[0]: line.rpartition(" ")[2] for line, _ in said(table, table.columns)}
+    assert (words["free"], words["passive"]) == ("certified", "checked")

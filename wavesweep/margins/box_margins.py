@@ -46,8 +46,8 @@ ENDS = {"gain_up": np.log(MOST), "gain_down": np.log(MOST), "phase": np.pi, "del
 
 
 METHOD_FOR_ALL = (
-    "the guardian map along a path of factors of the signal, and functions of L beside the arc of a delay, interpolated with a "
-    "bound over all numbers at once and proved positive by Bernstein coefficients; refuted by the worst numbers found"
+    "the guardian map along a path of factors of the signal, and functions of L beside the arc of a delay, interpolated with "
+    "sampled bounds over all numbers at once, positive by Bernstein coefficients; refuted by the worst numbers found"
 )
 
 

@@ -134,7 +134,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield _line(name, margin, at)
     yield from in_doubt(found["doubts"], found["rows"], "not certified")
     if of_all := found.get("for_all"):
-        yield "proved for all numbers of [for_all] (for_all):", False
+        yield "checked for all numbers of [for_all] (for_all):", False
         unstable = next(iter(of_all.values()))
         if unstable["value"] is None and unstable["counterexample"] and unstable["fails_from"] is None:
             yield f"nothing: not stable with {unstable['counterexample']}", True

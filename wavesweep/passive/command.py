@@ -16,7 +16,7 @@ from wavesweep.program.cli.study_commands import one_spec
 @click.option(
     "--along",
     metavar="NAME",
-    help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel, with their proof. "
+    help="Find the intervals of this number, such as K_VE, with a passive port and with a passive channel. "
     "[sweep] gives its range.",
 )
 @run_options("workers", "long")
@@ -37,7 +37,7 @@ def passivity(spec: str, options: Options, filters: bool, along: str | None) -> 
 
     With --along NAME the table is passivity-along: the stable intervals of that number, those with a passive port, those that
     are absolutely stable, and those with a passive channel, one row each. The column hand says which; certified is 1 if every
-    value of the interval is proved to be so, and those just outside are proved not to be.
+    value of the interval is checked to be so, and those just outside are refuted.
 
     \b
     Examples:

@@ -21,6 +21,7 @@ ROWS = {
         "#009E73",
         3,
         nowhere=f"nowhere {_EVERY}",
+        checked=True,
     ),
     "port": RowKind(
         "the hand's port is passive, if forces are held over a tick",
@@ -30,6 +31,7 @@ ROWS = {
         5,
         "passive",
         "nowhere passive",
+        checked=True,
         of_operator=True,
     ),
     "ports": RowKind(
@@ -40,6 +42,7 @@ ROWS = {
         4,
         "absolutely stable",
         "nowhere absolutely stable",
+        checked=True,
     ),
     "channel": RowKind(
         "the wave channel adds at most the tolerance of the run to its waves",
@@ -49,6 +52,7 @@ ROWS = {
         4,
         "passive",
         "nowhere passive",
+        checked=True,
     ),
 }
 HANDS = {

@@ -14,8 +14,8 @@ from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.sweep.job import Job
 
 PASSIVE = (
-    "determinant of {}, interpolated over number and angle with a bound, positive by Bernstein coefficients; outside, angles "
-    "and directions in which energy comes out"
+    "determinant of {}, interpolated over number and angle with sampled bounds, positive by Bernstein coefficients; outside, "
+    "angles and directions in which energy comes out"
 )
 METHODS = {
     "passive": PASSIVE.format("the Hermitian part of the map from displacement to force, with what the damping takes"),

@@ -1,7 +1,8 @@
-"""Intervals of a number with a passive port, with every passive hand, or with a passive channel: searched, then proved.
+"""Intervals of a number with a passive port, with every passive hand, or with a passive channel: searched, then checked.
 
-A finder looks at values of the number. An interval that it finds is proved by the sign of a determinant over the number and the
-angle, what lies outside by angles at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
+A finder looks at values of the number. An interval that it finds is checked by the sign of a determinant over the number and
+the angle, interpolated with bounds that are sampled (see `engine.stability.positive`). What lies outside is refuted by angles
+at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
 """
 
 from collections.abc import Callable
@@ -46,9 +47,9 @@ CLOSE = 1e-4  # of an end, or of an interval, that may lie between what is prove
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PassiveRanges:
-    """Proved intervals of a number, `(intervals,)` each, and whether both of their ends are known to CLOSE.
+    """Checked intervals of a number, `(intervals,)` each, and whether both of their ends are known to CLOSE.
 
-    complete: whether it is proved that there are no others, but for CLOSE about each end. worst: gives the angular frequency
+    complete: whether it is checked that there are no others, but for CLOSE about each end. worst: gives the angular frequency
     (rad/s) at which energy is taken out at a value of the number.
     """
 

@@ -1,4 +1,4 @@
-"""Two ports of loops without further ranges: margins with their proof, Llewellyn's index, and terminations that destabilise."""
+"""Two ports of loops without further ranges: checked margins, Llewellyn's index, and terminations that destabilise."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from wavesweep.engine.stability.spectrum import eigenvalues
 from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
 
-CLOSE = 1e-2  # of a margin: what may lie between what is proved and what is refuted
+CLOSE = 1e-2  # of a margin: what may lie between what is checked and what is refuted
 ENVIRONMENT = tuple(f"environment.{path.partition('.')[2]}" for path in HAND)  # the numbers of what is at the second port
 TINY = 1e-100  # of an eigenvalue, in place of 0
 ALONE = (0.0, 0.0)  # the range of a number that does not vary
@@ -27,7 +27,8 @@ class PairMargin(NamedTuple):
 
     damping: N*s/m that both ports may lose, NaN of an unstable loop; if negative, the loop is stable with all terminations that
     have so much each. omega: the frequency that decides, rad/s. stable: with every pair of passive terminations. certified:
-    that is proved or refuted for all frequencies, and the damping proved but for CLOSE. counterexample: terminations, in words.
+    that is checked or refuted for all frequencies, and the damping checked but for CLOSE. counterexample: terminations, in
+    words.
     """
 
     damping: float

@@ -209,7 +209,7 @@ def _lines(found: Numbers) -> Iterator[Line]:
         margin, unit = _span(found["ports_margin"], 6), found["units"]["damping_needed"]
         yield f"both ports: absolutely stable in {found['absolutely_stable']} of {rows}; margin {margin} {unit}", False
         if open_ := found["rows"] - found["ports_proved"] - found["unstable"]:
-            yield f"neither proved nor refuted at both ports: {count(open_, 'row')}", True
+            yield f"neither checked nor refuted at both ports: {count(open_, 'row')}", True
     if found["unstable"]:
         yield f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}", True
     slices = found["slices"]

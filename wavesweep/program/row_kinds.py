@@ -23,7 +23,8 @@ class RowKind:
     meaning: of its word in the column, `hand` or `guarantee`. title: of their line in a summary. legend, colour, line: in a
     figure; line: place in `style.LINES`. good: adjective of their intervals. nowhere: the sentence without any. largest: title
     of the largest value in a figure. proved: whether they are what is proved, with columns of what refutes more. searched:
-    whether some are not proved, and no counterexample is found. of_operator: whether they are of the spec's own loop, which its
+    whether some are not proved, and no counterexample is found. checked: whether the bounds that they rest on are sampled, so
+    that they are neither certified nor proved. of_operator: whether they are of the spec's own loop, which its
     operator holds. unsettled: the warning about rows of which some are not settled, with {rows} and the {words} of their kinds;
     settled: the line if all are. of_messages: other words of the kind, for a spec that has channels alone. about: a sentence
     for a report, on what such rows hold for beside the linear loop of the spec.
@@ -39,6 +40,7 @@ class RowKind:
     largest: str = "largest"
     proved: bool = False
     searched: bool = False
+    checked: bool = False
     of_operator: bool = False
     column: str = "hand"
     unsettled: str = ""
@@ -50,6 +52,13 @@ class RowKind:
     def guaranteed(self) -> bool:
         """Whether the rows hold for more than one loop and are proved or searched as such."""
         return self.proved or self.searched
+
+    def vouched_for(self, columns: Collection[str]) -> str:
+        """What its rows are in a table with these columns: "certified" or "checked".
+
+        With what refutes more they are those of frames that vary, which are proved in balls.
+        """
+        return "checked" if self.checked and "fails_from" not in columns else "certified"
 
     def worded_for(self, numbers: Mapping[str, Any]) -> RowKind:
         """The kind with its words for the spec of a summary."""

@@ -187,6 +187,8 @@ def _sweep_answer(spec: Spec, intervals: ReportSection, own: Line, certified: bo
     of_one = not {"guarantee", "hand"} & intervals.table.columns.keys() and not spec.require
     how = "with its own numbers, certified" if certified else "with its own numbers, computed in double precision"
     said = ("Certified.", CERTIFIED * of_one)
+    if any(row_kind(word).vouched_for(intervals.table.columns) == "checked" for word in intervals.table.facts["methods"]):
+        said = "Certified or checked, as each row says.", ""
     if doubtful and intervals.table.columns["certified"].all():
         said = "Certified, but not known everywhere.", "A line below says where."
     elif doubtful:

@@ -119,10 +119,11 @@ def _with_unit(text: str, unit: str) -> str:
 
 
 def _proof(row: Columns) -> str:
-    """Whether a row is certified, or proved by the checker of a guarantee. Of hands only what is settled is."""
-    if row_kinds()[row.get("hand", "")].searched:
+    """Whether a row is certified, proved by the checker of a guarantee, or checked. Of hands only what is settled is proved."""
+    kind = row_kinds()[row.get("hand", "")]
+    if kind.searched:
         return "proved" if row["settled"] else "not proved: searched"
-    word = "proved" if row.get("guarantee", "spec") != "spec" else "certified"
+    word = "proved" if row.get("guarantee", "spec") != "spec" else kind.vouched_for(row)
     open_ = open_places({name: [value] for name, value in row.items()}, 0)
     return word if row["certified"] else f"not {word}: {row['doubt']}{f', {open_in_words(open_)}' if open_ else ''}"
 

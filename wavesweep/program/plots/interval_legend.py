@@ -92,7 +92,7 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], art
         alone = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if shown.best:
-        handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, "" if certain else " certified")))
+        handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, certain)))
     if shown.own_design(panels):
         handles.append(Line2D([], [], **OWN, label="nominal design"))
     handles += _area_marks(artists)
@@ -130,11 +130,11 @@ def _is_red(artist: Any) -> bool:
     return any(same_color(to_rgba(colour), DOUBTFUL) for colour in colours)
 
 
-def _best_in_words(shown: Shown, sure: str) -> str:
-    """The largest value and, of a wall, the stiffness felt; sure: what to say of it if others are in doubt."""
+def _best_in_words(shown: Shown, certain: bool) -> str:
+    """The largest value and, of a wall, the stiffness felt; certain: whether no row is in doubt."""
     best, facts = shown.best, shown.facts
     kind = row_kind(best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else "")
-    sure = sure if best["certified"] and not kind.proved else ""
+    sure = f" {kind.vouched_for(best)}" if best["certified"] and not (certain or kind.proved) else ""
     sure += f", {kind.legend}" * (shown.whose == "hand")
     end = "low" if best["value"] == best["low"] else "high"
     title, over = kind.largest, "over " if np.isnan(best[f"{end}_omega"]) and not kind.proved else ""

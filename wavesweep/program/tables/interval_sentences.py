@@ -59,13 +59,13 @@ class Sentences:
             yield f"  {at}{': ' if at else ''}{self._along} {said}"
 
     def certified(self) -> Line:
-        """The number of certified rows, and the reasons of doubt about the others."""
+        """The number of certified or checked rows, and the reasons of doubt about the others."""
         # Rows and not slices: an uncertified row names the interval that a user should not rely on.
-        rows, doubts = self._numbers["rows"], self._numbers["doubts"]
+        rows, doubts, vouched = (self._numbers[name] for name in ("rows", "doubts", "vouched"))
         if not doubts:
-            return "the only row is certified" if rows == 1 else f"all {count(rows, 'row')} certified", False
+            return f"the only row is {vouched}" if rows == 1 else f"all {count(rows, 'row')} {vouched}", False
         reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
-        return f"{sum(doubts.values())} of {count(rows, 'row')} not certified ({reasons})", True
+        return f"{sum(doubts.values())} of {count(rows, 'row')} not {vouched} ({reasons})", True
 
     def extremes(self) -> list[str]:
         """Sentences on the largest value, the least one, and the largest one without a gap."""
@@ -158,7 +158,7 @@ class Sentences:
         return f"{self._kind.title} ({self._hand}): {line}" if self._hand else line
 
     def _doubtful(self, extreme: Numbers) -> str:
-        return "" if extreme["certified"] or self._kind.searched else ", not certified"
+        return "" if extreme["certified"] or self._kind.searched else f", not {self._numbers['vouched']}"
 
     def _gap(self, low: float, open_: Numbers | None = None) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.

@@ -64,6 +64,7 @@ class LoopSummary:
         self._hand, self.kind, self._axes, self._facts = hand, row_kinds()[hand], axes or {}, facts or {}
         self._rows = self._intervals = self._split = self._open = 0
         self._doubts: Counter[str] = Counter()
+        self._vouched = "certified"
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
@@ -86,6 +87,7 @@ class LoopSummary:
         self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
         new, open_ = np.append(True, columns["interval"][1:] == 0), columns["open_places"] > 0
         self._open += int(np.logical_or.reduceat(open_, np.flatnonzero(new)).sum())
+        self._vouched = self.kind.vouched_for(columns)
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         self._largest.add(columns["high"], columns)
         self._least.add(-columns["low"], columns)
@@ -131,6 +133,7 @@ class LoopSummary:
             "slices_with_a_hole": self._split,
             "slices_with_open_places": self._open,
             "rows": self._rows,
+            "vouched": self._vouched,
             "certified_rows": self._rows - self._doubts.total(),
             "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
             "largest": self._largest_numbers(),
