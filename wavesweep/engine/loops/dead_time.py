@@ -20,7 +20,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import AT, Drawing, name_of, scalars
 from wavesweep.engine.drawing.drawn_block import Plant
-from wavesweep.engine.drawing.expressions import names_in, value_of
+from wavesweep.engine.drawing.expressions import constants_of, degree, evaluate, named, names_in, value_of
 from wavesweep.engine.loops.block import Block, concatenated
 from wavesweep.engine.loops.blocks import held
 from wavesweep.engine.loops.values import values_of
@@ -108,7 +108,7 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
 
     values: flat numbers of one loop.
     """
-    points = np.linspace(*span, POINTS)
+    points = _places(drawing, values, path, span)
     ticks, crossings = _ticks(drawing, values, path, points), set()
     near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
     ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
@@ -162,7 +162,43 @@ def _nearer(low, high, at_low, at_high):
 
 
 HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
-POINTS = 4001  # of a span; a number of ticks is taken as monotone between neighbours
+POINTS = 4001  # of a span; a number of ticks is taken as monotone between neighbours, which a proof over a range tries again
+SPREAD = 0.25  # ticks by which a dead time may change between neighbours
+FURTHER = 4000  # points at the most that are added for that
+APART = 4.0  # ratio of the ends of a stretch from which on it is divided at their geometric mean
+
+
+def _places(drawing, values, path, span):
+    """Points of a span: even ones, and as many more as it takes until no dead time changes by more than SPREAD between two.
+
+    How far it changes is enclosed in balls, so that what rises and falls within a step is seen as well.
+    """
+    points = np.linspace(*span, POINTS)
+    name, numbers = name_of(path), scalars(values)
+    trees = [("*", tree, drawing.tick_hz, 0) for tree in drawing.dead_times.values()]
+    bent = [tree for tree in trees if degree(tree, name) > 1]
+    further, open_ = [], [span] if bent else []
+    while open_ and len(further) < FURTHER:
+        low, high = open_.pop(0)
+        if all(_spread(tree, numbers, name, low, high) < SPREAD for tree in bent) or low + (high - low) / 2 in (low, high):
+            continue
+        middle = (low * high) ** 0.5 if 0 < low * APART < high else low + (high - low) / 2
+        further.append(middle)
+        open_ += [(low, middle), (middle, high)]
+    return np.unique(np.concatenate([points, further]))
+
+
+def _spread(tree, numbers, name, low, high):
+    """A bound on how far the value of a tree changes while a number goes from low to high."""
+    from flint import arb
+
+    balls = {constant: arb(constant) for constant in constants_of(tree)}
+    balls |= {other: arb(numbers[other]) for other, _ in names_in(tree) if other != name}
+    try:
+        value = evaluate(named(tree), balls | {name: arb((low + high) / 2, (high - low) / 2)}, arb)
+    except ZeroDivisionError:
+        return np.inf
+    return 2 * float(value.rad()) if value.is_finite() else np.inf
 
 
 def _ticks(drawing, values, path, p):

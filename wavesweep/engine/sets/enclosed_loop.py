@@ -237,8 +237,7 @@ class _Evaluation:
         tick = 1 / rate
         blocks = {block.name: self._once(block, self._block, block, tick) for block in drawing.alone if not block.dead_time}
         blocks |= {name: self._dead_time(name) for name in drawing.dead_times}
-        known = self.loop.known
-        shares = {name: known[f"block.{name}.ticks"] - self.value(tree) * rate for name, tree in drawing.dead_times.items()}
+        shares = self._shares(rate)
         blocks |= {plant.name: self._once(plant, self._plant, plant, tick, shares) for plant in drawing.plants}
         inside = drawing.inside
         sums = {
@@ -248,6 +247,21 @@ class _Evaluation:
         if drawing.dead_times:
             sums = dead_time.joined(sums, drawing.plants, inside, "", "")
         return LoopModel(blocks, sums, self.numbers, self.order)
+
+    def _shares(self, rate):
+        """The share s of each dead time of `(m - s)` ticks.
+
+        Errors: UnresolvedError if it may be of other whole ticks somewhere in the cell, or if another one may come before it.
+        """
+        drawing, known = self.loop.drawing, self.loop.known
+        shares = {name: known[f"block.{name}.ticks"] - self.value(tree) * rate for name, tree in drawing.dead_times.items()}
+        for path, names in drawing.building.items():
+            total = sum(shares[name] for name in names)
+            low, high = (0, 1) if len(names) == 1 else (1, 2) if known[path] else (0, 1)
+            for beyond in (low - total, total - high):
+                if _largest(beyond) > dead_time.ROUNDED * (1 + known[f"block.{names[0]}.ticks"]):
+                    raise UnresolvedError(beyond.widest() if isinstance(beyond, TaylorModel) else None)
+        return shares
 
     def _once(self, block, make, *arguments):
         """The model of a block, kept for all cells if it reads none of the sides."""
@@ -418,6 +432,13 @@ class _Evaluation:
         ticks = self.loop.known[f"block.{name}.ticks"]
         block = dead_time.block_of(name, ticks, sensed=bool(sensed), others=others, arriving=arriving)
         return BlockModel(*(Polynomials.constant(getattr(block, name), self.numbers, self.order) for name in "EBCD"))
+
+
+def _largest(value):
+    """A bound on the largest value of a model or a ball."""
+    if isinstance(value, TaylorModel):
+        return value.terms[0] + float(np.abs(value.terms[1:]).sum()) + value.rest
+    return float(arb(value).upper())
 
 
 def _function(name):
