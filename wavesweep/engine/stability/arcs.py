@@ -21,7 +21,7 @@ MANY = 256  # so many open arcs of one column, and the column is given up
 RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
 TINY = 1e-300
 MOST = 500_000  # states at points that are computed together
-MANY_STATES = 64  # beyond, columns are followed one by one, without inverses of their frames
+MANY_STATES = 100  # beyond, columns are followed one by one, without inverses of their frames
 MOST_ERROR = 1e300  # of a value, in roundings of itself
 CAUTION = 20  # roundings of what is added up that two solves may cost
 
