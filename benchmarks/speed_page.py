@@ -1,0 +1,57 @@
+"""Write what the benchmarks print into docs/speed.md, so that no number there is of another version than it says.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/speed_page.py [NAME ...]
+
+Each block of the page, from `<!-- measured: NAME -->` to `<!-- end -->`, has the lines that a command prints, and where and
+when it was run. Names: those of blocks, all by default.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+HERE = Path(__file__).parent
+PAGE = HERE.parent / "docs" / "speed.md"
+BLOCK = re.compile(r"^<!-- measured: (\w+) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
+COMMANDS = {
+    "grid": "python benchmarks/grid_ratio.py",
+    "panels": "python benchmarks/panel_speed.py --least --rounds 3",
+}
+
+
+def measured(name: str) -> str:
+    """The text of a block: the command, where and when it was run, and what it printed."""
+    program, *arguments = COMMANDS[name].split()
+    at = Path(sys.executable).parent / program
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run([at, *arguments], cwd=HERE.parent, env=environment, capture_output=True, text=True, check=True)
+    said = done.stdout.strip()
+    lines = said if said.startswith("|") else f"```text\n{said}\n```"
+    return f"`{COMMANDS[name]}`, {_where()}:\n\n{lines}\n"
+
+
+def _where() -> str:
+    """The day, the processor and the version."""
+    from bench.report import _commit, _processor
+    from wavesweep import __version__
+
+    return f"{time.strftime('%Y-%m-%d')}, {_processor()}, one thread, wavesweep {__version__} ({_commit()[:8]})"
+
+
+def main() -> None:
+    """Write the blocks that are named."""
+    there = dict(BLOCK.findall(PAGE.read_text(encoding="utf-8")))
+    if unknown := [name for name in sys.argv[1:] if name not in there]:
+        sys.exit(f"docs/speed.md has no block {', '.join(unknown)}; it has {', '.join(there)}")
+    for name in sys.argv[1:] or there:
+        block = f"<!-- measured: {name} -->\n\n{measured(name)}\n<!-- end -->"
+        text = PAGE.read_text(encoding="utf-8")
+        text = BLOCK.sub(lambda found, new=block, own=name: new if found[1] == own else found[0], text)
+        PAGE.write_text(text, encoding="utf-8")  # each as soon as it is there
+
+
+if __name__ == "__main__":
+    main()
