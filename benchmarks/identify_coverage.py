@@ -1,6 +1,10 @@
 """How often the intervals of `wavesweep identify` contain the truth, and how often a wrong model is called explained.
 
     PYTHONPATH=. python benchmarks/identify_coverage.py [LOGS [SEED [KIND...]]]
+    PYTHONPATH=. python benchmarks/identify_coverage.py LOGS SEED beside SECONDS [KIND...]
+
+The second form is of logs on which more acts than they say (`simulated_logs.py`): Coulomb friction, a Stribeck curve, a
+drift, a hand, two masses with and without a drift; of 1e-4 to 100 kg, with encoders of 1e-4 to 1e-8 m, 0 to 4 ticks late.
 
 Logs come from marches in this file, which share no code with the fit: mass, damping, force, delay (a fraction of a tick, too),
 the speed at the start, the encoder and the place of its steps are random, and so is the force before the first row. A line
@@ -14,6 +18,8 @@ import time
 from math import exp, log
 
 import numpy as np
+from simulated_logs import KINDS as SIMULATED
+from simulated_logs import of_one_mass, of_two_masses
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
@@ -245,7 +251,51 @@ def study(kind, logs, seed=0):
         yield inside, float(np.diff(known["log_mass"])[0]) / 2, verdict.missing, time.perf_counter() - started
 
 
+def of_simulated(kind, logs, seed, seconds):
+    """Of each simulated log: which intervals contain the truth, by name, the error of the mass, and CPU seconds."""
+    two = kind.startswith("two masses")
+    if two:
+        simulated = of_two_masses(0.1 if kind.endswith("drift") else 0.0, logs, seed, seconds)
+    else:
+        simulated = of_one_mass(kind, logs, seed, seconds)
+    for log_of_kind in simulated:
+        truth = log_of_kind.truth
+        model = Model(friction=truth.get("friction", 0.0) > 0, load=two)
+        started = time.process_time()
+        try:
+            fit, _ = identified(
+                model, log_of_kind.force, log_of_kind.reading - log_of_kind.reading[0], log_of_kind.period, log_of_kind.step
+            )
+        except UsageError:
+            yield None, np.nan, np.nan, time.process_time() - started
+            continue
+        reach = dict(zip(fit.model.names, fit.half + fit.extra, strict=True))
+        found = dict(zip(fit.model.names, fit.theta, strict=True))
+        truth = truth | {LOGARITHMS[name]: log(truth[name]) for name in LOGARITHMS if name in truth}
+        inside = {name: bool(abs(found[name] - truth[name]) <= reach[name]) for name in found if name in truth}
+        error = abs(found["log_mass"] - truth["log_mass"])
+        yield inside, error, float(reach["log_mass"]), time.process_time() - started
+
+
+def beside(logs, seed, seconds, kinds):
+    """Print a line for each kind of simulated log."""
+    for kind in kinds or [*SIMULATED, "two masses", "two masses, drift"]:
+        inside, error, half, used = zip(*of_simulated(kind, logs, seed, seconds), strict=True)
+        answered = [each for each in inside if each]
+        names = answered[0] if answered else ()
+        shares = ", ".join(f"{name} {np.mean([each[name] for each in answered]):.3f}" for name in names)
+        errors = f"error {100 * np.nanmedian(error):.2g} % (largest {100 * np.nanmax(error):.2g})"
+        print(
+            f"{kind:18} {seconds:g} s: {len(answered)} of {logs} answered; {shares}; mass half-width "
+            f"{100 * np.nanmedian(half):.2g} %, {errors}; {np.median(used):.2f} CPU s (at most {max(used):.2f})",
+            flush=True,
+        )
+
+
 def main():
+    if sys.argv[3:4] == ["beside"]:
+        beside(int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[4]), sys.argv[5:])
+        return
     logs = int(sys.argv[1]) if len(sys.argv) > 1 else 80
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     for kind in sys.argv[3:] or KINDS:

@@ -357,6 +357,37 @@ def test_numbers_below_zero_are_said(tmp_path):
     assert "allows a damping below 0" in text
 
 
+@pytest.mark.slow
+def test_a_log_whose_columns_are_of_other_rows_is_told_by_how_many(tmp_path):
+    source = np.random.default_rng(0)
+    force = force_of("noise", source, 1000)
+    position = read(marched(0.1, 1.0, force), 1e-6, source)
+    path = written(tmp_path / "early.csv", force[:-40], position[40:])
+    with pytest.raises(UsageError, match=r"early.csv: .*; the reading seems to be 40 rows ahead of its force"):
+        wavesweep.identify(path)
+
+
+@pytest.mark.slow
+@pytest.mark.thorough
+def test_the_piece_of_a_log_that_tells_the_mass_is_named(tmp_path):
+    """The encoder counts wrongly all the time but in the second of four pieces."""
+    source = np.random.default_rng(0)
+    force = force_of("noise", source, 2000)[:2000]
+    position = read(marched(0.1, 1.0, force), 1e-6, source)
+    wrong = np.cumsum(1e-2 * source.standard_normal(2000))
+    wrong[500:1000] = wrong[500]
+    with pytest.raises(
+        UsageError, match=r"wrong.csv: .*the piece from 0.5 to 0.999 s alone gives 0.0?[019]\S* to 0.10?\S*: cut"
+    ):
+        wavesweep.identify(written(tmp_path / "wrong.csv", force, position + wrong))
+
+
+def test_a_log_may_begin_with_blank_lines(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("\n\r\n\n" + "\n".join(GOOD))
+    assert len(read_log(path, {}, {}).reading) == len(GOOD) - 1
+
+
 def test_other_columns_may_hold_anything(tmp_path):
     """Words, nothing, or a comma too many at the ends of the rows."""
     path = tmp_path / "log.csv"
@@ -388,7 +419,7 @@ def test_a_force_that_does_not_excite_the_mass_is_told(tmp_path):
     """A slow push of a device in syrup."""
     force = np.sin(2 * np.pi * 0.2 * np.arange(1500) / RATE)
     path = written(tmp_path / "slow.csv", force, read(moved(0.01, 40.0, force), 1e-4, np.random.default_rng(0)))
-    with pytest.raises(UsageError, match="the force does not excite the mass: it could be anything from"):
+    with pytest.raises(UsageError, match="what was measured leaves the mass open: it could be anything from"):
         wavesweep.identify(path)
 
 

@@ -33,6 +33,7 @@ LOGS = {
     "a column misspelt": [HEAD.replace("position", "positon"), *GOOD[1:]],
     "a column twice": [f"{HEAD},force", *(f"{line},1" for line in GOOD[1:])],
     "time that runs back": with_row(GOOD[10]),
+    "blank lines and a gap": ["", "", *GOOD[:30], *GOOD[33:]],
     "a gap": [*GOOD[:30], *GOOD[33:]],
     "time in nanoseconds": [HEAD, *(f"{k * 1e6},{k},{k * k}" for k in range(60))],
     "steps that grow": [HEAD, *(f"{(k / 1000) ** 1.3},{k},{k * k}" for k in range(200))],

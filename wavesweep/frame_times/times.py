@@ -101,7 +101,7 @@ def read_run(
         expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
         hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms" if options else "are they in ms?"
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
-    _refuse_lengths(path, name, durations, fast_hz, most)
+    _refuse_lengths(path, file.above, name, durations, fast_hz, most)
     return MeasuredFrames(begins, durations * fast_hz, file.sha256)
 
 
@@ -155,7 +155,7 @@ def _refuse_several(path, file) -> None:
             raise UsageError(f"{path}: {name}: expected the frames of one, found {len(values)} ({shown}); keep the rows of one")
 
 
-def _refuse_lengths(path, name, durations, fast_hz, most) -> None:
+def _refuse_lengths(path, above, name, durations, fast_hz, most) -> None:
     """Raise UsageError for frames shorter than a tick, or longer than the most ticks."""
     ticks, tick = durations * fast_hz, f"of {1e3 / fast_hz:.6g} ms"
     for wrong, expected, hint in (
@@ -164,5 +164,5 @@ def _refuse_lengths(path, name, durations, fast_hz, most) -> None:
     ):
         if wrong.any():
             row = int(wrong.argmax())
-            place = f"{path}:{row + (3 if name == 'time' else 2)}: {name}"
+            place = f"{path}:{above + row + (3 if name == 'time' else 2)}: {name}"
             raise UsageError(f"{place}: expected frames of {expected}, found one of {1e3 * durations[row]:.6g} ms{hint}")

@@ -119,7 +119,7 @@ def read_log(path: str | Path, columns: Mapping[str, str], scales: Mapping[str, 
     rows = file.numbers([places[name] for name in used.values()], LEAST_ROWS)
     readings = {name: rows[:, at] * scales.get(name, 1.0) for at, name in enumerate(used.values())}
     _refuse_constant(path, readings, motion)
-    period, jitter = _period(path, readings["time"])
+    period, jitter = _period(path, file.above, readings["time"])
     measured = next(name for name, derivative in MOTIONS.items() if motion in (name, derivative))
     force, first = readings[push] * (1.0 if constant is None else constant), float(readings["time"][0])
     return Log(force, readings[motion], measured, period, first, bool(turns), jitter, file.sha256, tuple(scales))
@@ -134,19 +134,19 @@ def _refuse_constant(path: str | Path, found: Mapping[str, np.ndarray], motion: 
             raise UsageError(f"{path}: {name}: expected a column that changes, found {column[0]:g} in every row; {why}")
 
 
-def _period(path: str | Path, times: np.ndarray) -> tuple[float, float]:
-    """The period (s) and the largest deviation of a time from equal steps, in periods."""
+def _period(path: str | Path, above: int, times: np.ndarray) -> tuple[float, float]:
+    """The period (s) and the largest deviation of a time from equal steps, in periods. above: blank lines above the header."""
     steps = np.diff(times)
     if (steps <= 0).any():
         row = int((steps <= 0).argmax())
         raise UsageError(
-            f"{path}:{row + 3}: time: expected times that increase, found {times[row + 1]:.9g} after {times[row]:.9g}"
+            f"{path}:{above + row + 3}: time: expected times that increase, found {times[row + 1]:.9g} after {times[row]:.9g}"
         )
     period = float(np.median(steps))
     if (steps > GAP * period).any():
         row = int((steps > GAP * period).argmax())
         problem = f"{steps[row]:.6g} s between two rows and {period:.6g} s between most"
-        raise UsageError(f"{path}:{row + 3}: time: expected equal steps, found {problem}; take a part without gaps")
+        raise UsageError(f"{path}:{above + row + 3}: time: expected equal steps, found {problem}; take a part without gaps")
     period = float(times[-1] - times[0]) / (len(times) - 1)
     if not SHORTEST <= period <= LONGEST:
         expected = f"expected steps of {SHORTEST:g} to {LONGEST:g} s, found {period:.6g} s"
@@ -157,7 +157,7 @@ def _period(path: str | Path, times: np.ndarray) -> tuple[float, float]:
         row = int(off.argmax())
         problem = f"a time {off[row]:.3g} steps from where equal ones of {period:.6g} s have it"
         raise UsageError(
-            f"{path}:{row + 2}: time: expected equal steps, found {problem}; resample the log, or take an even part"
+            f"{path}:{above + row + 2}: time: expected equal steps, found {problem}; resample the log, or take an even part"
         )
     return period, float(off.max())
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 FREQUENCY, NAME, COHERENCE = "frequency_hz", "admittance", "coherence"
 DERIVED = {NAME: 0, "mobility": 1, "accelerance": 2}  # responses of position, velocity and acceleration
 WALL, STABLE = ("B_VE", "K_VE"), "stable"
+BOM = b"\xef\xbb\xbf"  # of UTF-8, as some programs write it
 LEAST_ROWS = 8  # of a response that is fitted
 MOST_BYTES = 100_000_000
 MOST_POINTS, MOST_BYTES_OF_POINTS = 10_000, 10_000_000  # of a file that a spec names
@@ -50,7 +51,7 @@ class MeasuredWalls:
 
 def is_response(path: str | Path) -> bool:
     """Whether a file contains a frequency response and not a log."""
-    header = read_bytes(path, MOST_BYTES * 10).partition(b"\n")[0].decode("utf-8-sig", "replace")
+    header = read_bytes(path, MOST_BYTES * 10).removeprefix(BOM).lstrip(b"\r\n").partition(b"\n")[0].decode("utf-8", "replace")
     return FREQUENCY in [name.strip() for name in header.split(",")]
 
 

@@ -121,7 +121,10 @@ def _of_response(path: str, rate_hz: float | None, scales: Mapping[str, float], 
     parameters, unwidened = (_parameters(fit, fit.names, half, turns=False) for half in (fit.half + fit.extra, fit.half))
     for delay in (parameters["delay"], unwidened["delay"]) if rate_hz is None else ():
         delay["unit"] = "ms"
-    _refuse_unknown(path, unwidened)
+    try:
+        _refuse_unknown(unwidened)
+    except UsageError as refused:
+        raise UsageError(f"{path}: {refused}") from None
     residual = {
         "rms": float(np.sqrt(np.mean(np.abs(fit.residual) ** 2))),
         "correlation": fit.correlation,
@@ -174,6 +177,7 @@ def _facts(path, sha, asked, period, parameters, judged, started) -> dict[str, A
 def _of_log(path: str, given: FitOptions, model: Any) -> Table:
     from wavesweep.identification.explained import identified
     from wavesweep.identification.log import read_log, step_of
+    from wavesweep.identification.refusals import help_for
 
     started = time.perf_counter()
     columns, scales, resolution = given.get("columns", {}), given.get("scales", {}), given.get("resolution")
@@ -188,10 +192,13 @@ def _of_log(path: str, given: FitOptions, model: Any) -> Table:
         raise UsageError(f"{path}: --two-masses: expected a position or a velocity of the motor, found an acceleration")
     origin = log.reading[0] if log.measured == "position" else 0.0  # with it readings far from 0 would lose digits
     with one_thread():
-        fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
-    halves = fit.half + fit.extra, fit.half
-    parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
-    _refuse_unknown(path, unwidened)
+        try:
+            fit, verdict = identified(model, log.force, log.reading - origin, log.period, step)
+            halves = fit.half + fit.extra, fit.half
+            parameters, unwidened = (_parameters(fit, fit.model.names, half, log.turns, constants) for half in halves)
+            _refuse_unknown(unwidened)
+        except UsageError as refused:
+            raise UsageError(f"{path}: {refused}{help_for(model, log, step)}") from None
     options = {name: getattr(model, name) for name in ("spring", "friction", "delay")} | {"resolution": resolution}
     options |= ({"motor_constant": constants} if constants else {}) | ({"two_masses": True} if model.load else {})
     options |= {"scales": dict(scales), "columns": dict(columns)}
@@ -253,25 +260,25 @@ def _parameters(fit, fitted_names: Sequence[str], half: np.ndarray, turns: bool,
     return parameters
 
 
-def _refuse_unknown(path: str, parameters: Mapping[str, Any]) -> None:
+def _refuse_unknown(parameters: Mapping[str, Any]) -> None:
     """Raise UsageError for a mass that the log leaves open, and for numbers that are negative."""
     mass = parameters["mass"]
     if not mass["high"] < 3 * mass["low"]:
         estimates = ", ".join(f"{name} {spoken(estimate)}" for name, estimate in parameters.items() if name != "mass")
         raise UsageError(
-            f"{path}: the force does not excite the mass: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
+            f"what was measured leaves the mass open: it could be anything from {mass['low']:.2g} to {mass['high']:.2g} "
             f"{mass['unit']} (with {estimates}); record a pulse, a chirp or noise that moves the device quickly"
         )
     for name in (name for name in ("load_mass", "coupling_stiffness") if name in parameters):
         if not (each := parameters[name])["high"] < KNOWN * each["low"]:
             raise UsageError(
-                f"{path}: the force does not excite the resonance of the two masses: the {name} could be anything from "
+                f"what was measured leaves the resonance of the two masses open: the {name} could be anything from "
                 f"{each['low']:.2g} to {each['high']:.2g} {each['unit']}; record a chirp or noise through the resonance"
             )
     for name in (*PATHS, *COUPLED):
         if name in parameters and parameters[name]["high"] < 0:
             said = f"expected a {name} of at least 0, found {spoken(parameters[name])}"
-            raise UsageError(f"{path}: {said}; is the sign of the force that of the position, and is nothing else driving it?")
+            raise UsageError(f"{said}; is the sign of the force that of the position, and is nothing else driving it?")
 
 
 def _unusual_of_log(mass: Mapping[str, Any], log: Any) -> str:

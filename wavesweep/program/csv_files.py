@@ -19,12 +19,13 @@ SHOWN = 60  # letters of a file that a message repeats
 
 @dataclass(frozen=True, eq=False)
 class Csv:
-    """A CSV file: the names in its header, the text below it, and the SHA-256 of the file."""
+    """A CSV file: the names in its header, the text below it, its SHA-256, and the blank lines above the header."""
 
     path: str | Path
     names: list[str]
     body: str
     sha256: str
+    above: int = 0
 
     @property
     def listed(self) -> str:
@@ -54,13 +55,15 @@ class Csv:
 
     def _place(self, name):
         if self.names.count(name) > 1:
-            raise UsageError(f"{self.path}:1: {name}: expected one column of this name, found {self.names.count(name)}")
+            raise UsageError(
+                f"{self.path}:{self.above + 1}: {name}: expected one column of this name, found {self.names.count(name)}"
+            )
         return self.names.index(name)
 
     def _fault(self, columns):
         """The message about the first row that cannot be used; empty if there is none."""
         width = len(self.names)
-        for number, row in enumerate(_rows(self.path, self.body.splitlines()), start=2):
+        for number, row in enumerate(_rows(self.path, self.body.splitlines()), start=self.above + 2):
             line = f"{self.path}:{number}"
             if width + 1 < len(row) <= 2 * width and "." not in "".join(row):
                 return f"{line}: expected points in numbers, found {','.join(row)[:SHOWN]}; are these decimal commas?"
@@ -92,17 +95,20 @@ def read_csv(path: str | Path, most: int) -> Csv:
     text = data.decode("utf-8-sig", "replace")
     if "\0" in text or "\ufffd" in text:
         raise UsageError(f"{path}: expected a CSV file in UTF-8, found bytes that are not text; export it as CSV")
-    header, _, body = text.replace("\r\n", "\n").replace("\r", "\n").partition("\n")
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    above = len(text) - len(text.lstrip("\n"))
+    header, _, body = text.lstrip("\n").partition("\n")
     for mark, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
         if mark in header.strip() and "," not in header:
             expected = "expected commas between columns and points in numbers"
-            raise UsageError(f"{path}:1: {expected}, found {word}; export it again with commas")
+            raise UsageError(f"{path}:{above + 1}: {expected}, found {word}; export it again with commas")
     if (columns := header.count(",") + 1) > MOST_COLUMNS:
-        raise UsageError(f"{path}:1: expected at most {MOST_COLUMNS} columns, found {columns}; export those that are needed")
+        expected = f"expected at most {MOST_COLUMNS} columns, found {columns}"
+        raise UsageError(f"{path}:{above + 1}: {expected}; export those that are needed")
     names = [name.strip() for name in next(_rows(path, [header]), [])]
     if names and all(name.replace(".", "").lstrip("-").isdigit() for name in names):
-        raise UsageError(f"{path}:1: expected a header with the names of the columns, found {header.strip()[:SHOWN]}")
-    return Csv(path, names, body, hashlib.sha256(data).hexdigest())
+        raise UsageError(f"{path}:{above + 1}: expected a header with the names of the columns, found {header.strip()[:SHOWN]}")
+    return Csv(path, names, body, hashlib.sha256(data).hexdigest(), above)
 
 
 def pairs(given: Iterable[str], option: str) -> dict[str, str]:

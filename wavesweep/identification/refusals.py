@@ -1,0 +1,79 @@
+"""What is said of a log that does not tell the mass: whether its columns are of other rows, and which piece of it does."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine.errors import UsageError
+from wavesweep.identification.log import Log
+from wavesweep.identification.model import Model
+from wavesweep.identification.prediction import FEWEST, MOST, predicted
+
+PIECES = (2, 4, 8)  # into how many equal pieces a log is cut
+ENOUGH = 3000  # rows with which a column is shifted
+SHORTEST = 200  # rows of a piece at least
+KNOWN = 1.2  # the highest over the lowest mass of a piece that helps
+FURTHEST = 4  # times the range of delays, to which a column is shifted against the other, either way
+
+
+def help_for(model: Model, log: Log, resolution: float) -> str:
+    """What would help to know the mass, as the end of a message; empty if nothing is found.
+
+    resolution: step of the readings.
+    """
+    return _other_rows(model, log, resolution) or _piece(model, log, resolution)
+
+
+def _other_rows(model, log, resolution):
+    """Whether the log tells the mass if one column is shifted, by more rows than a delay may have."""
+    if model.delay is not None:
+        return ""
+    reach = int(MOST - FEWEST)
+    log = replace(log, force=log.force[:ENOUGH], reading=log.reading[:ENOUGH])
+    shifts = range(reach // 2, FURTHEST * reach, reach // 2)
+    for shift in (*shifts, *(-rows for rows in shifts)):
+        force, reading = log.force, log.reading
+        if shift < 0:
+            force, reading = force[:shift], reading[-shift:]
+        else:
+            force, reading = force[shift:], reading[:-shift]
+        if len(force) < SHORTEST:
+            continue
+        found = _known(model, replace(log, force=force, reading=reading), resolution)
+        if found is not None:
+            late = found.numbers["delay"] - shift
+            side = "behind" if late > 0 else "ahead of"
+            return f"; the reading seems to be {abs(late):.0f} rows {side} its force: are the two columns of the same time?"
+    return ""
+
+
+def _piece(model, log, resolution):
+    """The piece of the log that tells the mass best, the longest first."""
+    rows = len(log.force)
+    for count in PIECES:
+        length = rows // count
+        if length < SHORTEST:
+            break
+        best = np.inf, ""
+        for first in range(0, length * count, length):
+            part = replace(log, force=log.force[first : first + length], reading=log.reading[first : first + length])
+            found = _known(model, part, resolution)
+            if found is not None and found.half[0] < best[0]:
+                begins, ends = (log.start + log.period * row for row in (first, first + length - 1))
+                low, high = np.exp(found.theta[0] - found.half[0]), np.exp(found.theta[0] + found.half[0])
+                said = f"; the piece from {begins:.6g} to {ends:.6g} s alone gives {low:.3g} to {high:.3g}: cut it out"
+                best = found.half[0], said
+        if best[1]:
+            return best[1]
+    return ""
+
+
+def _known(model, log, resolution):
+    """The fit by predictions, if it knows the mass."""
+    if np.ptp(log.reading) < 3 * resolution or not np.ptp(log.force):
+        return None
+    try:
+        found = predicted(model, log.force, log.reading - log.reading[0], log.period, resolution)
+    except (UsageError, np.linalg.LinAlgError):
+        return None
+    return found if 2 * found.half[0] < np.log(KNOWN) else None
