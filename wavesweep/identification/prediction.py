@@ -45,7 +45,7 @@ PASSES = 2  # of the smoother
 BLOCKS = (10, 20)
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
 OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))  # decades by which the variances are changed
-CHANGED = 6_000  # rows at most, with which they are changed
+CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
 NORMAL = 1.96
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
 COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
@@ -485,7 +485,7 @@ def _estimated(log, search, point, skip, before, moved):
         np.append(1e-3 * np.abs(gains), DIFFERENCE * search.size),
     )
     half = _half_widths(left, slopes, to_theta)
-    few = log if len(log.reading) <= CHANGED else log.part(0, CHANGED)
+    few = log.part(0, CHANGED_OF_TWO if log.model.load else CHANGED)
     free = [at for at in range(slopes.shape[1]) if at < count or search.names[at - count] not in ("white", "drift")]
     step = _step(few, search, point, skip, free)
     extra = np.zeros(len(theta))

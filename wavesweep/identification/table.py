@@ -348,7 +348,8 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 def _lines(found: Numbers) -> Iterator[Line]:
     yield f"{found['samples']} samples, {found['duration_s']:.6g} s at {found['rate_hz']:.6g} Hz", False
     yield from _spoken(found)
-    if "offset" not in found["parameters"] and found["measured"] != "acceleration":
+    followed = found["residual"].get("walked", 0.0) > 0  # of predictions, which follow a constant force as any other
+    if "offset" not in found["parameters"] and found["measured"] != "acceleration" and not followed:
         yield "no constant force was fitted: the device moves one way only, where it and friction are the same", True
     unit = READ[found["measured"]]
     left, unit = found["residual"], turned(unit) if found["turns"] else unit
@@ -360,6 +361,9 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield "each reading is within half a step of the model: the intervals are those of an encoder without noise", False
     if left["white_noise"] and found["explained"]:
         yield f"white noise of {left['white_noise']:.3g} {unit} in addition to the rounding", False
+    if followed and "friction" in found["parameters"]:
+        line = "friction and damping are a line over the speeds of the log; what falls with speed is in neither"
+        yield line, False
     yield from _judgement(found, "log")
 
 
