@@ -152,9 +152,9 @@ def _tried(frames, part, follows, work, narrow, words):
         used += spent
         if proved:
             return (), used, ()
-        keep = errors < SHARED
+        share, due = _left_out(A, found)
+        keep = errors * (1 - share) < SHARED
         if errors > OF_ERRORS:
-            share, due = _left_out(A, found)
             if share < 1 - OF_ERRORS:  # the rest is that of A itself
                 of_blocks = frames.unresolved(box)
                 due = share * due + (1 - share) * of_blocks / max(of_blocks.sum(), LEAST)
