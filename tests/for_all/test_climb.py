@@ -71,6 +71,18 @@ def test_a_climb_finds_a_narrow_place_within_its_box_and_the_same_one_again():
     np.testing.assert_array_equal(found.points, again.points)
 
 
+def test_a_climb_follows_a_narrow_ridge_that_bends():
+    """On a circle of the radius 0.74 the growth is 1 + q/10."""
+
+    def on_a_ring(points):
+        away = ((points**2).sum(-1) - 0.5476) / 0.005
+        return (1 + points[:, 1] / 10) / (1 + away**2)
+
+    box = np.array([[-1.0, -1.0], [1.0, 1.0]])
+    found = climb(Growth(on_a_ring, 1e3), box, corners_of(box))
+    assert found.growth[0] == pytest.approx(1.074, abs=1e-3)
+
+
 def test_a_climb_moves_by_factors_over_decades():
     box = np.array([[1e-6], [1e6]])
     found = climb(Growth(lambda p: 2 * p[:, 0] / (1 + p[:, 0] ** 2), 1e3), box, corners_of(box))

@@ -22,9 +22,9 @@ SCATTERED, LEAST_SCATTERED = 256, 32  # members that are tried first, beside tho
 BEST, OTHERS = 4, 4  # of those, from which the climb goes on: the worst, and some of the next
 NEXT = 64
 MOVES = 8  # of each in a step, half of them along some numbers alone
-STEPS = 40
+STEPS = 80
 FIRST = 0.4  # step of each, in halves of a range
-LONGER, SHORTER = 1.4, 0.6  # the next step of one that has moved, and of one that has not
+LONGER, SHORTER = 2.0, 0.7  # the next step of one that has moved, and of one that has not
 DECADE = 10.0  # ratio of the ends of a range above which steps are factors
 OPERATIONS = 3e8  # of a climb
 OF_A_MEMBER = 2e4  # operations beside those of its matrices
@@ -74,17 +74,20 @@ def climb(growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float
     chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
     points, values = found.points[chosen], found.growth[chosen]
     step, left = np.full((len(points), 1), FIRST), most - len(found.points)
+    last = np.zeros((len(points), wide.size))
     for _ in range(STEPS):
         if left < 0:
             break
         moves = step * rng.normal(size=(MOVES, len(points), wide.size))
         moves[::2] *= rng.random(moves[::2].shape) < 1 / wide.size
+        moves[1] += LONGER * last  # on along a ridge
         places = np.repeat(points[None], MOVES, 0)
         units = _units(box[:, wide], places[..., wide]) + moves
         places[..., wide] = _numbers(box[:, wide], np.clip(units, -1.0, 1.0))
         reached = growth.of(places.reshape(-1, box.shape[1])).reshape(MOVES, -1)
         best = reached.argmax(0), np.arange(len(points))
         better = reached[best] > values
+        last = np.where(better[:, None], moves[best], 0.0)
         points = np.where(better[:, None], places[best], points)
         values = np.where(better, reached[best], values)
         step = step * np.where(better, LONGER, SHORTER)[:, None]
