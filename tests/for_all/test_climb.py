@@ -72,15 +72,15 @@ def test_a_climb_finds_a_narrow_place_within_its_box_and_the_same_one_again():
 
 
 def test_a_climb_follows_a_narrow_ridge_that_bends():
-    """On a circle of the radius 0.74 the growth is 1 + q/10."""
+    """On a circle of the radius 0.74 the growth is 1 + q/10, up to 1.074; steps that only shrink end at 1.0616."""
 
     def on_a_ring(points):
-        away = ((points**2).sum(-1) - 0.5476) / 0.005
+        away = ((points**2).sum(-1) - 0.5476) / 0.05
         return (1 + points[:, 1] / 10) / (1 + away**2)
 
     box = np.array([[-1.0, -1.0], [1.0, 1.0]])
     found = climb(Growth(on_a_ring, 1e3), box, corners_of(box))
-    assert found.growth[0] == pytest.approx(1.074, abs=1e-3)
+    assert found.growth[0] > 1.065
 
 
 def test_a_climb_moves_by_factors_over_decades():
