@@ -24,7 +24,7 @@ SURE = 8.0  # expected significance at which an effect is seen in spite of error
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
 CLEAR = 0.3  # share of the residual that an effect has to remove to be named
 LIKELIER = 15.0  # logarithm of the odds by which an effect has to explain the innovations better
-TRIED = 8000  # samples at most to which a model with one more effect is fitted
+TRIED = 3000  # samples at most to which a model with one more effect is fitted
 
 
 @dataclass(frozen=True)
