@@ -11,6 +11,7 @@ from scipy.signal import cont2discrete
 pytest.importorskip("wavesweep.for_all", reason="margins for all of [for_all] are proved by it")
 from wavesweep import UsageError, load
 from wavesweep.engine.stability.sampled_frames import Frames
+from wavesweep.for_all import boxes
 from wavesweep.margins import box_margins
 from wavesweep.margins.box_margins import Arc, margins_for_all
 from wavesweep.margins.broken_loops import broken_at
@@ -85,9 +86,23 @@ def test_values_are_proved_one_by_one_and_the_worst_counts():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["gain_up", "phase", "disk"])
+def test_what_few_loops_of_a_box_lack_is_not_proved(name):
+    """About a = 7.93 the gain is half as large again."""
+    bump = "k*(1 + 0.5*exp(-((a - 7.93)/0.02)**2))"
+    spec = load(LAG | {"block": LAG["block"] | {"pd": {"type": "gain", "k": bump, "every": "every"}}})
+    ranges = load(spec.tables() | {"for_all": {"a": {"start": 7.85, "stop": 8.05}}}).for_all.unknown
+    (case,) = box_margins._cases(spec, "net.y", ranges, {})
+    sizes = [box_margins.size_of(case._at((a,))[name], case.period) for a in (7.93, 7.85)]
+    assert sizes[0] < 0.9 * sizes[1]
+    assert case._proved(name, 0.99 * sizes[0])[0] == pytest.approx(0.99 * sizes[0], rel=1e-9)
+    assert case._proved(name, 0.97 * sizes[1])[0] < sizes[0]
+
+
+@pytest.mark.slow
 @pytest.mark.thorough
 def test_a_disk_whose_proof_ends_early_has_neither_margin_nor_gain_nor_phase(monkeypatch):
-    monkeypatch.setattr(box_margins, "FRAMES", 2)
+    monkeypatch.setattr(boxes, "WORK", 1.0)
     found = for_all(LAG, "plant.y", a=BOX["a"])
     for each in (found["disk"], found["disk_gain"], found["disk_phase"]):
         assert np.isnan(each.value)

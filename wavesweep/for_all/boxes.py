@@ -1,12 +1,53 @@
-"""What `margins` asks of [for_all]: all loops of a box, and the maps that prove that they are stable."""
+"""What `margins` asks of [for_all]: all loops of a box, and the proof that they are stable."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.for_all.asked_ranges import values_of_range
-from wavesweep.for_all.guardian_maps import GuardianMaps, of_complex_frames
+from wavesweep.for_all.frames_over import constant_frames
+from wavesweep.for_all.ranges import cover
 from wavesweep.for_all.rows import numbers_in_words, refuse_unsuitable_ranges
-from wavesweep.for_all.unknown import drift_over, frames_over
+from wavesweep.for_all.sides import as_numbers, as_sides, side_of
+from wavesweep.for_all.unknown import ALWAYS, drift_over, frames_over
 from wavesweep.program.spec import Spec
 
-__all__ = ["GuardianMaps", "drift_over", "frames_over", "numbers_in_words", "of_complex_frames", "values_of_range", "varying"]
+__all__ = ["drift_over", "frames_over", "numbers_in_words", "proved_stable", "values_of_range", "varying"]
+
+WORK = 1e11  # operations that the proof for a box may take
+ORDER = 6  # of polynomials at most: with a complex factor there are twice as many states
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stable:
+    """What is proved of a box: all loops up to `end` of its first side, and whether that is all of it.
+
+    met: the numbers next to which the proof has ended, if it is not.
+    """
+
+    end: float
+    whole: bool
+    met: tuple[float, ...] | None
+
+
+def proved_stable(
+    loop: Loops, sides: Sequence[Side], ends: np.ndarray, ranges: Sequence[str], box: np.ndarray, up: bool
+) -> Stable:
+    """Return up to where all loops of a box are stable, from an end of its first side on.
+
+    sides: the first of the box, with their ends `(2, sides)`. ranges, box: paths of the other numbers, with their ends `(2,
+    numbers)`. up: from the low end on.
+    """
+    all_sides = [*sides, *(side_of(*loop, path, pair) for path, pair in zip(ranges, box.T, strict=True))]
+    whole = np.column_stack([ends, as_sides(box, all_sides[len(sides) :])])
+    found = cover(constant_frames(loop, all_sides, whole, ORDER), whole, ALWAYS, WORK, up)
+    if not found.open:
+        return Stable(found.end, True, None)
+    place = found.point if found.word else found.open[0].mean(0)
+    return Stable(found.end, False, tuple(as_numbers(place, all_sides).tolist()))
 
 
 def varying(spec: Spec) -> list[str]:

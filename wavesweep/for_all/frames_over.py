@@ -152,13 +152,13 @@ class FramesOver:
         return frames.at(self.kept, self.kept)
 
 
-def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray) -> FramesOver:
-    """Return the frames of a loop whose frames are all alike over the cells of a box of sides."""
+def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray, most: int = ORDERS[1]) -> FramesOver:
+    """Return the frames of a loop whose frames are all alike over the cells of a box of sides. most: of the order."""
     inside = inside_of(box)
     values = {**loop.values, **{side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}}
     drawn = assembled(loop.drawing, values)
     numbers = int((box[0] < box[1]).sum())
-    order = ORDERS[numbers] if numbers < len(ORDERS) else ORDER
+    order = min(ORDERS[numbers] if numbers < len(ORDERS) else ORDER, most)
     enclosed = EnclosedLoop(loop.drawing, loop.values, sides, order)
     running, kind = drawn.schedule()
     held = drawn.held()

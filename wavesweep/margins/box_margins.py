@@ -1,10 +1,10 @@
 """Margins that hold for all numbers of [for_all]: searched for the worst numbers, then proved for all of them.
 
 A factor k of the signal is one more number of the loop, and a margin is a path of k that starts at 1, over its size p: gains
-`exp(p)` and `exp(-p)`, the phase `exp(j p)`. Guardian maps, which [for_all] offers, prove that the frame is stable along the
-path for all numbers of the box; one with complex k has a real form of twice the size. A disk is proved if the frame is stable
-all along its rim, `k = (1 + p exp(j psi))/(1 - p exp(j psi))`, as the spectral radius of a frame that is analytic in k has no
-peak inside. Delays are no factors of a frame: see `Arc`.
+`exp(p)` and `exp(-p)`, the phase `exp(j p)`, the disk `k = (1 + p exp(j psi))/(1 - p exp(j psi))`. [for_all] proves that all
+loops along the path are stable, for all numbers of the box; one with complex k is a real loop of twice the size. Where frames
+are polynomials in k, a disk is proved on its rim alone, as the spectral radius of a frame that is analytic in k has no peak
+inside. Delays are no factors of a frame: they are checked with bounds that are sampled, see `Arc`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,22 +15,27 @@ from itertools import chain, product
 import numpy as np
 
 from wavesweep.capabilities import modules
+from wavesweep.engine.drawing.complex_gain import TWIN, with_complex_factor
 from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.drawing.expressions import with_trees
 from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
+from wavesweep.engine.drawing.parsing import parse
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.dead_time import pieces_of, timing
 from wavesweep.engine.loops.domain import domain
-from wavesweep.engine.loops.resolution import Resolution, Side
+from wavesweep.engine.loops.resolution import Resolution
+from wavesweep.engine.loops.resolution import Side as Expressed
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.search.open_loops import ANY
+from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.engine.stability.certificate import NONE, SEARCH
-from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive, positive
+from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive
 from wavesweep.engine.stability.sampled_frames import Frames
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
-from wavesweep.margins.loop_margins import MOST, SPANS, BrokenLoop, Margin, disk_margins
+from wavesweep.margins.loop_margins import MOST, BrokenLoop, Margin, disk_margins
 from wavesweep.program.spec import Axis, Spec
 
 boxes = next(modules("boxes"))  # there, as the spec has its table
@@ -38,16 +43,29 @@ NEAR = 4e-3  # of a margin that is refuted, how far from it a proof is tried
 SETTLED = 1e-2  # of a margin, how far proof and refutation may be apart
 HALVINGS = 6  # of the steps of the search for the worst numbers
 SHARES = 1.0, 0.97, 0.9, 0.7  # of a margin, tried in turn
-FRAMES, FRAMES_OF_DELAY = 60_000, 200_000  # that a proof may take
+FRAMES = 200_000  # that the check of a delay may take
 ROUNDS = 6  # of search and proof
 SWEEPS = 12  # of balancing
 TERMS = 16.0  # errors of the entries of a frame, in roundings of their sizes
+ROUNDED = 1e-12  # of a size that is proved, for the rounding of its factor
+SIZE, ANGLE = "size at the cut", "angle at the cut"  # numbers of no spec
+LOGARITHM = Side(path_of(GAIN), 0.0)
+DISK = tuple(
+    with_trees(parse(text), {"p": ("name", SIZE, 0), "psi": ("name", ANGLE, 0)})
+    for text in ("(1 - p*p)/(1 - 2*p*cos(psi) + p*p)", "2*p*sin(psi)/(1 - 2*p*cos(psi) + p*p)")
+)
+# real and imaginary part of a factor, and the sides of a proof along it
+TURNED = {
+    "phase": (("cos", ("name", SIZE, 0), 0), ("sin", ("name", SIZE, 0), 0), [Side(path_of(SIZE))]),
+    "disk": (*DISK, [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
+}
 ENDS = {"gain_up": np.log(MOST), "gain_down": np.log(MOST), "phase": np.pi, "delay": np.inf, "disk": 1.0}
 
 
 METHOD_FOR_ALL = (
-    "the guardian map along a path of factors of the signal, and functions of L beside the arc of a delay, interpolated with "
-    "sampled bounds over all numbers at once, positive by Bernstein coefficients; refuted by the worst numbers found"
+    "gains, phase and disk proved along their factors of the signal by forms that decrease, over Taylor models of ticks; "
+    "the delay checked: functions of L beside its arc, interpolated over all numbers with sampled bounds, positive by "
+    "Bernstein coefficients; refuted by the worst numbers found"
 )
 
 
@@ -55,9 +73,9 @@ METHOD_FOR_ALL = (
 class BoxMargin:
     """A margin of all loops of a box.
 
-    value: what is proved, NaN if nothing is. refuted: the least that a loop of the box was seen to have, NaN without; omega:
-    its frequency, rad/s; counterexample: the numbers of that loop. settled: whether both are within SETTLED of each other.
-    limited: whether there is a limit. doubt: why nothing is proved, a code.
+    value: what is proved, of a delay what is checked, NaN if nothing is. refuted: the least that a loop of the box was seen to
+    have, NaN without; omega: its frequency, rad/s; counterexample: the numbers of that loop. settled: whether both are within
+    SETTLED of each other. limited: whether there is a limit. doubt: why nothing is proved, a code.
     """
 
     name: str
@@ -190,7 +208,7 @@ class _Case:
     @cached_property
     def _corners(self):
         """The corners of the box, its middle, and where expressions are least or largest."""
-        extremes = Resolution(*self.loop, list(map(Side, self.ranged))).extremes(self.box)
+        extremes = Resolution(*self.loop, list(map(Expressed, self.ranged))).extremes(self.box)
         points = [*product(*self.box.T.tolist()), tuple(self.box.mean(0).tolist()), *map(tuple, extremes.tolist())]
         return points if self.ranged else [()]
 
@@ -235,86 +253,59 @@ class _Case:
 
     def _proved(self, name, size) -> tuple[float, list[tuple[float, ...]]]:
         """The size of a margin, up to this one, that is proved, and points next to which it may be smaller."""
-        proved = 0.0
         if name == "delay":
             covered = self._delay(size)
-        elif name == "disk":
-            covered = self._disk(size)
-        else:
-            turn = {"gain_up": 1.0, "gain_down": -1.0, "phase": 1j}[name]
-            for end in sorted({size, *np.log(SPANS)}) if turn.real else [size]:
-                covered = self._along(turn, proved, min(end, size))
-                proved = min([end, size, *covered.open[:, 0, 0]])
-                if len(covered.open) or proved == size:
-                    break
-        own_axes = -len(self.ranged)
-        met = np.concatenate([covered.unstable[:, own_axes:], covered.open[-1:, :, own_axes:].mean(1)])
-        return (proved if len(covered.open) else size), [tuple(pair) for pair in met.tolist()]
+            met = np.concatenate([covered.unstable[:, 1:], covered.open[-1:, :, 1:].mean(1)])
+            return (0.0 if len(covered.open) else size), [tuple(pair) for pair in met.tolist()]
+        found = self._stable(name, size)
+        proved = abs(found.end)
+        if name == "disk" and self._delayed and not found.whole:
+            proved = 0.0
+        if proved < ENDS[name]:
+            proved *= 1 - ROUNDED
+        return proved, [] if found.met is None else [found.met[-len(self.ranged) :]]
 
-    def _along(self, turn, low, high) -> Cover:
-        """The proof of a part of the path `k = exp(turn p)`."""
-        if turn.real:
-            functions = boxes.GuardianMaps(lambda x: self.closed(np.exp(turn * x[:, 0]), x[:, 1:]))
-        else:
-            functions = Turned(self.closed, lambda p, sign: (np.exp(sign * turn * p), np.ones(p.shape)), 1)
-        return self._cover(positive, functions, [[low, high]], FRAMES)
+    @cached_property
+    def _delayed(self):
+        """Whether the signal comes back in no tick at once, so that frames have no poles in its factor and the rim is enough.
 
-    def _disk(self, radius) -> Cover:
-        """The proof of a disk; where the signal comes back within a tick, of all smaller ones too, which may have poles."""
-        pivots = np.array([self.closed(np.full(len(self._corners), k), np.array(self._corners)).pivots for k in ANY])
-        low = radius if (pivots[0] == pivots[1]).all() else 0.0
-        return self._cover(positive, Turned(self.closed, _rim, 2), [[low, radius], [0.0, np.pi]], FRAMES)
+        What depends on the factor anywhere does so at a place that nobody has chosen.
+        """
+        place = self.box[0] + (self.box[1] - self.box[0]) * (np.sqrt(np.arange(2, 2 + len(self.ranged))) % 1)
+        pivots = self.closed(np.array(ANY), np.array([place, place])).pivots
+        return bool((pivots[0] == pivots[1]).all())
+
+    def _stable(self, name, size):
+        """What is proved of the factors of a margin up to a size, see above, for the whole box."""
+        rest = self.ranged, self.box, name != "gain_down"
+        if name in TURNED:
+            re, im, sides = TURNED[name]
+            drawing = with_complex_factor(self.loop.drawing, re, im)
+            built = {path: self.loop.values[path.replace(TWIN, "")] for path in drawing.building}
+            ends = np.array([[0.0, 0.0], [size, np.pi]])[:, : len(sides)]
+            ends[0, 0] = size if name == "disk" and self._delayed else 0.0
+            return boxes.proved_stable(Loops(drawing, {**self.loop.values, **built}), sides, ends, *rest)
+        ends = np.array([[0.0], [size]]) if name == "gain_up" else np.array([[-size], [0.0]])
+        return boxes.proved_stable(Loops(*self.loop), [LOGARITHM], ends, *rest)
 
     def _delay(self, frames) -> Cover:
-        """The proof that so many frames of delay, and fewer, leave the loop stable."""
+        """The check that so many frames of delay, and fewer, leave the loop stable."""
         half, edge = (min(turn / frames, np.pi) for turn in (np.pi, 2 * np.pi))
         stretches = [(edge, np.pi, Arc.WAYS[:1])]
         stretches += [(half, edge, (*Arc.WAYS[:2], "beyond"))] if half < edge else []
         stretches += [(0.0, half, (*Arc.WAYS[:2], "past", "before"))] if half > 0 else []
         for low, high, ways in stretches:
             arcs = [Arc(self.closed, frames, arc_way) for arc_way in ways]
-            covered = self._cover(any_positive, arcs, [[low, high]], FRAMES_OF_DELAY)
+            box, limits = (np.column_stack(pair) for pair in (([low, high], self.box), ([-np.inf, np.inf], self.limits)))
+            resolution = Resolution(*self.loop, [Expressed(), *map(Expressed, self.ranged)])
+            covered = any_positive(arcs, box, limits, FRAMES, resolution)
             if len(covered.open):
                 break
         return covered
 
-    def _cover(self, prove, functions, sides, most) -> Cover:
-        """The proof that functions are positive over the box with further sides before its own, from so many frames at most."""
-        sides = np.array(sides, float).T
-        free, own_sides = np.full(sides.shape, np.inf) * [[-1.0], [1.0]], [*[Side()] * sides.shape[1], *map(Side, self.ranged)]
-        limits = np.column_stack([free, self.limits])
-        return prove(functions, np.column_stack([sides, self.box]), limits, most, Resolution(*self.loop, own_sides))
-
     def closed(self, k, x) -> Frames:
         """The frames of loops with the numbers x, `(n, numbers)`, and factors k of the signal, `(n,)`."""
         return self.frames_at(np.column_stack([k, x]))
-
-
-def _rim(p, psi, sign):
-    """The factor, and what is zero at its pole."""
-    d = p * np.exp(1j * sign * psi)
-    return (1 + d) / (1 - d), 1 - d
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Turned:
-    """The guardian map of frames along a path of complex factors, a function of the first `sides` numbers: see `Functions`."""
-
-    closed: Callable[[np.ndarray, np.ndarray], Frames]
-    path: Callable[..., tuple[np.ndarray, np.ndarray]]
-    sides: int
-
-    def units(self, middle) -> np.ndarray:
-        """The units in which the states have similar sizes, `(n,)`."""
-        return _units(self.closed(np.ones(1), middle[None, self.sides :]))
-
-    def values(self, x, units):
-        """Phase, logarithm, error and pivots at points `(n, sides + numbers)`."""
-        turns = (self.path(*x[:, : self.sides].T, sign) for sign in (1, -1))
-        k, pole = (np.concatenate(column) for column in zip(*turns, strict=True))
-        closed = self.closed(k, np.concatenate([x[:, self.sides :]] * 2))
-        pivots = np.multiply(*np.split(closed.pivots * pole[:, None], 2))
-        return FunctionValues(*boxes.of_complex_frames(*np.split(closed.E, 2), units), pivots)
 
 
 def _units(frames):

@@ -25,7 +25,7 @@ def margins(spec: str, options: Options, cut: str) -> None:
     samples.
 
     No grid of frequencies is used: gains are the ends of a certified stable interval, phases come from all crossings of the
-    gain 1, peaks from level sets. With unknown numbers in [for_all] there are also rows of the margins that are checked for all
+    gain 1, peaks from level sets. With unknown numbers in [for_all] there are also rows of the margins that are proved for all
     of them, with the numbers that refute larger ones.
 
     \b

@@ -102,7 +102,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
     its limit, and below it the closed loop's response to a step of the signal. All of this is computed from the spec of the
     table, the curves so densely that no step shows. family: names and specs of other loops, which have a curve in each
     panel and no margins; by default those at the ends of the ranges of [for_all], see `ends_of_ranges`, with the disk that
-    is checked for all of them.
+    is proved for all of them.
     """
     from wavesweep.program.spec import load
 
@@ -124,7 +124,7 @@ def margins(columns: Columns, facts: Mapping[str, Any], family: Family = ()) -> 
         cut_off = draw_nyquist(panels["nyquist"], loop, cut, other_loops)
         if (*proved, np.inf)[0] < np.inf:
             rim = disk_of(proved[0])
-            said = f"disk margin {tables['for_all']['disk'][0]:.3g}, checked for all of [for_all]"
+            said = f"disk margin {tables['for_all']['disk'][0]:.3g}, proved for all of [for_all]"
             panels["nyquist"].plot(rim.real, rim.imag, color=_DISK, linewidth=1.0, zorder=1.8, label=said)
         draw_bode(panels["gain"], panels["phase"], loop, other_loops)
         handles, labels = panels["nyquist"].get_legend_handles_labels()

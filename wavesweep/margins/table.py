@@ -134,7 +134,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield _line(name, margin, at)
     yield from in_doubt(found["doubts"], found["rows"], "not certified")
     if of_all := found.get("for_all"):
-        yield "checked for all numbers of [for_all] (for_all):", False
+        delay = ", the delay margin checked" if "delay" in of_all else ""
+        yield f"proved for all numbers of [for_all] (for_all){delay}:", False
         unstable = next(iter(of_all.values()))
         if unstable["value"] is None and unstable["counterexample"] and unstable["fails_from"] is None:
             yield f"nothing: not stable with {unstable['counterexample']}", True

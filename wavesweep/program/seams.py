@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from wavesweep.engine.loops.batch import Loops
     from wavesweep.engine.monodromy.drift import MarginalModes
     from wavesweep.engine.search.interval_search import Search
+    from wavesweep.engine.sets.enclosed_loop import Side
     from wavesweep.program.analyses.interval_jobs import Guarantee
     from wavesweep.program.reading.tables import SpecTable
     from wavesweep.program.row_kinds import RowKind
@@ -118,8 +119,6 @@ class GuaranteeModule(Protocol):
 class BoxesModule(Protocol):
     """All loops of a box of numbers, for margins that hold for all of them; see `for_all.boxes`."""
 
-    GuardianMaps: Any
-
     def varying(self, spec: Spec) -> list[str]:
         """The paths of the numbers that vary. Errors: UsageError for ranges that a box cannot have."""
 
@@ -135,8 +134,10 @@ class BoxesModule(Protocol):
     def frames_over(self, loop: Loops, paths: Sequence[str], drift: MarginalModes, x: np.ndarray) -> Any:
         """The frames at points of the box, `(points, numbers)`."""
 
-    def of_complex_frames(self, E: np.ndarray, conjugate: np.ndarray, units: float = 1.0) -> Any:
-        """The guardian map of complex frames in delta form."""
+    def proved_stable(
+        self, loop: Loops, sides: Sequence[Side], ends: np.ndarray, ranges: Sequence[str], box: np.ndarray, up: bool
+    ) -> Any:
+        """Up to where all loops of a box are proved stable, from an end of its first side on."""
 
 
 class TicksModule(Protocol):

@@ -12,7 +12,6 @@ import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.stability.along_any import BENT, stable_along_any
 from wavesweep.engine.stability.stable import stable_intervals
-from wavesweep.for_all import guardian_maps
 
 RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
@@ -157,62 +156,6 @@ def test_two_close_crossings_are_both_found():
         np.testing.assert_allclose(found.high[0], 0.37 - 1e-6, atol=1e-9)
         np.testing.assert_allclose(found.low[1], 0.37 + 1e-6, atol=1e-9)
     assert found.count[0] == 2 or not found.certified.any()
-
-
-FUNCTIONS = (guardian_maps.from_coefficients, guardian_maps.from_eigenvalues)
-
-
-@pytest.mark.parametrize("function", FUNCTIONS)
-def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_others(function):
-    E = np.random.default_rng(4).normal(size=(600, 5, 5))
-    together = function(E)
-    for column in (0, 1, 17, 511, 512, 599):
-        alone = function(E[column : column + 1])
-        for one, all_ in zip(alone, together, strict=True):
-            assert np.array_equal(one[:, 0], all_[:, column])
-
-
-def test_the_critical_function_of_many_slow_modes_is_as_small_as_their_product():
-    """The determinant that it comes from is beyond the smallest double."""
-    w = 1e-7 * 3.0 ** np.arange(6) * np.exp(1j * np.linspace(1.6, 2.9, 6))
-    E = np.zeros((2, 12, 12))
-    for k, each in enumerate(w):
-        E[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[each.real, -each.imag], [each.imag, each.real]]
-    both = np.concatenate([w, w.conj()])
-    pairs = [-(both[i] + both[j] + both[i] * both[j]) for i in range(12) for j in range(i)]
-    assert np.log(np.abs(pairs)).sum() < -750
-    for function in FUNCTIONS:
-        phase, log, error = (part[guardian_maps.PAIR] for part in function(E))
-        assert guardian_maps.EPS * error.max() < 1e-3
-        assert log == pytest.approx(np.log(np.abs(pairs)).sum(), abs=1e-3)
-        assert phase.real == pytest.approx(np.sign(np.prod([each / abs(each) for each in pairs]).real))
-
-
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize("order", range(1, 13))
-@pytest.mark.parametrize("imaginary", [0.0, 0.3])
-def test_the_critical_functions_are_the_products_that_they_stand_for_within_their_bounds(order, imaginary):
-    random = np.random.default_rng(order)
-    E = (
-        0.4 * random.normal(size=(40, order, order))
-        + imaginary * 1j * random.normal(size=(40, order, order))
-        - 0.5 * np.eye(order)
-    )
-    E = E if imaginary else E.real
-    units = 2.0 ** random.integers(-20, 20, size=(40, order))
-    parts = [function(E / (units[:, None, :] / units[:, :, None]), units) for function in FUNCTIONS]
-    for k in range(0, 40, 20):
-        with mpmath.workdps(50):
-            w, _ = mpmath.eig(mpmath.matrix(E[k].tolist()))
-            pairs = [1 - (1 + w[i]) * (1 + w[j]) for i in range(order) for j in range(i)]
-            exact = [mpmath.fprod(pairs), mpmath.fprod(-each for each in w), mpmath.fprod(2 + each for each in w)]
-        for phase, log, error in parts:
-            found = phase[:, k] * np.exp(log[:, k])
-            # A bound to first order, for rounding as it usually is: an order of magnitude is allowed for.
-            off = [abs(complex(one) - other) for one, other in zip(exact, found, strict=True)]
-            assert np.all(off <= 10 * np.finfo(float).eps * (error[:, k] + order) * np.abs(found))
-            assert np.all(error[:, k] < 1e9)
 
 
 def test_states_that_only_some_values_have_are_no_crossings():

@@ -1,0 +1,53 @@
+"""A drawing with a complex factor of one of its signals, as a real drawing of twice the size.
+
+A loop whose signal has the factor `re + j im` has states `x + j y`. Real and imaginary part follow the same blocks, and meet at
+the cut alone: there `re x - im y` is read in place of x, and `im x + re y` in place of y. So the eigenvalues are those of the
+complex loop and their conjugates.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing.expressions import Terms, Tree
+from wavesweep.engine.drawing.gain_at_signal import BLOCK
+
+TWIN = " (imaginary)"  # behind the name of a block of the imaginary part: no block of a spec can be called so
+
+
+def with_complex_factor(drawing: Drawing, re: Tree, im: Tree) -> Drawing:
+    """Return the real drawing of a loop with the factor `re + j im` of a signal.
+
+    drawing: with a gain at the signal, see `gain_at_signal`.
+    """
+    names = {block.name for block in drawing.blocks}
+    blocks = tuple(replace(block, name=block.name + TWIN) for block in drawing.blocks)
+    wires, couplings = dict(drawing.wires), dict(drawing.couplings)
+    twin_wires, twin_couplings = _twins(wires, names), _twins(couplings, names)
+    ((signal, _),) = wires[f"{BLOCK}.u"]
+    ((twin, _),) = twin_wires[f"{BLOCK}{TWIN}.u"]
+    wires[f"{BLOCK}.u"] = ((signal, re), (twin, ("negative", im, 0)))
+    twin_wires[f"{BLOCK}{TWIN}.u"] = ((signal, im), (twin, re))
+    return replace(
+        drawing,
+        blocks=(*drawing.blocks, *blocks),
+        wires=(*wires.items(), *twin_wires.items()),
+        couplings=(*couplings.items(), *twin_couplings.items()),
+        hand=None,
+        inputs=(),
+        outputs=(),
+        named=(),
+    )
+
+
+def _twins(wires: Mapping[str, Terms], names: set[str]) -> dict[str, Terms]:
+    """The wires of the imaginary part; outside of the blocks nothing acts."""
+
+    def twin(signal):
+        block, _, port = signal.rpartition(".")
+        return f"{block}{TWIN}.{port}"
+
+    found = {}
+    for port, terms in wires.items():
+        found[twin(port)] = tuple((twin(name), gain) for name, gain in terms if name.rpartition(".")[0] in names)
+    return found
