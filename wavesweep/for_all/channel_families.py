@@ -161,13 +161,15 @@ def messages_over(drawing: Drawing, values: Mapping[str, object], sides: Sequenc
     steps = list(_steps(channels, loop))
     rows, ticks = _ticks(loop, channels, steps, held)
     _refuse_moved(ticks, drift)
+    _, groups = relative_ticks(ticks, drift)
     enclosed = EnclosedLoop(drawing, values, sides, ORDER)
     names = frozenset(channel.name for channel in channels)
     kinds = dict.fromkeys(kind for row, *_ in steps for kind in row)
     places = [TickPlace(_at(loop, tick, channels, arrivals), 0, held, names) for tick, arrivals in kinds]
     ahead, last = tuple(tuple(row[:-1]) for row in rows), tuple(row[-1] for row in rows)
     symbols = tuple(symbol for _, symbol, *_ in steps)
-    return FramesOver([(enclosed, place) for place in places], drift, ahead, last, symbols)
+    copies = groups[len(drift.constant) :]
+    return FramesOver([(enclosed, place) for place in places], drift, ahead, last, symbols, copies)
 
 
 def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths: Sequence[str], box: np.ndarray) -> Members:

@@ -23,7 +23,12 @@ from wavesweep.for_all.loop_frames import Symbol, alive
 
 ORDER = 5  # total degree of the polynomials
 ORDERS = (8, 10, 10, 8)  # the same for so many numbers where frames are all alike, whose forms are of that degree too
+ROUNDINGS = 16.0  # of its terms, that a row of equations is known to at best
 INSIDE = np.array([[0.3], [0.7]])  # places in a box at which the structure of its ticks is looked at
+
+
+Groups = Sequence[tuple[int, Sequence[tuple[int, float]]]]
+"""States that are counted from others: of each of these its followers, with factors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,8 +46,8 @@ class FramesOver:
     """The frames of a loop over cells of a box of sides.
 
     ticks: of each kind, with the loop that it is a tick of; those of one loop stand together. drift: what drifts in it.
-    rows, samples, symbols: see `LoopFrames`. units: `(sides, k)` exponents; the k states x that are kept are
-    replaced by `exp(units' s) x` at the sides s. kept: the states that not every frame forgets, once they are known.
+    copies: see `relative_ticks`. rows, samples, symbols: see `LoopFrames`. units: `(sides, k)` exponents; the k states x that
+    are kept are replaced by `exp(units' s) x` at the sides s. kept: the states that not every frame forgets, once known.
     """
 
     ticks: Sequence[tuple[EnclosedLoop, TickPlace]]
@@ -50,6 +55,7 @@ class FramesOver:
     rows: tuple[tuple[int, ...], ...]
     samples: tuple[int, ...]
     symbols: tuple[Symbol, ...]
+    copies: Groups = ()
     units: np.ndarray | None = None
     kept: list[int] = field(default_factory=list)
 
@@ -86,7 +92,7 @@ class FramesOver:
             changes += [model.tick(each.loop, each.place, each.held, each.exact) for _, each in places]
         terms = np.stack([change.terms for change in changes], 1)
         both = Polynomials(terms, np.stack([change.rest for change in changes]), changes[0].numbers, changes[0].order)
-        E = without_drift(both, self.drift)
+        E = without_drift(both, self.drift, self.copies)
         return E + Polynomials.constant(np.broadcast_to(np.eye(self.states), E.rest.shape), E.numbers, E.order)
 
     def _ratios(self, cell, frames):
@@ -168,11 +174,13 @@ def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray, most: i
     def ticks_at(points):
         columns = {side.path: side.number(points[:, at]) for at, side in enumerate(sides)}
         ticks = ticks_of(assembled(loop.drawing, {**loop.values, **columns}), alone=True, terms=True)
-        return relative_ticks(ticks, drift)[0]
+        return relative_ticks(ticks, drift)
 
-    drift = lasting(drift, ticks_at, box)
+    _, groups = ticks_at(inside)
+    copies = groups[len(drift.constant) :]
+    drift = lasting(drift, lambda points: ticks_at(points)[0], box)
     *row, sample = kind.tolist()
-    return FramesOver([(enclosed, place) for place in places], drift, (tuple(row),), (sample,), (Symbol(len(kind)),))
+    return FramesOver([(enclosed, place) for place in places], drift, (tuple(row),), (sample,), (Symbol(len(kind)),), copies)
 
 
 def inside_of(box: np.ndarray) -> np.ndarray:
@@ -180,32 +188,38 @@ def inside_of(box: np.ndarray) -> np.ndarray:
     return np.where(box[0] < box[1], box[0] + (box[1] - box[0]) * INSIDE, box[0])
 
 
-def without_drift(E: Polynomials, drift: MarginalModes) -> Polynomials:
+def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> Polynomials:
     """Return changes of all kinds of ticks, `(kinds, n, n)`, as changes of the states that remain without drift.
 
     A mode of a constant shape is kept by every tick: states that move with its lead by a factor are counted from it, and then
-    nothing depends on the lead. Modes whose shapes depend on the numbers, with the leads S and the other states R: `E_R V =
-    -E_S` in all ticks together, and the states `x_R - V x_S` follow `E_RR - V E_SR`. With J near to an inverse of the rows,
-    `V = -(J E_R)^-1 J E_S`.
+    nothing depends on the lead. Copies are counted from their source, since what both have in common would be cancelled. Modes
+    whose shapes depend on the numbers, with the leads S and the other states R: `E_R V = -E_S` in all ticks together, and the
+    states `x_R - V x_S` follow `E_RR - V E_SR`. With J near to an inverse of the rows, `V = -(J E_R)^-1 J E_S`.
     """
     n = E.rest.shape[-1]
-    factors = np.zeros((1, n, n))
-    for lead, followers in drift.constant:
-        for state, factor in followers:
-            factors[0, state, lead] = factor
-    if factors.any():
-        rounding = UNIT * np.abs(factors)
-        to, back = (Polynomials.constant(np.eye(n) + sign * factors, E.numbers, E.order) for sign in (-1, 1))
-        to, back = (Polynomials(each.terms, rounding, E.numbers, E.order) for each in (to, back))
-        E = to @ E @ back
+    for groups in (drift.constant, copies):
+        factors = np.zeros((1, n, n))
+        for lead, followers in groups:
+            for state, factor in followers:
+                factors[0, state, lead] = factor
+        if factors.any():
+            rounding = UNIT * np.abs(factors)
+            to, back = (Polynomials.constant(np.eye(n) + sign * factors, E.numbers, E.order) for sign in (-1, 1))
+            to, back = (Polynomials(each.terms, rounding, E.numbers, E.order) for each in (to, back))
+            E = to @ E @ back
     remaining, leads = list(drift.remaining), list(drift.varying)
     own = E.at(remaining, remaining)
     if not leads:
         return own
     M, S = (_below(E.at(range(n), columns)) for columns in (remaining, leads))
-    size = np.abs(M.terms[0]).max(-1, initial=0.0)
-    weight = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
-    J = Polynomials.constant(np.linalg.pinv(M.terms[0] * weight[:, None]) * weight, E.numbers, E.order)
+    # Rows count by how well they are known, and columns alike, so that what is left out of them hardly grows.
+    unknown = M.rest.sum(-1) + S.rest.sum(-1) + ROUNDINGS * UNIT * np.abs(M.terms[0]).sum(-1)
+    weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
+    weighed = M.terms[0] * weight[:, None]
+    most = np.abs(weighed).max(0, initial=0.0)
+    unit = np.divide(1.0, most, out=np.ones_like(most), where=most > 0)
+    inverse = unit[:, None] * np.linalg.pinv(weighed * unit) * weight
+    J = Polynomials.constant(inverse, E.numbers, E.order)
     V = (J @ M).inverse() @ (J @ S)
     shift = Polynomials(V.terms[:, None], V.rest[None], E.numbers, E.order)
     return own + shift @ E.at(leads, remaining)

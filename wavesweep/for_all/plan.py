@@ -131,7 +131,7 @@ class Plan:
             for step, some in groupby(picked, lambda each: each[0]):
                 ticks = ticks_at(step, points, [place for _, place in some])
                 maps += [ticks.maps[kind] for kind in ticks.kind]
-            return relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)[0]
+            return relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
 
         ticks = []
         for step, some in groupby(picked, lambda each: each[0]):
@@ -140,7 +140,9 @@ class Plan:
             held = loop.held()
             ticks += [(enclosed, TickPlace(loop, place, held)) for _, place in some]
         rows, samples, symbols, _ = self.written(index)
-        return FramesOver(ticks, lasting(drift, counted_at, box), rows, samples, symbols)
+        _, groups = counted_at(inside)
+        lead = lasting(drift, lambda points: counted_at(points)[0], box)
+        return FramesOver(ticks, lead, rows, samples, symbols, groups[len(drift.constant) :])
 
     def members(self, paths: Sequence[str], box: np.ndarray) -> Members:
         """Return the frames of members of a box of numbers at these paths, in plain doubles."""

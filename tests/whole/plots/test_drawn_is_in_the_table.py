@@ -71,8 +71,8 @@ class Between:
     def __init__(self, keys, truths):
         self.keys, self.designs, self.truths = keys, list(dict.fromkeys(keys)), truths
 
-    def ask(self, wanted):
-        return [self.truths[self.designs[number]].column(x) for number, x in wanted]
+    def ask(self, wanted, _):
+        return [self.truths[self.designs[number]].column(x) for number, x in wanted], 0
 
     def seconds(self, columns, _):
         return self.cost * columns

@@ -125,7 +125,8 @@ class TaylorModel:
         all_one, all_two = one.sum(), two.sum()
         above = np.maximum(all_two - np.cumsum(two), 0.0) + 4 * len(two) * UNIT * all_two  # of degrees above the index
         rest = self.rest * (all_two + other.rest) + all_one * other.rest + one[1:] @ above[::-1][1:]
-        return self._like(terms, rest + 2 * (len(terms) + 2) * UNIT * all_one * all_two + LEAST)
+        added = min(np.count_nonzero(self.terms), np.count_nonzero(other.terms))
+        return self._like(terms, rest + 2 * (added + 2) * UNIT * all_one * all_two + LEAST)
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -333,7 +334,7 @@ class Polynomials:
         if target.size:
             starts = np.flatnonzero(np.append(True, target[1:] != target[:-1]))
             terms[target[starts]] = np.add.reduceat(multiply(self.terms[first], other.terms[second]), starts, axis=0)
-        roundings = 2 * (summed + len(terms)) * UNIT
+        roundings = 2 * (summed + min(each.sum() for each in present)) * UNIT  # no more terms make one of the product
         return self._like(terms, rest + roundings * multiply(all_one, all_two))
 
     def _by_degree(self, terms):
