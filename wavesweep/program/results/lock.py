@@ -59,8 +59,8 @@ def _acquired(kind: str, path: Path, wait: bool, say: Callable[[str], None]) -> 
         host = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "this machine")
         since = time.strftime("%Y-%m-%d %H:%M:%S")
         holder.unlink(missing_ok=True)  # what another run left, whatever has taken its place meanwhile
-        with os.fdopen(os.open(holder, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o644), "w", encoding="utf-8") as file:
-            file.write(f"process {os.getpid()} on {host}, since {since}")
+        with os.fdopen(os.open(holder, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o644), "w", encoding="utf-8") as written:
+            written.write(f"process {os.getpid()} on {host}, since {since}")
     return unlock
 
 
