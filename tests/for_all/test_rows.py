@@ -539,3 +539,20 @@ def test_nowhere_is_certified_where_frames_of_constant_lengths_have_no_stable_va
     assert some.any()
     assert not found.intervals[some].any()
     assert found.certified[some].all()
+
+
+@pytest.mark.slow
+def test_a_gaussian_is_nothing_far_from_its_peak_and_counts_at_it():
+    """`x+ = (g + 0.3 exp(-300 (p - 0.2)^2 - 20 q^2)) x` is stable for all p and q up to g = 0.7."""
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"p": 0.1, "q": 0.1, "g": 0.5},
+        "block": {"x": {"type": "delay"}},
+        "wire": {"x.u": "(g + 0.3*exp(-300*(p - 0.2)**2)*exp(-20*q*q))*x.y"},
+        "for_all": {"p": {"start": -10, "stop": 10}, "q": {"start": -3, "stop": 3}},
+        "sweep": {"along": "g", "g": {"start": 0, "stop": 2}},
+    }
+    (row,) = wavesweep.stability_region(tables).query("guarantee == 'for_all'").itertuples()
+    assert row.certified
+    assert row.settled
+    assert row.high < 0.7 <= row.fails_from < 0.7001

@@ -218,19 +218,30 @@ class TaylorModel:
         largest = float((arb(centre) + arb(radius)).exp().abs_upper()) * OUTWARD
         if not isfinite(largest):
             raise UnresolvedError(self.widest())
-        return self._composed(coefficients, largest * self._last(radius))
+        left_out = largest * self._last(radius)
+        if left_out > largest:  # as far from the peak of a Gaussian: it is between 0 and that
+            if largest > 1:
+                raise UnresolvedError(self.widest())
+            return self._constant(arb(largest / 2, largest / 2))
+        return self._composed(coefficients, left_out)
 
     def sin(self) -> TaylorModel:
         """Return the sine, of which no derivative exceeds 1."""
         centre, radius = self._about()
-        sine, cosine = arb(centre).sin(), arb(centre).cos()
-        return self._composed(_derivatives((sine, cosine, -sine, -cosine), self.order), self._last(radius))
+        return self._turned(centre, radius)
 
     def cos(self) -> TaylorModel:
         """Return the cosine, of which no derivative exceeds 1."""
         centre, radius = self._about()
-        sine, cosine = arb(centre).sin(), arb(centre).cos()
-        return self._composed(_derivatives((cosine, -sine, -cosine, sine), self.order), self._last(radius))
+        return self._turned(arb(centre) + arb.pi() / 2, radius)
+
+    def _turned(self, angle, radius):
+        """The sine of an angle and the distance of the model from its constant term, which is at most the radius."""
+        left_out = self._last(radius)
+        if left_out > 1:
+            return self._constant(arb(0, 1))
+        sine, cosine = arb(angle).sin(), arb(angle).cos()
+        return self._composed(_derivatives((sine, cosine, -sine, -cosine), self.order), left_out)
 
     def tan(self) -> TaylorModel:
         """Return the tangent. Errors: UnresolvedError if the cosine may be 0."""
