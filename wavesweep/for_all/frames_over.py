@@ -78,12 +78,9 @@ class FramesOver:
         relative to the blocks and gains themselves."""
         due = np.zeros(int((cell[0] < cell[1]).sum()))
         for loop in dict.fromkeys(loop for loop, _ in self.ticks):
-            exponents = monomials(due.size, loop.order)[0]
-            high = exponents * (exponents.sum(1) >= loop.order - 1)[:, None]
+            reads = monomials(due.size, loop.order)[0] > 0
             for terms, rest in loop.over(cell).parts():
-                moves = terms @ high  # what is left out is due to what the terms of the highest degrees are due to
-                if not moves.any():
-                    moves = terms @ exponents
+                moves = terms @ reads
                 if moves.any():
                     due += rest / terms.sum() * moves / moves.sum()
         return due

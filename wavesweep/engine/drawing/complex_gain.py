@@ -5,7 +5,7 @@ the cut alone: there `re x - im y` is read in place of x, and `im x + re y` in p
 complex loop and their conjugates.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from wavesweep.engine.drawing.drawing import Drawing
@@ -22,8 +22,8 @@ def with_complex_factor(drawing: Drawing, re: Tree, im: Tree) -> Drawing:
     """
     names = {block.name for block in drawing.blocks}
     blocks = tuple(replace(block, name=block.name + TWIN) for block in drawing.blocks)
-    wires, couplings = dict(drawing.wires), dict(drawing.couplings)
-    twin_wires, twin_couplings = _twins(wires, names), _twins(couplings, names)
+    wires, couplings = _inside(drawing.wires, names), _inside(drawing.couplings, names)
+    twin_wires, twin_couplings = _twins(wires), _twins(couplings)
     ((signal, _),) = wires[f"{BLOCK}.u"]
     ((twin, _),) = twin_wires[f"{BLOCK}{TWIN}.u"]
     wires[f"{BLOCK}.u"] = ((signal, re), (twin, ("negative", im, 0)))
@@ -40,14 +40,16 @@ def with_complex_factor(drawing: Drawing, re: Tree, im: Tree) -> Drawing:
     )
 
 
-def _twins(wires: Mapping[str, Terms], names: set[str]) -> dict[str, Terms]:
-    """The wires of the imaginary part; outside of the blocks nothing acts."""
+def _inside(wires: Sequence[tuple[str, Terms]], names: set[str]) -> dict[str, Terms]:
+    """The wires without signals from outside."""
+    return {port: tuple(term for term in terms if term[0].rpartition(".")[0] in names) for port, terms in wires}
+
+
+def _twins(wires: Mapping[str, Terms]) -> dict[str, Terms]:
+    """The wires of the imaginary part."""
 
     def twin(signal):
         block, _, port = signal.rpartition(".")
         return f"{block}{TWIN}.{port}"
 
-    found = {}
-    for port, terms in wires.items():
-        found[twin(port)] = tuple((twin(name), gain) for name, gain in terms if name.rpartition(".")[0] in names)
-    return found
+    return {twin(port): tuple((twin(name), gain) for name, gain in terms) for port, terms in wires.items()}

@@ -22,6 +22,7 @@ BITS = 128  # of the balls that constants and derivatives are computed in
 OUTWARD = 1 + 2**-40  # times what is rounded to a double, which is then above it
 LEAST = 1e-300  # added to what is rounded outward: nothing underflows
 TERMS = 12  # of the series of an exponential
+NOTHING = 1e-15  # an exponential that is smaller need not be known
 SMALL = 0.25  # norm of a matrix, up to which that series is summed
 SHRINKS = 0.9  # norm up to which a geometric series of matrices is summed
 BALANCED = 6  # sweeps of balancing
@@ -219,10 +220,10 @@ class TaylorModel:
         if not isfinite(largest):
             raise UnresolvedError(self.widest())
         left_out = largest * self._last(radius)
-        if left_out > largest:  # as far from the peak of a Gaussian: it is between 0 and that
-            if largest > 1:
+        if left_out > largest:
+            if largest > NOTHING:
                 raise UnresolvedError(self.widest())
-            return self._constant(arb(largest / 2, largest / 2))
+            return self._constant(arb(largest / 2, largest / 2))  # as far from the peak of a Gaussian
         return self._composed(coefficients, left_out)
 
     def sin(self) -> TaylorModel:
