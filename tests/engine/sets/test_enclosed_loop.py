@@ -70,6 +70,7 @@ def missed(ticks, at, s):
     return worst
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_ticks_over_a_cell_enclose_those_of_all_its_numbers(path):
     ticks, at, places = enclosed(path)
