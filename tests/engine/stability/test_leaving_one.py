@@ -86,6 +86,7 @@ def uneven(rate, b=25.0):
     }
 
 
+@pytest.mark.asks("prove")
 @pytest.mark.parametrize("rate", [60, 72, 90])
 def test_a_stiffness_is_told_from_none_without_balls_where_rates_do_not_divide(rate, monkeypatch):
     """The virtual wall stops the drift of the device, and nothing else does."""
