@@ -20,7 +20,6 @@ from wavesweep.engine.drawing.drawn_block import DELTA, DrawnBlock, Plant
 from wavesweep.engine.drawing.expressions import (
     FUNCTIONS,
     ONE,
-    SharedParts,
     Tree,
     constants_of,
     evaluate,
@@ -229,7 +228,6 @@ class _Evaluation:
         self.library = SimpleNamespace(
             **{name: _function(name) for name in FUNCTIONS}, pi=arb.pi(), hypot=lambda a, b: _function("sqrt")(a * a + b * b)
         )
-        self.shared = SharedParts()
 
     def model(self) -> LoopModel:
         drawing = self.loop.drawing

@@ -374,18 +374,6 @@ class Polynomials:
         place = np.ix_(rows, columns)
         return self._like(self.terms[..., *place], self.rest[..., *place])
 
-    def entries(self) -> list[list[Any]]:
-        """The entries of one matrix as models, 0 where they are exactly that."""
-        shape = self.rest.shape
-        zero = self.whole == 0
-        return [
-            [
-                0 if zero[i, j] else TaylorModel(self.terms[:, i, j], float(self.rest[i, j]), self.numbers, self.order)
-                for j in range(shape[1])
-            ]
-            for i in range(shape[0])
-        ]
-
     def within(self, middle: np.ndarray, half: np.ndarray) -> Polynomials:
         """The same matrices for s = middle + half t, as polynomials in t, `(numbers,)` each."""
         e = self.exponents
