@@ -173,7 +173,7 @@ def file_stem(path: str) -> str:
 
 
 @lru_cache(maxsize=1)
-def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:  # noqa: C901 - a machine of three states, a branch for each step
+def scan(text: str) -> dict[tuple[str, ...], tuple[int, int]]:
     """Return the offsets of every table, key and inline key of a valid TOML text, and of its value, by path.
 
     The value of a table is its own name. Of a table that is written several times the first place counts.
