@@ -38,15 +38,17 @@ def area(line):
 
 
 def test_an_interval_that_is_not_known_in_a_column_has_not_ended_there():
-    both, one = column((0, 1200), (1280, 1390)), column((1283, 1387))
+    both, one = column((0, 600), (700, 1200), (1280, 1390)), column((1283, 1387))  # two intervals end at once
     for known in (True, False):
         part = one if known else (one[0], ((-np.inf, np.inf),))
         region = region_of(PlaneCurve({6.4: both, 6.45: part, 6.5: both}, {(6.4, 6.45): NARROW, (6.45, 6.5): NARROW}), VIEW)
         across = [step for line in region.certain for step in pairwise(line) if step[0][0] == step[1][0]]
-        steps = [(round(x, 3), low, high) for (x, low), (_, high) in across if low in (0, 1200)]
-        assert steps == ([(6.425, 1200, 0), (6.475, 0, 1200)] if known else [])
+        steps = [(round(x, 3), low, high) for (x, low), (_, high) in across if low <= 1200]
+        down = [(6.425, 600, 0), (6.425, 1200, 700)]
+        up = [(6.475, 0, 600), (6.475, 700, 1200)]
+        assert sorted(steps) == (down + up if known else [])
         assert not region.bars
-        assert sum(map(area, region.areas)) == pytest.approx(0.05 * 1310 + 0.05 * 104)
+        assert sum(map(area, region.areas)) == pytest.approx(0.05 * 1210 + 0.05 * 104)
 
 
 def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
@@ -87,12 +89,12 @@ def test_bars_at_the_first_or_the_last_value_are_known_as_such():
 
 
 def test_a_boundary_is_one_line_where_a_hole_begins():
-    """Its steps across the gap have the unstable side at their left, as its other steps have."""
+    """The hole ends in the middle of the gap; its line has the unstable side at the left, as those of the outer ends have."""
     one, two = column((100, 1200)), column((101, 600), (700, 1201))
     region = region_of(PlaneCurve({1.0: one, 2.0: two}, {(1.0, 2.0): NARROW}), VIEW)
-    outer = [(1.0, 1200), (1.5, 1200), (1.5, 1201), (2.0, 1201)]
-    lower = [(2.0, 101), (1.5, 101), (1.5, 100), (1.0, 100)]
-    hole = [(2.0, 700), (1.5, 700), (1.5, 600), (2.0, 600)]
+    outer = [(1.0, 1200), (1.5, 1200.5), (2.0, 1201)]
+    lower = [(2.0, 101), (1.5, 100.5), (1.0, 100)]
+    hole = [(2.0, 700), (1.5, 650), (2.0, 600)]
     assert sorted(region.certain) == sorted([outer, lower, hole])
     assert region.doubtful == []
 
@@ -100,7 +102,20 @@ def test_a_boundary_is_one_line_where_a_hole_begins():
 def test_a_closed_boundary_is_a_line_too():
     island = PlaneCurve({0.0: column(), 1.0: column((5, 6)), 2.0: column()}, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW})
     (line,) = region_of(island, VIEW).certain
-    assert (line[0], len(line), area(line)) == (line[-1], 7, 1.0)
+    assert (line[0], len(line), area(line)) == (line[-1], 5, 0.5)
+
+
+def test_a_boundary_has_no_steps_in_gaps_that_are_narrow():
+    """A line joins the ends of intervals that go on, also where another one ends."""
+    columns = {0.0: column((0, 1), (5, 6)), 1.0: column((0, 2), (5, 6)), 2.0: column((0, 3))}
+    region = region_of(PlaneCurve(columns, {(0.0, 1.0): NARROW, (1.0, 2.0): NARROW}), VIEW)
+    assert [(0.0, 1), (0.5, 1.5), (1.0, 2), (1.5, 2.5), (2.0, 3)] in region.certain
+    assert [(0.0, 6), (0.5, 6), (1.0, 6), (1.5, 5.5), (1.0, 5), (0.5, 5), (0.0, 5)] in region.certain
+
+
+def test_nothing_joins_an_interval_that_ends_with_another_that_begins():
+    curve = PlaneCurve({0.0: column((0, 1)), 1.0: column((5, 6))}, {(0.0, 1.0): NARROW})
+    assert sum(map(area, region_of(curve, VIEW).areas)) == 1.0
 
 
 def test_what_is_stable_and_not_certified_is_not_filled():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -46,8 +46,9 @@ class _Followed(NamedTuple):
 def region_of(curve: PlaneCurve, view: View) -> Region:
     """The areas, lines and bars of a curve.
 
-    Across a narrow gap the intervals of both sides go on to its middle. What only one side has there ends in a line across x,
-    unless other intervals may be missing: an interval that is not known has not ended.
+    In a narrow gap an interval or a hole may end, in its middle; all other ends go straight through. If more ends there, the
+    intervals of both sides go on to its middle, and what only one side has ends in a line across x, unless other intervals may
+    be missing: an interval that is not known has not ended.
     """
     chains, across, bars = _followed(curve, view)
     edges = [*across, *(edge for chain in chains for edge in _edges(chain))]
@@ -76,9 +77,15 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
             _go_on(growing, right, after)
         elif state == NARROW:
             (middle,) = view.between(left, right, 2)
-            _go_on(growing, middle, before)
-            across += [] if open_before or open_after else _jumps(middle, before, after)
-            growing = [[(middle, interval), (right, interval)] for interval in after]
+            is_open = bool(open_before or open_after)
+            at_fold = None if is_open else _at_fold(before, after)
+            ending, beginning = at_fold or (before, after)
+            if not at_fold and not is_open:
+                across += _jumps(middle, before, after)
+            _go_on(growing, middle, ending)
+            growing = []
+            for first, second in zip(beginning, after, strict=True):
+                growing.append([(middle, first), (right, second)])
             chains += growing
         else:
             starts = _points(right, after)
@@ -98,6 +105,45 @@ def _go_on(growing: Sequence[Chain], x: float, intervals: Sequence[Interval]) ->
     """Append an interval at x to each of the chains."""
     for chain, point in zip(growing, _points(x, intervals), strict=True):
         chain.append(point)
+
+
+def _at_fold(before: Sequence[Interval], after: Sequence[Interval]) -> tuple[list[Interval], list[Interval]] | None:
+    """The intervals of both sides in the middle of a narrow gap, in which the boundary turns back at most once.
+
+    There two neighbouring ends of one side meet, which are those of an interval or of a hole. The other ends are on both sides,
+    and their means in the middle. None if more happens in the gap.
+    """
+    fewer, more = sorted((before, after), key=len)
+    ends_of_fewer = np.array([(interval.low, interval.high) for interval in fewer]).ravel()
+    ends_of_more = np.array([(interval.low, interval.high) for interval in more]).ravel()
+    if len(fewer) == len(more):
+        kept = ends_of_more
+        at_middle_of_more = (ends_of_more + ends_of_fewer) / 2
+    elif len(fewer) + 1 == len(more):
+        without = [np.delete(ends_of_more, (i, i + 1)) for i in range(ends_of_more.size - 1)]
+        distances = [np.abs(kept - ends_of_fewer).sum() for kept in without]
+        folds = int(np.argmin(distances))
+        kept = without[folds]
+        tip = ends_of_more[folds : folds + 2].mean()
+        at_middle_of_more = np.insert((kept + ends_of_fewer) / 2, folds, (tip, tip))
+    else:
+        return None
+    highest_low = np.maximum(kept, ends_of_fewer)[0::2]
+    lowest_high = np.minimum(kept, ends_of_fewer)[1::2]
+    if (highest_low >= lowest_high).any():
+        return None  # one interval ends, and another begins
+    at_middle_of_fewer = (kept + ends_of_fewer) / 2
+    middle_of_more = _moved(more, at_middle_of_more)
+    middle_of_fewer = _moved(fewer, at_middle_of_fewer)
+    if fewer is before:
+        return middle_of_fewer, middle_of_more
+    return middle_of_more, middle_of_fewer
+
+
+def _moved(intervals: Sequence[Interval], ends: np.ndarray) -> list[Interval]:
+    """The intervals with other ends, in the order low, high of each."""
+    spans = ends.reshape(-1, 2).tolist()
+    return [replace(interval, low=low, high=high) for interval, (low, high) in zip(intervals, spans, strict=True)]
 
 
 def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, float]]:
