@@ -137,6 +137,34 @@ def test_the_slowest_mode_of_an_integrator_settles_in_closed_form():
     np.testing.assert_allclose(found["damping_ratio"].value, -log.real / np.abs(log), rtol=1e-10)
 
 
+@pytest.mark.parametrize(
+    ("counted", "counts"),
+    [
+        ({"modes": "oscillating"}, lambda size: size >= 1),
+        ({"slower_than": 0.05}, lambda size: size > np.exp(-0.02 / 0.05)),
+        ({"modes": "all"}, lambda size: size >= 0.1),
+    ],
+)
+def test_which_modes_count_for_a_damping_ratio_is_the_wish_s_to_say(counted, counts):
+    """A real eigenvalue below 0 is no oscillation, and one that falls fast may be left out; unstable ones always count."""
+    tables = tomllib.loads(NETWORK) | {"sweep": {"along": "K"}}
+    tables |= {"design": {"vary": {"K": {"start": 1, "stop": 100}}, "wish": {"damping_ratio": counted}}}
+    tables["numbers"] |= {"k": 0}
+    spec, K = load(tables), np.array([10.0, 60.0, 100.0, 149.0, 160.0])
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": K}, 1.0)["damping_ratio"]
+    pole = 1 - K * 0.02 / 1.5
+    log = np.log(pole.astype(complex))
+    expected = np.where(counts(np.abs(pole)), -log.real / np.abs(log), 1.0)
+    np.testing.assert_allclose(found.value, expected, rtol=1e-10)
+    assert found.certified.all()
+    assert spec.design.wishes[0].written() == counted
+
+
+def test_modes_that_count_are_named_by_their_words():
+    with pytest.raises(SpecError, match=r'modes: expected one of "all", "oscillating", found "fast"'):
+        load(TABLES | {"design": TABLES["design"] | {"wish": {"damping_ratio": {"modes": "fast"}}}})
+
+
 @pytest.mark.asks("passive")
 def test_designs_that_make_no_loop_are_none_and_change_no_other():
     """A cutoff beyond half the rate, a phase beyond the period, and a loop of direct terms without a solution."""

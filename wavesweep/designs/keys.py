@@ -253,7 +253,7 @@ class _Reader:
                 if name_of_leaf == kind.bound:
                     bound = self.mistakes.check(number(f"{path}.{name_of_leaf}", None, kind.unit, ""), leaf)
                 elif name_of_leaf in kind.options:
-                    options[name_of_leaf] = self.numbers(f"{path}.{name_of_leaf}", leaf, *kind.options[name_of_leaf])
+                    options[name_of_leaf] = self.values(f"{path}.{name_of_leaf}", leaf, *kind.options[name_of_leaf])
                 elif name_of_leaf:
                     self.mistakes.is_known(name_of_leaf, (kind.bound, *kind.options), leaf, f"{path}.{name_of_leaf}")
                 elif leaf.value != {}:
@@ -262,6 +262,12 @@ class _Reader:
             if len(band) == 2 and not band[0] < band[1]:
                 self.refuse(f"wish.{name}.band_hz", "the lower frequency first", f"[{band[0]:g}, {band[1]:g}]")
             yield Wish(name, bound, options, {name_of_leaf: leaf.place for name_of_leaf, leaf in leaves.items()})
+
+    def values(self, path: str, leaf: Leaf, key: Key, count: int | None) -> tuple[float | str, ...]:
+        """The values of an option: numbers, or a word."""
+        if key.type == "string":
+            return (self.mistakes.check(key, leaf, path),)
+        return self.numbers(path, leaf, key, count)
 
     def numbers(self, path: str, leaf: Leaf, key: Key, count: int | None = None) -> tuple[float, ...]:
         """The different numbers of a list; count: of its numbers, None for any. One number stands alone, without a list."""

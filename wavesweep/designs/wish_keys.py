@@ -8,15 +8,19 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.capabilities import modules
-from wavesweep.engine.keys.key import Key, number
+from wavesweep.engine.keys.key import Key, number, positive, word
 from wavesweep.engine.keys.places import Place
-from wavesweep.program.reading.keys import HARDWARE_KEYS, KEYS
+from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
 _BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)
-# Options of a wish: name -> (key of each number, how many; None for any).
+# Options of a wish: name -> (key of each value, how many; None for any).
 _OF_WALL = {"B_VE": (_DAMPING, None)}
 _WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
+_MODES = {
+    "modes": (word("modes", ALL_MODES, "which modes count", MODES), 1),
+    "slower_than": (positive("slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6), 1),
+}
 # Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
 OF_DEVICE = {name: HARDWARE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}
 
@@ -90,9 +94,9 @@ WISHES = MappingProxyType(
         "damping_ratio": WishKind(
             "1",
             True,
-            "least damping ratio of all modes",
-            "least damping ratio of all modes, as [sweep] require has it",
-            _WALLS,
+            "least damping ratio",
+            "least damping ratio of the modes that count, which are those that need one in [sweep] require",
+            {**_MODES, **_WALLS},
             (),
         ),
         "settling": WishKind(
@@ -128,14 +132,14 @@ WISHES = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of numbers.
+    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of values.
 
     places: of its keys.
     """
 
     name: str
     bound: float | None
-    options: Mapping[str, tuple[float, ...]]
+    options: Mapping[str, tuple[float | str, ...]]
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     @property

@@ -18,9 +18,10 @@ from wavesweep.engine.response.at_hand import felt_of, responses_of
 from wavesweep.engine.response.static import Response
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.radii import drift_of, frames_with_reliability, radii_of
-from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, slowest
+from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, size_gone, slowest
 from wavesweep.program.analyses.hardware_limits import peaks_of
 from wavesweep.program.analyses.interval_jobs import at_points
+from wavesweep.program.reading.keys import ALL_MODES, OSCILLATING
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import drawn_groups
@@ -362,10 +363,14 @@ def _delay_margin(spec, wish, points):
 
 
 def _damping_ratio(spec, wish, loops, size):
-    """Least damping ratio of all modes; 0 or negative if the loop is unstable."""
-    del spec, wish
+    """Least damping ratio of the modes that count; 0 or negative if the loop is unstable."""
+    del spec
     E, certain = _frames(loops, size)
-    least, sure = least_damping(E)
+    drawn = loops.drawn()
+    (seconds,) = wish.options.get("slower_than", (0.0,))
+    (modes,) = wish.options.get("modes", (ALL_MODES,))
+    gone = size_gone(drawn.period * drawn.ticks, seconds)
+    least, sure = least_damping(E, gone, pairs=modes == OSCILLATING)
     return np.where(certain, least, np.nan), certain & sure
 
 

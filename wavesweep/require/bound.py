@@ -8,7 +8,8 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.stability.intervals import Intervals
 from wavesweep.engine.stability.spectrum import GONE
-from wavesweep.require.damped import EVERY, Damped
+from wavesweep.program.reading.keys import ALL_MODES
+from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
 from wavesweep.require.gain_bound import SETTLED, GainBound
 
@@ -133,7 +134,7 @@ def words_of(written: Mapping[str, object]) -> str:
     modes = " and ".join(text.format(written[name]) for name, text in words.items() if name in written)
     damped = ""
     if "damping_ratio" in written:
-        asked = Damped(written["damping_ratio"], written.get("modes", EVERY), written.get("slower_than", 0.0))
+        asked = Damped(written["damping_ratio"], written.get("modes", ALL_MODES), written.get("slower_than", 0.0))
         damped = asked.words()
     gain = written.get("gain")
     said = [

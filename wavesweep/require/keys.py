@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Leaf, show
 from wavesweep.engine.keys.key import Key, by_path, number, positive, word
+from wavesweep.program.reading.keys import ALL_MODES, MODES
 from wavesweep.program.reading.tables import SpecTable, TableValue
-from wavesweep.require.damped import EVERY, OSCILLATING, Damped
+from wavesweep.require.damped import Damped
 from wavesweep.require.gain_bound import BASE_BAND, LIFTED, GainBound
 
 if TYPE_CHECKING:
@@ -47,12 +48,9 @@ KEYS = by_path(
         ),
         word(
             "sweep.require.modes",
-            EVERY,
+            ALL_MODES,
             "which modes need the damping ratio",
-            {
-                EVERY: "also one that changes its sign from frame to frame, a real eigenvalue below 0",
-                OSCILLATING: "those with a complex pair of eigenvalues; real ones have to be stable",
-            },
+            MODES,
         ),
         positive(
             "sweep.require.slower_than",
@@ -108,14 +106,14 @@ class Require(TableValue):
     radius: float | None = None
     settling: float | None = None
     damping_ratio: float | None = None
-    modes: str = EVERY
+    modes: str = ALL_MODES
     slower_than: float | None = None
     bounded: bool = False
     gain: GainBound | None = None
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
-        table = {name: value for name, value in asdict(self).items() if value and value != EVERY}
+        table = {name: value for name, value in asdict(self).items() if value and value != ALL_MODES}
         return table | ({"gain": self.gain.written()} if self.gain else {})
 
     def refuse_stability_alone(self, name: str, what: str) -> None:

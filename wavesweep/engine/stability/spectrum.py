@@ -113,21 +113,53 @@ def damping_ratio(delta) -> np.ndarray:
     return np.where(np.isfinite(ratio), ratio, np.nan)
 
 
-def least_damping(E):
+def size_gone(period, seconds) -> np.ndarray:
+    """The size of an eigenvalue below which a mode is gone: it falls to 1/e in less than so many seconds, or is below GONE.
+
+    period: of the frame (s).
+    """
+    if not seconds:
+        return np.full(np.shape(period), GONE)
+    return np.maximum(GONE, np.exp(-np.asarray(period, float) / seconds))
+
+
+def least_damping(E, gone=GONE, *, pairs=False):
     """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
 
-    It does if no rounding of E lowers it by more than TELLING, by the smallest singular values on the spiral of that lower
-    ratio, at the angle of each eigenvalue. One below GONE counts as 1.
+    One below `gone` in size counts as 1; so does, of `pairs` alone, a real one within the unit circle. The ratio is known if no
+    rounding of E lowers it by more than TELLING, by the smallest singular values on the spiral of that lower ratio, at the
+    angle of each eigenvalue, and if none makes a pair of real eigenvalues that are left out.
     """
     delta, finite = eigenvalues(E)
-    least = np.where(np.abs(1 + delta) < GONE, 1.0, np.nan_to_num(damping_ratio(delta))).min(-1, initial=1.0)
+    size = np.abs(1 + delta)
+    left_out = size < np.reshape(gone, (-1, 1))
+    real_left_out = np.zeros(left_out.shape, bool)
+    if pairs:
+        real_left_out = (delta.imag == 0) & (size < 1) & ~left_out
+    ratios = np.where(left_out | real_left_out, 1.0, np.nan_to_num(damping_ratio(delta)))
+    least = ratios.min(-1, initial=1.0)
     balanced, _ = balance(np.where(finite[..., None, None], E, 0.0))
     lower = np.clip(least - TELLING, -1 + TELLING, None)
     spiral = np.abs(np.angle(1 + delta)) * (1j - lower / np.sqrt(1 - lower**2))[:, None]
-    spiral = np.maximum(spiral.real, np.log(GONE)) + 1j * spiral.imag
+    spiral = np.maximum(spiral.real, np.log(np.reshape(gone, (-1, 1)))) + 1j * spiral.imag
     rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2), initial=0)
-    sure = finite & (_smallest(balanced, np.expm1(spiral)) > rounding[:, None]).all(-1)
-    return np.where(finite, least, np.nan), sure
+    far = _smallest(balanced, np.expm1(spiral)) > rounding[:, None]
+    if pairs:
+        far = np.where(real_left_out, _is_alone(balanced, delta, rounding), far)
+    return np.where(finite, least, np.nan), finite & far.all(-1)
+
+
+def _is_alone(balanced, delta, rounding):
+    """Whether an eigenvalue of `I + E` below 0 has no other one near it that rounding could join to it; all above 0 have not.
+
+    Near is TELLING of its size; rounding does not reach so far if the smallest singular values say so on the rim.
+    """
+    near = TELLING * np.abs(1 + delta)
+    distances = np.abs(delta[:, :, None] - delta[:, None, :])
+    no_other = np.count_nonzero(distances <= 2 * near[:, :, None], -1) == 1
+    for direction in (1.0, -1.0, 1j):
+        no_other &= _smallest(balanced, delta + direction * near) > rounding[:, None]
+    return no_other | (1 + delta.real > 0)
 
 
 def slowest(delta):

@@ -122,6 +122,13 @@ _HARDWARE = [
 
 KEYS, HARDWARE_KEYS = by_path(_LOOP), by_path(_HARDWARE)
 
+# Which modes a damping ratio is of: in [sweep] require and as a wish of [design].
+ALL_MODES, OSCILLATING = "all", "oscillating"
+MODES = {
+    ALL_MODES: "also one that changes its sign from frame to frame, a real eigenvalue below 0",
+    OSCILLATING: "those with a complex pair of eigenvalues; real ones have to be stable",
+}
+
 # Keys of [sweep] and [bode], which cannot be axes.
 STUDY_KEYS = by_path(
     [
