@@ -13,7 +13,7 @@ import pytest
 import wavesweep
 from tests.explore.conftest import ARM, DRIVE, HOLE, UNEVEN
 from tests.whole.plots.test_near_boundaries import within
-from wavesweep.explore.explorer_page import saved_page
+from wavesweep.explore.explorer_page import Page, saved_page
 from wavesweep.program.cli import main
 from wavesweep.program.spec import load
 
@@ -100,6 +100,13 @@ def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
     expected = [[row.low, row.high, bool(row.certified)] for _, row in table.iterrows() if row.intervals]
     columns = [found["columns"][found["x"].index(x)] for x in some]
     np.testing.assert_allclose([each for column in columns for each in column], expected, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seconds", "how"), [(60.0, "certified"), (0.0, "cells")])
+def test_a_page_opens_with_the_proved_plane_if_there_is_time(seconds, how):
+    """Along a number that is no gain the preview is cells, which say nothing between their middles."""
+    assert Page(load(ARM), answer_s=seconds).first["plane"]["how"] == how
 
 
 @pytest.mark.slow

@@ -50,6 +50,10 @@ class Page:
         self.first = quick(spec)
         with suppress(WavesweepError):  # somewhere in the plane there is no loop
             self.first |= self._preview(spec, self.plane, search) if self.plane else {}
+        self.by_cells = self.first.get("plane", {}).get("how") == "cells"
+        if self.by_cells:  # a page opens with the proved plane, if this takes no longer than an answer
+            with suppress(WavesweepError, TimeoutError):
+                self.first["plane"] = within(answer_s, lambda: certified_plane(spec, self.plane))
 
     def text(self) -> str:
         """The page with the numbers of the spec's own design, before any question."""
@@ -79,7 +83,7 @@ class Page:
             "sliders": [{**asdict(slider), "unit": _unit(slider.unit)} for slider in self.sliders],
             "plane": asdict(self.plane) if self.plane else None,
             "wall": [] if spec.drawing or spec.uneven else list(WALL),
-            "slow": self.first.get("plane", {}).get("how") == "cells",
+            "slow": self.by_cells,
             "hand": self.first["response"] is not None,
             "units": {
                 "felt": [_unit(unit) for unit in spec.units_felt],
