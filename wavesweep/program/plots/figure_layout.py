@@ -47,14 +47,21 @@ class Layout:
     @property
     def bars(self) -> list[dict[str, float]]:
         """The values of the axes of each bar, or of each line of a family."""
-        axes = ({self.family: self.members} if self.family else {}) | dict(self.beside)
+        axes = dict(self.beside)
+        if self.family:
+            axes = {self.family: self.members, **axes}
         return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
     def shows(self, columns: Columns) -> np.ndarray:
         """Flags of the rows that the figure shows."""
-        roles = ((self.x, self.points), (self.panels, self.panel_values), (self.family, self.members))
-        wanted = {axis: values for axis, values in roles if axis is not None}
-        return having(columns, wanted | {axis: (value,) for axis, value in self.fixed.items()})
+        wanted: dict[str, Sequence[float]] = {axis: (value,) for axis, value in self.fixed.items()}
+        if self.x is not None:
+            wanted[self.x] = self.points
+        if self.panels is not None:
+            wanted[self.panels] = self.panel_values
+        if self.family is not None:
+            wanted[self.family] = self.members
+        return having(columns, wanted)
 
 
 def having(columns: Columns, wanted: Mapping[str, Sequence[float]]) -> np.ndarray:
@@ -90,27 +97,39 @@ def lay_out(
     dampings: the names of the damping of walls in drawn loops.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
-    x, family = along_the_figure(several, dampings), None
+    x = along_the_figure(several, dampings)
+    family = None
     if not hands:
         x = x or _single_smooth(several, smooth)
         family = _family_of(several, x)
     others = [name for name in several if name not in (x, family)]
-    panels, held = next(iter(others), None), others[1:]
+    panels = others[0] if others else None
+    held = others[1:]
     points = evenly(several, x, MOST_POINTS, best)
     panel_values = evenly(several, panels, MOST_PANELS, best)
     members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS, best)
     beside = {name: several[name] for name in held}
-    if x is not None or hands or len(members) * prod(map(len, beside.values())) > MOST_COMBINATIONS:
+    combinations = len(members) * prod(map(len, beside.values()))
+    if x is not None or hands or combinations > MOST_COMBINATIONS:
         beside = {}
-    fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name not in beside}
-    shown = ((x, points), (panels, panel_values), (family, members))
-    said = what_is_shown([(n, v, several[n]) for n, v in shown if n] + [(n, (v,), several[n]) for n, v in fixed.items()])
-    return Layout(x, points, panels, panel_values, family, members, beside, fixed, said)
+    fixed = {}
+    for name in held:
+        if name not in beside:
+            middle = several[name][len(several[name]) // 2]
+            fixed[name] = best.get(name, middle)
+    roles = [(x, points), (panels, panel_values), (family, members)]
+    drawn = [(name, values, several[name]) for name, values in roles if name]
+    drawn += [(name, (value,), several[name]) for name, value in fixed.items()]
+    left_out = what_is_shown(drawn)
+    return Layout(x, points, panels, panel_values, family, members, beside, fixed, left_out)
 
 
 def _single_smooth(several: Mapping[str, Sequence[float]], smooth: Collection[str]) -> str | None:
     """The single axis, if further columns can be computed along it and it has more than a pair of values."""
-    return next((name for name in several if len(several) == 1 and name in smooth and len(several[name]) > _PAIR), None)
+    if len(several) != 1:
+        return None
+    (name,) = several
+    return name if name in smooth and len(several[name]) > _PAIR else None
 
 
 def _family_of(several: Mapping[str, Sequence[float]], x: str | None) -> str | None:
@@ -121,15 +140,26 @@ def _family_of(several: Mapping[str, Sequence[float]], x: str | None) -> str | N
 
 
 def what_is_shown(axes: Iterable[tuple[str, Sequence[float], Sized]]) -> str:
-    """A sentence on axes some values of which are not shown, empty without any; axes: name, values that are shown, and all."""
-    cut = [(name, shown, len(every)) for name, shown, every in axes if len(shown) < len(every)]
-    single, several = "{0} at {1[0]:g} alone, of {2} values", "{3} of {2} values of {0}"
-    sentences = [(single if len(shown) == 1 else several).format(name, shown, n, len(shown)) for name, shown, n in cut]
-    return f"Shown: {'; '.join(dict.fromkeys(sentences))}." if sentences else ""
+    """A sentence on axes some values of which are not shown, empty without any.
+
+    axes: name, values that are shown, and all.
+    """
+    sentences: dict[str, None] = {}
+    for name, shown, every in axes:
+        if len(shown) == len(every):
+            continue
+        if len(shown) == 1:
+            sentences[f"{name} at {shown[0]:g} alone, of {len(every)} values"] = None
+        else:
+            sentences[f"{len(shown)} of {len(every)} values of {name}"] = None
+    return f"Shown: {'; '.join(sentences)}." if sentences else ""
 
 
 def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[str] = ()) -> str | None:
-    """Return the axis along the figure, one of the wall's if possible; None if all axes are short. dampings: of drawn walls."""
+    """Return the axis along the figure, one of the wall's if possible; None if all axes are short.
+
+    dampings: of drawn walls.
+    """
     for wall in ("B_VE", "K_VE", *dampings):
         if wall in several:
             return wall
@@ -141,7 +171,10 @@ def along_the_figure(several: Mapping[str, Sequence[float]], dampings: Sequence[
 def evenly(
     several: Mapping[str, Sequence[float]], name: str | None, most: int, through: Mapping[str, float] | None = None
 ) -> tuple[float, ...]:
-    """Return up to `most` values of an axis, about equally spaced in its list, with both ends and the value in `through`."""
+    """Return up to `most` values of an axis, about equally spaced in its list.
+
+    Both ends are among them, and the value in `through`.
+    """
     if name is None:
         return ()
     values = np.asarray(several[name])
@@ -157,45 +190,62 @@ def evenly(
 
 
 def best_row(columns: Columns) -> dict[str, Any]:
-    """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable.
+    """The row with the largest stable value or, of walls, with the largest stiffness felt.
 
-    If there are any, rows of what is promised, for all numbers or for hands, come first, then certified ones, then those with a
-    known stiffness felt. Besides its columns it has `value`, the end of the interval that is the best one, `merit`, by which it
-    is, and `largest`, the largest high end of the rows that are promised and certified alike.
+    Empty if none is stable. If there are any, rows of what is promised, for all numbers or for hands, come first, then
+    certified ones, then those with a known stiffness felt. Besides its columns it has `value`, the end of the interval that is
+    the best one, `merit`, by which it is, and `largest`, the largest high end of the rows that are promised and certified
+    alike.
     """
     rows = columns["intervals"] > 0
     if not rows.any():
         return {}
-    merit, value, is_known = columns["high"], columns["high"], np.ones(rows.size, bool)
+    merit = columns["high"]
+    value = columns["high"]
+    is_known = np.ones(rows.size, bool)
     if "felt_high" in columns and str(columns["along"][0]) == "K_VE":
-        low, high = columns["felt_low"], columns["felt_high"]
+        low = columns["felt_low"]
+        high = columns["felt_high"]
         is_known = ~np.isnan(high)
         falls = low > high + FELT_ALIKE * np.abs(high)
         merit = np.where(is_known, np.where(falls, low, high), merit)
         value = np.where(is_known & falls, columns["low"], value)
-    whose, kinds = whose_column(columns), list(row_kinds())
-    promise = np.zeros(rows.size, int)
-    if whose in ("guarantee", "hand"):
-        ranks_of_words = {word: len(kinds) - kinds.index(word) for word in kinds if word not in COMPUTED}
-        promise = np.array([ranks_of_words.get(word, 0) for word in columns[whose].tolist()])
-    ranks, largest = (promise, columns["certified"], is_known), 0.0
-    for rank in ranks:
-        largest = columns["high"][rows].max() if rank is is_known else largest
-        rows = rows & (rank == rank[rows].max())
+    promise = _promise(columns)
+    ranks = (promise, columns["certified"], is_known)
+    rows &= promise == promise[rows].max()
+    rows &= columns["certified"] == columns["certified"][rows].max()
+    largest = columns["high"][rows].max()
+    rows &= is_known == is_known[rows].max()
     merit = np.where(rows, merit, -np.inf)
     most = merit.max()
-    row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
+    alike = merit >= most - FELT_ALIKE * abs(most)  # but for rounding
+    row = int(np.argmax(alike))
     best = {name: column[row] for name, column in columns.items()}
-    merits = {"value": value[row], "merit": merit[row], "largest": largest}
-    return best | merits | {"rank": tuple(int(rank[row]) for rank in ranks)}
+    best["value"] = value[row]
+    best["merit"] = merit[row]
+    best["largest"] = largest
+    best["rank"] = tuple(int(rank[row]) for rank in ranks)
+    return best
+
+
+def _promise(columns: Columns) -> np.ndarray:
+    """How much each row promises, by its kind: the more, the earlier its kind is listed; 0 of what is only computed."""
+    whose = whose_column(columns)
+    if whose not in ("guarantee", "hand"):
+        return np.zeros(len(columns["intervals"]), int)
+    kinds = list(row_kinds())
+    ranks = {word: len(kinds) - kinds.index(word) for word in kinds if word not in COMPUTED}
+    return np.array([ranks.get(word, 0) for word in columns[whose].tolist()])
 
 
 def best_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """The best of the best rows of some blocks, the first of those that are alike but for rounding."""
     candidates = [row for row in rows if row]
-    first = max((row["rank"] for row in candidates), default=())
-    largest = max((row["largest"] for row in candidates if row["rank"][:2] == first[:2]), default=0.0)
+    if not candidates:
+        return {}
+    first = max(row["rank"] for row in candidates)
+    largest = max(row["largest"] for row in candidates if row["rank"][:2] == first[:2])
     candidates = [row for row in candidates if row["rank"] == first]
-    most = max((row["merit"] for row in candidates), default=0.0)
-    alike = (row for row in candidates if row["merit"] >= most - FELT_ALIKE * abs(most))
-    return next(({**row, "largest": largest} for row in alike), {})
+    most = max(row["merit"] for row in candidates)
+    alike = [row for row in candidates if row["merit"] >= most - FELT_ALIKE * abs(most)]
+    return {**alike[0], "largest": largest}

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from wavesweep.program.plots.member_panels import (
     over_one_damping,
     specs_of,
 )
-from wavesweep.program.plots.plane_regions import Region, region_of
+from wavesweep.program.plots.plane_regions import region_of
 from wavesweep.program.plots.region_figures import (
     Bars,
     draw_at_values,
@@ -63,56 +64,79 @@ def zwidth(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
     Boundaries are dashed red if not certified, and slices that are only partly known are hatched outside of their intervals.
     One further axis is a family of lines, the next one gives panels through the best design.
     """
-    blocks, axes, best, several = blocks_of(table), {}, {}, False
+    blocks = blocks_of(table)
+    values_of: dict[str, np.ndarray] = {}
+    best: dict[str, Any] = {}
+    several = False
     for block in blocks():
-        note_values(axes, block, "along")
-        best, several = best_of([best, best_row(block)]), bool(whose_column(block))
-    axes = {name: values[~np.isnan(values)].tolist() for name, values in axes.items() if name != "spec"}
-    walls = [name for tables in specs_of(facts).values() if (name := damping_of(tables))]
-    layout = lay_out(axes, best, several, [] if several else smooth_axes(axes, facts), walls)
-    return _draw(Shown(_once(rows_where(blocks, layout.shows)), facts, layout, best))
+        note_values(values_of, block, "along")
+        best = best_of([best, best_row(block)])
+        several = bool(whose_column(block))
+    axes = {name: values[~np.isnan(values)].tolist() for name, values in values_of.items() if name != "spec"}
+    dampings = [damping_of(tables) for tables in specs_of(facts).values()]
+    smooth = [] if several else smooth_axes(axes, facts)
+    layout = lay_out(axes, best, several, smooth, [name for name in dampings if name])
+    rows = _once(rows_where(blocks, layout.shows))
+    return _draw(Shown(rows, facts, layout, best))
 
 
 def of_specs(table: Columns | Blocks, facts: Mapping[str, Any]) -> Any:
-    """Draw a `zwidth-specs` table as `zwidth` draws one, a colour for each spec. The dampings of walls, which drawn loops name,
-    are one axis."""
-    return zwidth(over_one_damping(joined(table()) if callable(table) else table, facts), facts)
+    """Draw a `zwidth-specs` table as `zwidth` draws one, a colour for each spec.
+
+    The dampings of walls, which drawn loops name, are one axis.
+    """
+    columns = joined(table()) if callable(table) else table
+    return zwidth(over_one_damping(columns, facts), facts)
 
 
 def _once(columns: Columns) -> Columns:
     """The rows without those that are there again, as an axis has a value twice."""
-    names = dict.fromkeys([*axes_of(columns), *filter(None, [whose_column(columns)]), "interval"])
-    labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in names]
-    rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
+    names = dict.fromkeys([*axes_of(columns), "interval"])
+    whose = whose_column(columns)
+    if whose:
+        names[whose] = None
+    labels = []
+    for name in names:
+        _, labels_of_rows = np.unique(columns[name], return_inverse=True)
+        labels.append(labels_of_rows.ravel())
+    _, first = np.unique(np.stack(labels, axis=1), axis=0, return_index=True)
+    rows = np.sort(first)
     return {name: column[rows] for name, column in columns.items()}
 
 
 def _draw(shown: Shown) -> Any:
     """Draw all panels with their legends and notes."""
-    layout, panels = shown.layout, shown.layout.panel_values or (np.nan,)
-    across = _panels_in_a_row(len(panels), bars=layout.x is None)
-    down = -(-len(panels) // across)
+    bars = shown.layout.x is None
+    panels = shown.layout.panel_values or (np.nan,)
+    across = _panels_in_a_row(len(panels), bars=bars)
+    down = ceil(len(panels) / across)
     usual = ONE_COLUMN if across == 1 else TWO_COLUMNS
     with figure(usual, _height(shown, across, down)) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
-        reached, how = list(shown.view), set()
+        inches = (wide(usual) / across, canvas.get_figheight() / down)
+        reached = list(shown.view)
+        how: set[str] = set()
         for number, (axes, value) in enumerate(zip(grid.flat, panels, strict=False)):
             LOGGER.info("%d of %d", number, len(panels))
-            reached += _draw_panel(shown, axes, value, (wide(usual) / across, canvas.get_figheight() / down), how)
+            reached += _draw_panel(shown, axes, value, inches, how)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         _scale_values(shown, grid, (min(reached), max(reached)))
-        for number, axes in enumerate(grid.flat[: len(panels)]):
+        drawn = grid.flat[: len(panels)]
+        for number, axes in enumerate(drawn):
             axes.tick_params(labelbottom=number + across >= len(panels))
-            mark_range(axes, shown.columns, bars=layout.x is None)
+            mark_range(axes, shown.columns, bars=bars)
             for walls in shown.walls:
                 walls.draw(axes)
-        members, marks = entries_of(shown, panels, grid.flat[: len(panels)])
-        # Beside the panels, if it is more than a row.
-        legends_beside = across > 1 and down > 1 and not is_narrow() and rows_of(members + marks, wide(usual)) > 1
-        legends = [] if legends_beside else [members, marks] if across == 1 else [members + marks]
-        legend_height = 0.17 * sum(rows_of(entries, wide(usual)) for entries in legends)
-        canvas.set_figheight(canvas.get_figheight() + legend_height)
+        members, marks = entries_of(shown, panels, drawn)
+        many_panels = across > 1 and down > 1 and not is_narrow()
+        legends_beside = many_panels and rows_of(members + marks, wide(usual)) > 1
+        rows = 0
+        if across == 1:
+            rows = rows_of(members, wide(usual)) + rows_of(marks, wide(usual))
+        elif not legends_beside:
+            rows = rows_of(members + marks, wide(usual))
+        canvas.set_figheight(canvas.get_figheight() + 0.17 * rows)
         _name_axes(shown, canvas, how)
         draw_legends(canvas, grid, members, marks, legends_beside)
     return canvas
@@ -141,7 +165,10 @@ def _scale_values(shown: Shown, grid: np.ndarray, view: tuple[float, float]) -> 
     if shown.by_factors:
         for axes in grid.flat:
             by_factors(axes.xaxis if bars else axes.yaxis, *view)
-    (grid[0, 0].set_xlim if bars else grid[0, 0].set_ylim)(view)
+    if bars:
+        grid[0, 0].set_xlim(view)
+    else:
+        grid[0, 0].set_ylim(view)
 
 
 def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, float], how: set[str]) -> list[float]:
@@ -149,9 +176,11 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
 
     how: is added what of _HOW occurs.
     """
-    layout, reached = shown.layout, []
+    layout = shown.layout
     columns = rows_with(shown.columns, {layout.panels: panel} if layout.panels else {})
-    members, bars_of = shown.members(columns), {}
+    members = shown.members(columns)
+    reached: list[float] = []
+    bars_of: dict[str, Bars] = {}
     if layout.x is None:
         draw_bars(axes, members)
     else:
@@ -159,7 +188,11 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
     if layout.panels is not None:
         axes.set_title(valued(layout.panels, panel, shown.facts))
     if shown.best and (layout.panels is None or shown.best[layout.panels] == panel):
-        _mark_best(shown, axes, members, bars_of)
+        style = dict(BEST)
+        bar = bars_of.get(shown.best.get(shown.whose, ""))
+        if bar:  # of the guarantee that the best design has
+            style["transform"] = bar.place(axes)
+        axes.plot(*shown.place(shown.best, members), **style)
     for place in shown.own_design([panel]):
         axes.plot(*place, **OWN)
     for name, height in shown.limits_of_walls().items():
@@ -171,65 +204,72 @@ def _draw_panel(shown: Shown, axes: Any, panel: float, inches: tuple[float, floa
     return reached
 
 
-def _mark_best(shown: Shown, axes: Any, members: Sequence[Member], bars_of: Mapping[str, Bars]) -> None:
-    """Draw the mark of the best design, on the bar of its guarantee if it is one of these."""
-    at = bars_of.get(shown.best.get(shown.whose, ""))
-    axes.plot(*shown.place(shown.best, members), **BEST, **({"transform": at.place(axes)} if at else {}))
-
-
 def _draw_plane(
     shown: Shown, axes: Any, columns: Columns, members: Sequence[Member], inches: tuple[float, float], how: set[str]
 ) -> tuple[list[float], dict[str, Bars]]:
     """Draw a panel over x; gives how far boundaries go, and where the bars of the guarantees stand."""
-    reached: list[float] = []
-    bars_of: dict[str, Bars] = {}
-    x, (low, high) = shown.layout.x, (shown.layout.points[0], shown.layout.points[-1])
+    x = shown.layout.x
+    low = shown.layout.points[0]
+    high = shown.layout.points[-1]
     somewhere = bool((columns["intervals"] > 0).any())
     if not somewhere:
-        nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
+        nothing = "nowhere stable at the swept values"
+        if incomplete(columns).any():
+            nothing = "nothing known to be stable"
         axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
     logarithmic = is_logarithmic(columns[x])
     if logarithmic:
         by_factors(axes.xaxis, low, high)
     view = view_of(x, logarithmic, *inches, shown.by_factors)
     curves = member_curves(members, view, (low, high))
-    single = [not curve.gaps for curve in curves]  # of which there are bars alone
+    in_bars = sum(not curve.gaps for curve in curves)  # members that have bars alone, side by side
     points = 72 * inches[0] * _PANEL_WIDTH
-    width = float(np.clip(_FILL * points * view.closest(shown.layout.points) / max(sum(single), 1), _THIN, _THICK))
-    for number, (member, curve) in enumerate(zip(members, curves, strict=True)):
+    room = points * view.closest(shown.layout.points)
+    width = float(np.clip(_FILL * room / max(in_bars, 1), _THIN, _THICK))
+    filled = len(members) == 1 and shown.whose != "spec"
+    reached: list[float] = []
+    bars_of: dict[str, Bars] = {}
+    place = 0
+    for member, curve in zip(members, curves, strict=True):
         region = region_of(curve, view)
-        at = Bars((width + _APART) * (sum(single[:number]) - (sum(single) - 1) / 2) * single[number], width)
-        filled = len(members) == 1 and shown.whose != "spec"
+        if curve.gaps:
+            bars = Bars(0.0, width)
+        else:
+            bars = Bars((width + _APART) * (place - (in_bars - 1) / 2), width)
+            place += 1
         if member.at_values:
-            bars_of[member.guarantee] = at
+            bars_of[member.guarantee] = bars
         else:
             draw_region(axes, region, member.look, filled, len(members))
-        draw_at_values(axes, region.bars, member.look, at, shown.span if member.at_values else None)
-        outline = [*region.certain, *region.doubtful]
-        reached += [_ROOM * y for line in outline for _, y in line]
-        how |= _how_drawn(region, filled)
+        draw_at_values(axes, region.bars, member.look, bars, shown.span if member.at_values else None)
+        for line in (*region.certain, *region.doubtful):
+            how.add("between")
+            if not filled:
+                how.add("strokes")
+            reached += [_ROOM * y for _, y in line]
+        if region.bars:
+            how.add("bars")
         if shown.felt:
             draw_felt(axes, region, member.look)
         if member.proved and somewhere:  # without a stable loop nothing is open
-            draw_for_all(axes, x, member.rows, shown.span, at)
+            draw_for_all(axes, x, member.rows, shown.span, bars)
         elif member.at_values:
-            draw_unknown_at_values(axes, _unknown_spans(curve, shown.view), shown.span, at)
+            draw_unknown_at_values(axes, _unknown_spans(curve, shown.view), shown.span, bars)
     if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
-        low, high = _with_room(low, high, max(_EDGE, (width + _APART) * sum(single) / 2 / points), logarithmic)
+        edge = max(_EDGE, (width + _APART) * in_bars / 2 / points)
+        low, high = _with_room(low, high, edge, logarithmic)
     axes.set_xlim(low, high)
     return [y for y in reached if y > shown.view[1]], bars_of
 
 
-def _how_drawn(region: Region, filled: bool) -> set[str]:
-    """What of _HOW occurs in a region."""
-    outlined = bool(region.certain or region.doubtful)
-    occurs = {"strokes": outlined and not filled, "between": outlined, "bars": bool(region.bars)}
-    return {word for word in occurs if occurs[word]}
-
-
 def _unknown_spans(curve: PlaneCurve, view: tuple[float, float]) -> list[tuple[float, float, float]]:
     """What is not known at the values of x, (x, from, to), as far as it is in the view."""
-    return [(x, *np.clip(span, *view)) for x, (_, spans) in curve.columns.items() for span in spans]
+    spans_in_view = []
+    for x, (_, spans) in curve.columns.items():
+        for span in spans:
+            low, high = np.clip(span, *view)
+            spans_in_view.append((x, low, high))
+    return spans_in_view
 
 
 def _with_room(low: float, high: float, edge: float, logarithmic: bool) -> tuple[float, float]:
@@ -243,11 +283,14 @@ def _with_room(low: float, high: float, edge: float, logarithmic: bool) -> tuple
 
 def _label_along(shown: Shown) -> str:
     """The label of the axis of the values."""
-    names = dict.fromkeys(shown.columns["along"].tolist())
-    along = "stiffness of the wall" if len(names) > 1 else label(shown.along, shown.facts)
-    if units := unlike_units(shown.facts).get("high"):
-        along = with_unit(symbol(shown.along) if len(names) == 1 else along, printed(units))
-    return along
+    several = len(set(shown.columns["along"].tolist())) > 1
+    units = unlike_units(shown.facts).get("high")
+    if several:
+        name = "stiffness of the wall"
+        return with_unit(name, printed(units)) if units else name
+    if units:
+        return with_unit(symbol(shown.along), printed(units))
+    return label(shown.along, shown.facts)
 
 
 def _assumption(shown: Shown) -> str:
@@ -260,13 +303,18 @@ def _assumption(shown: Shown) -> str:
 
 
 def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
-    layout, facts, bars = shown.layout, shown.facts, shown.layout.x is None
+    layout = shown.layout
+    facts = shown.facts
     along = _label_along(shown)
+    if layout.x is not None:
+        beneath = label(layout.x, facts)
+        upright = along
+    else:
+        beneath = along
+        upright = label(layout.family, facts) if layout.family and not layout.beside else ""
     required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
     unmarked = [module.undrawn(facts, layout.x, shown.along) for module in modules("marks")]
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
-    along_x = along if bars else label(layout.x, facts)
-    note_below(canvas, required, layout.left_out, drawn, *unmarked, _assumption(shown), axis=along_x)
-    across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
-    if across:
-        canvas.supylabel(across, fontsize=8)
+    note_below(canvas, required, layout.left_out, drawn, *unmarked, _assumption(shown), axis=beneath)
+    if upright:
+        canvas.supylabel(upright, fontsize=8)

@@ -1,6 +1,7 @@
 """The legend of the figure of stable intervals: its members, and its marks in words."""
 
 from collections.abc import Sequence
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -48,11 +49,13 @@ def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> t
 
     members = shown.members(shown.columns)
     entries = _member_entries(shown, members)
-    artists = [artist for axes in drawn for artist in (*axes.lines, *axes.patches, *axes.collections)]
-    ladders = [artist for artist in artists if artist.get_label() == LADDER]
-    if ladders or any(artist.get_hatch() == UNKNOWN["hatch"] for artist in artists if hasattr(artist, "get_hatch")):
-        entries.append(Line2D([], [], **BAR, color=UNKNOWN["edgecolor"]) if ladders else Patch(**UNKNOWN))
-        entries[-1].set_label(NOT_KNOWN)
+    artists: list[Any] = []
+    for axes in drawn:
+        artists += [*axes.lines, *axes.patches, *axes.collections]
+    if any(artist.get_label() == LADDER for artist in artists):
+        entries.append(Line2D([], [], **BAR, color=UNKNOWN["edgecolor"], label=NOT_KNOWN))
+    elif UNKNOWN["hatch"] in _hatches(artists):
+        entries.append(Patch(**UNKNOWN, label=NOT_KNOWN))
     markers = [artist.get_marker() for artist in artists if isinstance(artist, Line2D)]
     carets = [marker for marker in markers if marker in (RIGHT, UP, LEFT, DOWN)]
     if carets:
@@ -60,26 +63,39 @@ def entries_of(shown: Shown, panels: Sequence[float], drawn: Sequence[Any]) -> t
     return entries, _marks(shown, members, panels, artists)
 
 
+def _hatches(artists: Sequence[Any]) -> set[str | None]:
+    """The hatches that occur among what is drawn."""
+    return {artist.get_hatch() for artist in artists if hasattr(artist, "get_hatch")}
+
+
 def _member_entries(shown: Shown, members: Sequence[Member]) -> list[Any]:
     """The entries of the members; bars have none, since their names stand beside them."""
     layout = shown.layout
-    if layout.x is None or not (shown.whose or layout.family is not None):
+    if layout.x is None:
         return []
-    names = [member.name for member in members]
-    if not shown.whose:  # the first has name and unit, the others the value
-        values = layout.members
-        names = [valued(layout.family, values[0], shown.facts), *(f"{value:.6g}" for value in values[1:])]
+    if shown.whose:
+        names = [member.name for member in members]
+    elif layout.family is not None:
+        first, *others = layout.members
+        names = [valued(layout.family, first, shown.facts)]
+        names += [f"{value:.6g}" for value in others]
+    else:
+        return []
     names = [name + _extent(shown, member) for name, member in zip(names, members, strict=True)]
-    return handles_of(names, [member.look for member in members], [member.at_values for member in members])
+    looks = [member.look for member in members]
+    return handles_of(names, looks, [member.at_values for member in members])
 
 
 def _extent(shown: Shown, member: Member) -> str:
     """What the legend says of a region that has no boundary, since no line shows it."""
-    rows, bottom = member.rows, np.nanmin(shown.columns["low"], initial=np.inf)
+    rows = member.rows
     if not rows["intervals"].any():
         return ": none"
-    from_bottom = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
-    return ": whole range" if from_bottom.all() else ""
+    bottom = np.nanmin(shown.columns["low"], initial=np.inf)
+    from_bottom = (rows["intervals"] == 1) & (rows["low"] == bottom)
+    to_top = np.isnan(rows["high_omega"])
+    whole = from_bottom & to_top & ~incomplete(rows)
+    return ": whole range" if whole.all() else ""
 
 
 def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], artists: Sequence[Any]) -> list[Any]:
@@ -89,15 +105,17 @@ def _marks(shown: Shown, members: Sequence[Member], panels: Sequence[float], art
     certain = all(member.rows["certified"].all() for member in members)
     handles = []
     if any(artist.get_label() == FELT for artist in artists):
-        alone = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
-        handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
+        colour = look_of(COMPUTED["free"]).colour if len(members) == 1 else "0.3"
+        felt = {"color": colour, "linestyle": FELT_LINE, "linewidth": 0.8}
+        handles.append(Line2D([], [], **felt, label="stiffness felt at the limit"))
     if shown.best:
         handles.append(Line2D([], [], **BEST, label=_best_in_words(shown, certain)))
     if shown.own_design(panels):
         handles.append(Line2D([], [], **OWN, label="nominal design"))
     handles += _area_marks(artists)
-    limits = [LIMITS[name] for name in shown.limits_of_walls()]
-    handles += [Line2D([], [], **LIMIT, linestyle=line, label=said) for said, line in limits]
+    for name in shown.limits_of_walls():
+        said, line = LIMITS[name]
+        handles.append(Line2D([], [], **LIMIT, linestyle=line, label=said))
     for walls in shown.walls:
         handles += walls.handles(shown.layout.points, shown.view)
     return handles
@@ -109,7 +127,7 @@ def _area_marks(artists: Sequence[Any]) -> list[Any]:
     from matplotlib.patches import Patch
 
     handles: list[Any] = []
-    hatches = {artist.get_hatch() for artist in artists if hasattr(artist, "get_hatch")}
+    hatches = _hatches(artists)
     dashed = {"linestyle": "--", "label": "not certified"}
     if UNPROVED["hatch"] in hatches:
         handles.append(Patch(**UNPROVED | {"linewidth": 1.2}, edgecolor=DOUBTFUL, **dashed))
@@ -132,29 +150,38 @@ def _is_red(artist: Any) -> bool:
 
 def _best_in_words(shown: Shown, certain: bool) -> str:
     """The largest value and, of a wall, the stiffness felt; certain: whether no row is in doubt."""
-    best, facts = shown.best, shown.facts
+    best = shown.best
     kind = row_kind(best.get(shown.whose, "") if shown.whose in ("guarantee", "hand") else "")
-    sure = f" {kind.vouched_for(best)}" if best["certified"] and not (certain or kind.proved) else ""
-    sure += f", {kind.legend}" * (shown.whose == "hand")
+    vouched_for = ""
+    if best["certified"] and not (certain or kind.proved):
+        vouched_for = f" {kind.vouched_for(best)}"
+    of_hand = f", {kind.legend}" if shown.whose == "hand" else ""
     end = "low" if best["value"] == best["low"] else "high"
-    title, over = kind.largest, "over " if np.isnan(best[f"{end}_omega"]) and not kind.proved else ""
-    felt, value = best["merit"], f"{over}{best['value']:.5g}"
+    range_ends_it = bool(np.isnan(best[f"{end}_omega"])) and not kind.proved
+    value = f"{'over ' if range_ends_it else ''}{best['value']:.5g}"
+    felt = best["merit"]
     alike = abs(felt - best["value"]) <= 0.005 * best["value"]
     if shown.along != "K_VE" or (alike and best["high"] >= (1 - FELT_ALIKE) * best["largest"]):
-        start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
-        return f"{title}{sure}: {value} {unit(shown.along, facts)}".rstrip() + start
-    title = title.replace("largest", "stiffest felt") + (sure and ",") * (not sure.startswith(",")) + sure
-    return f"{title}: {felt:.4g} N/m at rest,\nof a wall of {value} N/m"
+        said = f"{kind.largest}{vouched_for}{of_hand}: {value} {unit(shown.along, shown.facts)}".rstrip()
+        above_a_hole = best.get("interval", 0) > 0  # and perhaps thin
+        return f"{said}, from {best['low']:.5g}" if above_a_hole else said
+    stiffest = kind.largest.replace("largest", "stiffest felt")
+    comma = "," if vouched_for else ""
+    return f"{stiffest}{comma}{vouched_for}{of_hand}: {felt:.4g} N/m at rest,\nof a wall of {value} N/m"
 
 
 def draw_legends(canvas: Any, grid: Any, members: list[Any], marks: list[Any], at_side: bool) -> None:
-    """The members above the only panel, and the marks above these; or all beside several panels, or above them."""
+    """The members above the only panel, and the marks above these.
+
+    Of several panels all are beside them, or above them.
+    """
     if at_side and members + marks:
         canvas.legend(handles=members + marks, loc="outside right upper", handlelength=2.5)
         return
     width = canvas.get_figwidth()
     if grid.size > 1:
-        members, marks = [], members + marks
+        marks = members + marks
+        members = []
     above = {"columnspacing": 0.8, "handlelength": 2.5, "handletextpad": 0.5, "fontsize": _SMALL}
     if members:
         place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
@@ -170,4 +197,5 @@ def _in_a_row(entries: Sequence[Any], width: float) -> int:
 
 def rows_of(entries: Sequence[Any], width: float) -> int:
     """How many rows of a legend these entries take above a figure of this width, inches."""
-    return -(-len(entries) // _in_a_row(entries, width)) + max((entry.get_label().count("\n") for entry in entries), default=0)
+    further_lines = [entry.get_label().count("\n") for entry in entries]
+    return ceil(len(entries) / _in_a_row(entries, width)) + max(further_lines, default=0)

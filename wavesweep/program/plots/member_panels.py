@@ -26,15 +26,18 @@ from wavesweep.program.plots.style import (
 from wavesweep.program.row_kinds import COMPUTED, RowKind, row_kind, row_kinds
 
 HALF_BAR = 0.32  # of the distance between two bars
-SHORTEST, SHORT, LONG = 14, 24, 60  # letters of a line of a bar's name: of what is guaranteed, in a narrow figure, and else
+# Letters of a line of a bar's name: of what is guaranteed, in a narrow figure, and else.
+SHORTEST = 14
+SHORT = 24
+LONG = 60
 
 
 @dataclass(frozen=True, eq=False)
 class Member:
     """One of the sets of intervals that a panel has: a value of the family, a hand, or a spec.
 
-    name: in a legend, or at a bar. facts: with the spec from which columns between its rows are computed. guarantee: the word
-    of a hand, or of [for_all]; empty for others.
+    name: in a legend, or at a bar. facts: with the spec from which columns between its rows are
+    computed. guarantee: the word of a hand, or of [for_all]; empty for others.
     """
 
     name: str
@@ -68,32 +71,37 @@ def members_of(
         return _members_of_hands(columns, facts, columns[whose])
     members = []
     for look, values in zip(family_looks(len(bars)), bars, strict=True):
-        name = ", ".join(valued(name, value, facts) for name, value in values.items())
-        name = name if len(values) > 1 else "".join(f"{value:g}" for value in values.values())
+        if len(values) > 1:
+            name = ", ".join(valued(axis, value, facts) for axis, value in values.items())
+        else:
+            name = "".join(f"{value:g}" for value in values.values())
         members.append(Member(name, look, rows_with(columns, values), facts))
     return members
 
 
 def _members_of_specs(columns: Columns, tables: Mapping[str, Mapping[str, Any]], specs: Sequence[str]) -> list[Member]:
     """The specs of a comparison that have rows here."""
-    rows = {name: where(columns, columns["spec"] == name) for name in specs}
-    return [
-        Member(shortened(name), distinct_look(at), rows[name], {"spec": tables.get(name, {})})
-        for at, name in enumerate(specs)
-        if len(rows[name]["spec"])
-    ]
+    members = []
+    for number, name in enumerate(specs):
+        rows = where(columns, columns["spec"] == name)
+        if len(rows["spec"]):
+            facts = {"spec": tables.get(name, {})}
+            members.append(Member(shortened(name), distinct_look(number), rows, facts))
+    return members
 
 
 def _members_of_hands(columns: Columns, facts: Mapping[str, Any], kinds: np.ndarray) -> list[Member]:
     """The hands, or the guarantees, that have rows here; kinds: the word of each row."""
-    words = dict.fromkeys([*row_kinds(), *sorted(set(kinds.tolist()))])
-    rows = {word: where(columns, kinds == word) for word in words}
-    present = {word: row_kind(word).as_drawn(block) for word, block in rows.items() if len(block["along"])}
-    return [
-        Member(kind.name_beside(present, block), look_of(kind), block, facts, word)
-        for word, block in present.items()
-        for kind in [row_kind(word)]
-    ]
+    rows_of: dict[str, Columns] = {}
+    for word in dict.fromkeys([*row_kinds(), *sorted(set(kinds.tolist()))]):
+        rows = where(columns, kinds == word)
+        if len(rows["along"]):
+            rows_of[word] = row_kind(word).as_drawn(rows)
+    members = []
+    for word, rows in rows_of.items():
+        kind = row_kind(word)
+        members.append(Member(kind.name_beside(rows_of, rows), look_of(kind), rows, facts, word))
+    return members
 
 
 def look_of(kind: RowKind) -> Look:
@@ -102,12 +110,20 @@ def look_of(kind: RowKind) -> Look:
 
 
 def over_one_damping(columns: Columns, facts: Mapping[str, Any]) -> Columns:
-    """The columns with the dampings of all walls in that of the first spec which sweeps its own; another has its own value."""
-    names, values = {}, {}
+    """The columns with the dampings of all walls in that of the first spec which sweeps its own.
+
+    Another spec has its own value there.
+    """
+    names = {}
+    values = {}
     for spec, tables in specs_of(facts).items():
-        name = damping_of(tables)
-        names[spec] = name or "B_VE"
-        values[spec] = tables["numbers"][name]["value"] if name else tables.get("environment", {}).get("B_VE", np.nan)
+        damping = damping_of(tables)
+        if damping:
+            names[spec] = damping
+            values[spec] = tables["numbers"][damping]["value"]
+        else:
+            names[spec] = "B_VE"
+            values[spec] = tables.get("environment", {}).get("B_VE", np.nan)
     x = next((name for name in names.values() if name in columns), None)
     if x is None or set(names.values()) == {x}:
         return columns
@@ -115,7 +131,8 @@ def over_one_damping(columns: Columns, facts: Mapping[str, Any]) -> Columns:
     for spec, name in names.items():
         rows = (columns["spec"] == spec) & np.isnan(merged)
         merged[rows] = columns[name][rows] if name in columns else values[spec]
-    unchanged = {name: column for name, column in columns.items() if name == x or name not in names.values()}
+    others = set(names.values()) - {x}
+    unchanged = {name: column for name, column in columns.items() if name not in others}
     return unchanged | {x: merged}
 
 
@@ -131,26 +148,28 @@ def specs_of(facts: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
 
 def member_curves(members: Sequence[Member], view: View, span: tuple[float, float]) -> list[PlaneCurve]:
     """The curves of all members; those of one family in a batch."""
-    if not any(member.guarantee for member in members) and len({id(member.facts) for member in members}) == 1:
+    of_one_spec = len({id(member.facts) for member in members}) == 1
+    if of_one_spec and not any(member.guarantee for member in members):
         return curves_of([member.rows for member in members], view, members[0].facts)
-    curves, dampings = [], {"B_VE", *(damping_of(member.facts.get("spec", {})) for member in members)}
+    dampings = {damping_of(member.facts.get("spec", {})) for member in members}
+    over_damping = view.x == "B_VE" or view.x in dampings
+    curves = []
     for member in members:
-        rows, x = member.rows, member.rows[view.x]
+        rows = member.rows
+        x = rows[view.x]
         if member.at_values:
             curves.append(PlaneCurve(columns_of(rows, x)))
         elif np.isnan(x).all():  # a loop that does not read it has the same intervals everywhere
             (column,) = columns_of(rows, np.zeros(len(x))).values()
             curves.append(PlaneCurve(dict.fromkeys(span, column), {span: KNOWN}))
+        elif over_damping:  # of its wall, for which its spec may have another name than the figure
+            damping = damping_of(member.facts.get("spec", {})) or "B_VE"
+            renamed = {name: column for name, column in rows.items() if name != view.x}
+            renamed[damping] = x
+            curves += curves_of([renamed], replace(view, x=damping), member.facts)
         else:
-            curves += _curves_over_damping(member, view) if view.x in dampings else curves_of([rows], view, member.facts)
+            curves += curves_of([rows], view, member.facts)
     return curves
-
-
-def _curves_over_damping(member: Member, view: View) -> list[PlaneCurve]:
-    """The curve of a member over the damping of its wall, for which its spec may have another name than the figure."""
-    damping = damping_of(member.facts.get("spec", {})) or "B_VE"
-    renamed = {damping if name == view.x else name: column for name, column in member.rows.items()}
-    return curves_of([renamed], replace(view, x=damping), member.facts)
 
 
 def _draw_unknown_bars(axes: Any, place: int, spans: Sequence[tuple[float, float]]) -> None:
@@ -164,13 +183,18 @@ def _draw_unknown_bars(axes: Any, place: int, spans: Sequence[tuple[float, float
 
 def _draw_stable_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> None:
     """Draw the bar of a stable interval, with strokes at the ends that are ends of the stable set."""
-    low, high = row["low"], row["high"]
-    area = {"facecolor": paler(colour, 0.25), "linewidth": 0} if row["certified"] else {**UNPROVED, "edgecolor": colour}
+    low = row["low"]
+    high = row["high"]
+    if row["certified"]:
+        area = {"facecolor": paler(colour, 0.25), "linewidth": 0}
+        edge = {"colors": colour, "linestyles": "-"}
+    else:
+        area = {**UNPROVED, "edgecolor": colour}
+        edge = {"colors": DOUBTFUL, "linestyles": "--"}
     axes.barh(place, high - low, left=low, height=2 * HALF_BAR, **area)
-    edge, style = (colour, "-") if row["certified"] else (DOUBTFUL, "--")
     ends = [row[end] for end in ("low", "high") if not np.isnan(row[f"{end}_omega"])]
     if ends:
-        axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, colors=edge, linestyles=style)
+        axes.vlines(ends, place - HALF_BAR, place + HALF_BAR, **edge)
 
 
 def draw_bars(axes: Any, members: Sequence[Member]) -> None:
@@ -180,18 +204,26 @@ def draw_bars(axes: Any, members: Sequence[Member]) -> None:
     """
     family = family_looks(1)[0].colour
     for place, member in enumerate(members):
-        rows, colour = member.rows, member.look.colour if member.guarantee or "spec" in member.rows else family
-        stable, unknown = np.flatnonzero(rows["intervals"] > 0), list(chain.from_iterable(open_spans(rows)))
+        rows = member.rows
+        colour = member.look.colour if member.guarantee or "spec" in rows else family
+        unknown = list(chain.from_iterable(open_spans(rows)))
         _draw_unknown_bars(axes, place, unknown)
+        stable = np.flatnonzero(rows["intervals"] > 0)
         if not stable.size:
-            nothing = "nothing known to be stable" if unknown else "nowhere stable"
-            said = "nothing proved" if member.proved else nothing
+            if member.proved:
+                said = "nothing proved"
+            elif unknown:
+                said = "nothing known to be stable"
+            else:
+                said = "nowhere stable"
             at = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(said, (0, place), (3, 0), **at, va="center", color="0.35")
         for row in stable.tolist():
             _draw_stable_bar(axes, place, where(rows, row), colour)
     short = SHORT if is_narrow() else LONG
     names = [fill(member.name, SHORTEST if member.guarantee else short) for member in members]
-    names = names if any(names) else []
-    axes.set_yticks(range(len(names)), names)
+    if any(names):
+        axes.set_yticks(range(len(names)), names)
+    else:
+        axes.set_yticks([], [])
     axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))

@@ -20,10 +20,11 @@ Line = list[tuple[float, float]]
 class Region:
     """What a picture shows of a curve.
 
-    areas: outlines of what is stable. unproved: those of its parts that are not certified. certain, doubtful: lines along its
-    boundary, with the unstable side at their left. felt: lines of the stiffness felt at upper limits. bars: (x, interval) at
-    values of x whose neighbourhood is not known. unknown: (from, to) of x, and of the values there that are not known: those of
-    open places, or all that are outside the areas; so are gaps that are not known where others are.
+    areas: outlines of what is stable. unproved: those of its parts that are not certified. certain,
+    doubtful: lines along its boundary, with the unstable side at their left. felt: lines of the
+    stiffness felt at upper limits. bars: (x, interval) at values of x whose neighbourhood is not
+    known. unknown: (from, to) of x, and of the values there that are not known: those of open
+    places, or all that are outside the areas; so are gaps that are not known where others are.
     """
 
     areas: list[Line]
@@ -50,15 +51,24 @@ def region_of(curve: PlaneCurve, view: View) -> Region:
     intervals of both sides go on to its middle, and what only one side has ends in a line across x, unless other intervals may
     be missing: an interval that is not known has not ended.
     """
-    chains, across, bars = _followed(curve, view)
-    edges = [*across, *(edge for chain in chains for edge in _edges(chain))]
+    followed = _followed(curve, view)
+    edges = followed.across
+    areas: list[Line] = []
+    unproved: list[Line] = []
+    felt: list[Line] = []
+    for chain in followed.chains:
+        if len(chain) > 1:
+            areas.append(_outline(chain))
+        unproved += [_outline(piece) for piece in _unproved(chain)]
+        felt += _felt(chain)
+        edges += _edges(chain)
     return Region(
-        areas=[_outline(chain) for chain in chains if len(chain) > 1],
-        unproved=[_outline(piece) for chain in chains for piece in _unproved(chain)],
+        areas=areas,
+        unproved=unproved,
         certain=_joined([line for line, certified in edges if certified]),
         doubtful=_joined([line for line, certified in edges if not certified]),
-        felt=_joined([line for chain in chains for line in _felt(chain)]),
-        bars=bars,
+        felt=_joined(felt),
+        bars=followed.bars,
         unknown=_unknown(curve, view),
     )
 
@@ -69,10 +79,14 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
     if len(places) == 1:
         return _Followed([[place] for place in first], [], first)
     chains: list[Chain] = [[place] for place in first]
-    growing, across, bars, alone = chains[:], [], [], True
+    growing = list(chains)
+    across: list[tuple[Line, bool]] = []
+    bars: Chain = []
+    joined_before = True  # the bars at `left` are not drawn yet
     for left, right in pairwise(places):
         state = curve.gaps.get((left, right), UNDECIDED)
-        (before, open_before), (after, open_after) = curve.columns[left], curve.columns[right]
+        before, open_before = curve.columns[left]
+        after, open_after = curve.columns[right]
         if state == KNOWN:
             _go_on(growing, right, after)
         elif state == NARROW:
@@ -88,11 +102,13 @@ def _followed(curve: PlaneCurve, view: View) -> _Followed:
                 growing.append([(middle, first), (right, second)])
             chains += growing
         else:
+            if joined_before:
+                bars += _points(left, before)
             starts = _points(right, after)
-            bars += _points(left, before) * alone + starts
+            bars += starts
             growing = [[start] for start in starts]
             chains += growing
-        alone = state != UNDECIDED
+        joined_before = state != UNDECIDED
     return _Followed(chains, across, bars)
 
 
@@ -147,13 +163,22 @@ def _moved(intervals: Sequence[Interval], ends: np.ndarray) -> list[Interval]:
 
 
 def _unknown(curve: PlaneCurve, view: View) -> list[tuple[float, float, float, float]]:
-    """What is not known: columns that are known in part, half way to their neighbours, and gaps where others are known."""
+    """What is not known: columns that are known in part, half way to their neighbours, and gaps.
+
+    A gap counts only where others are known.
+    """
     places = sorted(curve.columns)
     middles = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
-    cells = zip(places, [places[0], *middles], [*middles, places[-1]], strict=True)
-    half_known = [(left, right, *span) for x, left, right in cells for span in curve.columns[x][1]]
-    gaps = [(*gap, -np.inf, np.inf) for gap in pairwise(places) if curve.gaps and gap not in curve.gaps]
-    return [*half_known, *gaps]
+    begins = [places[0], *middles]
+    ends = [*middles, places[-1]]
+    unknown: list[tuple[float, float, float, float]] = []
+    for x, left, right in zip(places, begins, ends, strict=True):
+        _, open_spans = curve.columns[x]
+        unknown += [(left, right, low, high) for low, high in open_spans]
+    if curve.gaps:
+        gaps = [gap for gap in pairwise(places) if gap not in curve.gaps]
+        unknown += [(left, right, -np.inf, np.inf) for left, right in gaps]
+    return unknown
 
 
 def _edges(chain: Chain) -> Iterator[tuple[Line, bool]]:
@@ -175,27 +200,33 @@ def _felt(chain: Chain) -> Iterator[Line]:
 
 def _jumps(x: float, before: Sequence[Interval], after: Sequence[Interval]) -> Iterator[tuple[Line, bool]]:
     """Lines across x: down where the left side is stable alone, up where the right side is."""
-    values = sorted({end for interval in (*before, *after) for end in (interval.low, interval.high)})
-    for low, high in pairwise(values):
-        left, right = (
-            [interval for interval in side if interval.low <= low and interval.high >= high] for side in (before, after)
-        )
-        if bool(left) != bool(right):
-            yield [(x, high), (x, low)] if left else [(x, low), (x, high)], (left or right)[0].certified
+    every = (*before, *after)
+    ends = {interval.low for interval in every} | {interval.high for interval in every}
+    for low, high in pairwise(sorted(ends)):
+        left = [interval for interval in before if interval.low <= low and interval.high >= high]
+        right = [interval for interval in after if interval.low <= low and interval.high >= high]
+        if left and not right:
+            yield [(x, high), (x, low)], left[0].certified
+        elif right and not left:
+            yield [(x, low), (x, high)], right[0].certified
 
 
 def _joined(lines: Sequence[Line]) -> list[Line]:
     """The lines, each followed by that which begins where it ends: dashes and strokes run on along a boundary."""
     begins = {line[0]: line for line in reversed(lines)}
     ends = {line[-1] for line in lines}
-    joined, done = [], set()
-    for first in (*(line for line in lines if line[0] not in ends), *lines):  # a closed boundary begins anywhere
-        line, path = first, [first[0]]
+    starts = [line for line in lines if line[0] not in ends]
+    joined = []
+    done: set[int] = set()
+    for first in (*starts, *lines):  # a closed boundary begins anywhere
+        path = [first[0]]
+        line = first
         while line and id(line) not in done:
             done.add(id(line))
             path += line[1:]
             line = begins.get(path[-1], [])
-        joined += [path] if len(path) > 1 else []
+        if len(path) > 1:
+            joined.append(path)
     return joined
 
 

@@ -14,11 +14,13 @@ from wavesweep.program.plots.style import DOTS_PER_INCH, DOUBTFUL, UNKNOWN, UNPR
 SHADE = 0.22  # share of its colour that an area has
 BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
 CARET = {"color": "#D55E00", "markersize": 4, "linestyle": "none", "zorder": 6}  # seen on the star of the best design
-LEFT, RIGHT, UP, DOWN = 8, 9, 10, 11  # carets whose base is at the point
+LEFT, RIGHT, UP, DOWN = range(8, 12)  # carets of matplotlib whose base is at the point
 FELT_LINE = (0, (1, 1.2))
 BAR = {"marker": "|", "markersize": 8, "markeredgewidth": 2.5, "linestyle": "none"}  # in a legend
-LADDER, FELT = "_ladder", "_felt"  # labels of what is not known at a value of x, and of the stiffness felt
-_PALE, _SHARE = 1.5, 0.5  # points, from which on a bar is pale between its ends, and the share of its colour then
+LADDER = "_ladder"  # label of what is not known at a value of x
+FELT = "_felt"  # label of the stiffness felt
+_PALE = 1.5  # points, from which on a bar is pale between its ends
+_SHARE = 0.5  # of its colour that a pale bar has
 _SEEN = 0.01  # of what is shown
 
 Span = tuple[float, float]
@@ -34,12 +36,15 @@ def handles_of(names: Sequence[str], looks: Sequence[Look] = (), bars: Sequence[
     from matplotlib.lines import Line2D
 
     looks = looks or family_looks(len(names))
-    return [
-        Line2D([], [], **BAR, color=paler(look.colour, _SHARE), label=name)
-        if bar
-        else Line2D([], [], color=look.colour, linestyle=look.line, label=name)
-        for look, name, bar in zip(looks, names, bars or [False] * len(looks), strict=True)
-    ]
+    bars = bars or [False] * len(looks)
+    handles = []
+    for look, name, bar in zip(looks, names, bars, strict=True):
+        if bar:
+            style = {**BAR, "color": paler(look.colour, _SHARE)}
+        else:
+            style = {"color": look.colour, "linestyle": look.line}
+        handles.append(Line2D([], [], **style, label=name))
+    return handles
 
 
 def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: int = 1) -> None:
@@ -50,24 +55,39 @@ def draw_region(axes: Any, region: Region, look: Look, filled: bool, members: in
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
 
-    unknown = [(left, right) for left, right, low, _ in region.unknown if np.isinf(low)]
-    for cell in unknown:
-        axes.axvspan(*cell, **UNKNOWN)
-    if unknown:  # no hatching under what is known
-        axes.add_collection(PolyCollection(region.areas, facecolor="white", linewidth=0, zorder=0.5))
-    places = [[(a, low), (b, low), (b, high), (a, high)] for a, b, low, high in region.unknown if not np.isinf(low)]
+    columns = []
+    places = []
+    for left, right, low, high in region.unknown:
+        if np.isinf(low):
+            columns.append((left, right))
+        else:
+            places.append([(left, low), (right, low), (right, high), (left, high)])
+    for column in columns:
+        axes.axvspan(*column, **UNKNOWN)
+    if columns:  # no hatching under what is known
+        white = {"facecolor": "white", "linewidth": 0, "zorder": 0.5}
+        axes.add_collection(PolyCollection(region.areas, **white))
     if places:
         axes.add_collection(PolyCollection(places, **UNKNOWN | {"zorder": 0.8}))
-    if filled:  # with a hairline, so that no seam shows between two outlines; what is stable and not certified is dotted
+    if filled:
+        # With a hairline, so that no seam shows between two outlines.
         pale = paler(look.colour, SHADE)
-        axes.add_collection(PolyCollection(region.areas, facecolor=pale, edgecolor=pale, linewidth=0.4, zorder=0.6))
+        area = {"facecolor": pale, "edgecolor": pale, "linewidth": 0.4, "zorder": 0.6}
+        axes.add_collection(PolyCollection(region.areas, **area))
         if region.unproved:
-            axes.add_collection(PolyCollection(region.unproved, **UNPROVED, edgecolor=look.colour, zorder=0.7))
-    apart = max(1.0, members / 2)
-    strokes = [] if filled else [withTickedStroke(angle=75, spacing=9 * apart, length=0.45 / apart, linewidth=0.7)]
+            dotted = {**UNPROVED, "edgecolor": look.colour, "zorder": 0.7}
+            axes.add_collection(PolyCollection(region.unproved, **dotted))
+        strokes = []
+    else:
+        apart = max(1.0, members / 2)
+        spacing = 9 * apart
+        length = 0.45 / apart
+        strokes = [withTickedStroke(angle=75, spacing=spacing, length=length, linewidth=0.7)]
     line = {"linewidths": 1.2, "path_effects": strokes}
-    axes.add_collection(LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line))
-    axes.add_collection(LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
+    certain = LineCollection(region.certain, colors=[look.colour], linestyles=[look.line], **line)
+    doubtful = LineCollection(region.doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line)
+    axes.add_collection(certain)
+    axes.add_collection(doubtful)
 
 
 @dataclass(frozen=True)
@@ -88,7 +108,8 @@ class Bars:
 
     def body(self, colour: Any) -> dict[str, Any]:
         """The style of the part between the ends, which is pale if there is room to see it."""
-        return {"colors": [paler(colour, _SHARE) if self.width > _PALE else colour], "linewidths": self.width}
+        seen = paler(colour, _SHARE) if self.width > _PALE else colour
+        return {"colors": [seen], "linewidths": self.width}
 
 
 def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | None = None) -> None:
@@ -96,28 +117,40 @@ def draw_at_values(axes: Any, bars: Chain, look: Look, at: Bars, span: Span | No
 
     An end of the swept range has none. span: that range, of intervals whose ends do not say whether the range has set them.
     """
-    place = {"transform": at.place(axes)}
-    bottom, top, least = (*span, _SEEN * (span[1] - span[0])) if span else (-np.inf, np.inf, 0.0)
-    for certified, colour in ((True, look.colour), (False, DOUBTFUL)):
+    place = at.place(axes)
+    bottom = -np.inf
+    top = np.inf
+    if span:
+        least = _SEEN * (span[1] - span[0])
+        bottom = span[0] + least
+        top = span[1] - least
+    doubtful = {"colors": [DOUBTFUL], "linewidths": 0.8, "linestyles": "--"}
+    looks = ((True, look.colour, at.body(look.colour)), (False, DOUBTFUL, doubtful))
+    for certified, colour, body in looks:
         chosen = [(x, interval) for x, interval in bars if interval.certified == certified]
         if chosen:
             spans = np.array([(x, interval.low, interval.high) for x, interval in chosen]).T
-            body = at.body(colour) if certified else {"colors": [colour], "linewidths": 0.8, "linestyles": "--"}
-            axes.vlines(*spans, **body, **place)
-        ends = [(x, e.low) for x, e in chosen if e.low_real and e.low - bottom > least]
-        ends += [(x, e.high) for x, e in chosen if e.high_real and top - e.high > least]
+            axes.vlines(*spans, **body, transform=place)
+        ends = [(x, interval.low) for x, interval in chosen if interval.low_real and interval.low > bottom]
+        ends += [(x, interval.high) for x, interval in chosen if interval.high_real and interval.high < top]
         if ends:
-            size = max(4.0, at.width + 2)
-            axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=size, clip_on=False, **place)
+            mark = {"color": colour, "markersize": max(4.0, at.width + 2), "clip_on": False}
+            axes.plot(*zip(*ends, strict=True), "_", **mark, transform=place)
 
 
 def draw_unknown_at_values(axes: Any, open_parts: Sequence[tuple[float, float, float]], span: Span, at: Bars) -> None:
     """Draw what is not known at values of x alone, (x, from, to), as ladders there, if it can be seen in the span."""
-    open_parts = [open_part for open_part in open_parts if open_part[2] - open_part[1] > _SEEN * (span[1] - span[0])]
-    if open_parts:
+    least = _SEEN * (span[1] - span[0])
+    seen = [(x, low, high) for x, low, high in open_parts if high - low > least]
+    if seen:
         rung = 1 / max(at.width, 1.0)  # a dash is measured in widths
-        ladder = {"colors": UNKNOWN["edgecolor"], "linewidths": max(at.width, 2.0), "linestyles": [(0, (rung, 2 * rung))]}
-        axes.vlines(*np.array(open_parts).T, zorder=0.9, label=LADDER, transform=at.place(axes), **ladder)
+        ladder = {
+            "colors": UNKNOWN["edgecolor"],
+            "linewidths": max(at.width, 2.0),
+            "linestyles": [(0, (rung, 2 * rung))],
+            "zorder": 0.9,
+        }
+        axes.vlines(*np.array(seen).T, label=LADDER, transform=at.place(axes), **ladder)
 
 
 def draw_felt(axes: Any, region: Region, look: Look) -> None:
@@ -138,12 +171,13 @@ def felt_differs(columns: Columns) -> bool:
 
 
 def draw_for_all(axes: Any, x: str, columns: Columns, span: Span, at: Bars) -> None:
-    """Draw what the for_all rows of a plane leave open at each value of x, up to what is refuted, and carets where that begins.
+    """Draw what the for_all rows of a plane leave open at each value of x, and carets where what is refuted begins.
 
     span: the part of the swept range that the axes show.
     """
     for below, above in _open_parts(columns, span):
-        draw_unknown_at_values(axes, list(zip(columns[x].tolist(), below.tolist(), above.tolist(), strict=True)), span, at)
+        open_parts = np.stack([columns[x], below, above], axis=1).tolist()
+        draw_unknown_at_values(axes, open_parts, span, at)
     for name, caret in (("fails_below", DOWN), ("fails_from", UP)):
         rows = np.isfinite(columns[name])
         if rows.any():
@@ -160,16 +194,21 @@ def draw_for_all_bar(axes: Any, place: float, half: float, columns: Columns, spa
     for name, caret in (("fails_below", LEFT), ("fails_from", RIGHT)):
         ends = columns[name][np.isfinite(columns[name])]
         if ends.size:  # an empty line that is not clipped takes room below the panel
-            axes.plot(
-                ends, np.full(ends.size, place - 0.6 * half), marker=caret, clip_on=False, **CARET
-            )  # the star has the middle
+            height = np.full(ends.size, place - 0.6 * half)  # the star has the middle
+            axes.plot(ends, height, marker=caret, clip_on=False, **CARET)
 
 
 def _open_parts(columns: Columns, span: Span) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield both ends of what is neither proved nor refuted in each row, below and above what is proved; all if nothing is."""
+    """Yield both ends of what is neither proved nor refuted in each row: below what is proved, and above.
+
+    If nothing is proved, all is above.
+    """
+    bottom, top = span
     stable = columns["intervals"] > 0
-    yield np.where(stable, np.fmax(columns["fails_below"], span[0]), span[0]), np.where(stable, columns["low"], span[0])
-    yield np.where(stable, columns["high"], span[0]), np.where(stable, np.fmin(columns["fails_from"], span[1]), span[1])
+    refuted_below = np.fmax(columns["fails_below"], bottom)
+    refuted_above = np.fmin(columns["fails_from"], top)
+    yield np.where(stable, refuted_below, bottom), np.where(stable, columns["low"], bottom)
+    yield np.where(stable, columns["high"], bottom), np.where(stable, refuted_above, top)
 
 
 def mark_range(axes: Any, columns: Columns, bars: bool = False) -> None:
@@ -190,13 +229,17 @@ def range_end(columns: Columns, end: str) -> float | None:
     """The end of the swept range at which stable intervals are cut off; None if none is, or if it is the parameter's end."""
     from wavesweep.program.spec import find_key
 
-    beyond = columns.get(f"open_{end}", np.full(len(columns["along"]), np.nan)) - columns[end]
-    open_ = beyond < 0 if end == "low" else beyond > 0  # an open place is there, and not the end of the range
-    cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~open_
+    unknown = np.full(len(columns["along"]), np.nan)
+    beyond = columns.get(f"open_{end}", unknown) - columns[end]
+    is_open = beyond < 0 if end == "low" else beyond > 0  # an open place is there, and not the end of the range
+    cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~is_open
     cut &= columns.get("guarantee", "spec") == "spec"  # an end of what is proved for all has no oscillation
     if not cut.any():
         return None
-    extreme = columns[end][cut].min() if end == "low" else columns[end][cut].max()
+    ends = columns[end][cut]
+    extreme = float(ends.min() if end == "low" else ends.max())
     key = find_key(str(columns["along"][0]))
-    limit = None if key is None else key.low if end == "low" else key.high  # a number of a drawn loop has no end
-    return None if limit is not None and float(extreme) == limit else float(extreme)
+    if key is None:  # a number of a drawn loop has no end
+        return extreme
+    limit = key.low if end == "low" else key.high
+    return None if extreme == limit else extreme
