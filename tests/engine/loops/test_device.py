@@ -87,3 +87,15 @@ def test_a_spring_that_turns_more_often_in_a_tick_than_doubles_can_count_is_not_
     (lost, kept), *_ = held(turning, np.eye(2), np.full(2, 1e7))
     assert np.isnan(lost).all()
     np.testing.assert_allclose(kept + np.eye(2), [[np.cos(1e5), -np.sin(1e5)], [np.sin(1e5), np.cos(1e5)]], rtol=1e-6)
+
+
+def test_a_long_chain_of_masses_moves_as_the_exponential_of_its_matrix_says():
+    """Of 60 masses, whose matrix has few entries; scipy takes Pade's approximation, and all of them."""
+    masses = 60
+    springs = np.diag(np.full(masses, -2.0)) + np.eye(masses, k=1) + np.eye(masses, k=-1)
+    rates = np.block([[0.1 * springs, 500 * springs], [np.eye(masses), np.zeros((masses, masses))]])
+    forces = np.eye(2 * masses, masses)
+    E, G, *_ = held(rates, forces, 1e-3)
+    whole = scipy.linalg.expm(1e-3 * np.block([[rates, forces], [np.zeros((masses, 3 * masses))]]))
+    np.testing.assert_allclose(E, whole[: 2 * masses, : 2 * masses] - np.eye(2 * masses), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(G, whole[: 2 * masses, 2 * masses :], rtol=1e-12, atol=1e-18)

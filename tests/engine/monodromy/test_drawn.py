@@ -16,7 +16,7 @@ from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.engine.monodromy.open_frame import cut_of, open_frame
 from wavesweep.engine.monodromy.periodic import frame_of, in_a_row, then, ticks_of
-from wavesweep.engine.monodromy.product import product_with_errors, product_with_tight_errors
+from wavesweep.engine.monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
 from wavesweep.engine.monodromy.rounding import ENTRIES
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import port_of
@@ -199,6 +199,19 @@ def test_tight_bounds_on_a_frame_hold_the_errors_of_its_ticks():
     assert (farthest <= dE).all()
     assert (dE < 20 * farthest).all()
     assert (dE < product_with_errors(kinds, changes, sizes)[1] / 2).all()
+
+
+def test_the_norm_of_errors_bounds_what_is_known_of_each_entry():
+    """In units that differ by a thousand, of ticks that repeat and do not; the product is the same to the last bit."""
+    r = np.random.default_rng(7)
+    kinds, units = r.integers(0, 3, 70), np.exp2(r.integers(-5, 5, 6).astype(float))
+    changes = [(0.1 * r.normal(size=(6, 6)) - 0.05 * np.eye(6)) * units[:, None] / units for _ in range(3)]
+    sizes = [np.abs(change) for change in changes]
+    E, dE = product_with_errors(kinds, changes, sizes)
+    same, norm = product_with_norm_of_errors(kinds, changes, sizes, units)
+    sums = (dE * units / units[:, None]).sum(-1)
+    assert same.tobytes() == E.tobytes()
+    assert sums.max() <= norm <= 50 * sums.max()
 
 
 def test_a_state_that_a_tick_forgets_is_forgotten_exactly():

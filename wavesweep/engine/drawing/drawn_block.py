@@ -161,7 +161,8 @@ class Plant:
     @property
     def signals(self) -> dict[str, str]:
         """The signal of the plant for each port of its members."""
-        return {name: f"{self.name}.{self.own(name)}" for side in self.drawn_ports for name in side}
+        start = f"{self.name}."
+        return {name: start + self.own(name) for side in self.drawn_ports for name in side}
 
     @property
     def acts_on_itself(self) -> bool:

@@ -20,6 +20,7 @@ from wavesweep.engine.loops.filters import butterworth as sections
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5
+MANY, SPARSE = 100, 0.05  # rows from which on, and share of entries up to which, products are of the entries that are not zero
 WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
 LABELS = {  # of the states of a block, for messages
     "difference": "input of the last run",
@@ -256,11 +257,22 @@ def held(A, B, period, sizes=None):
 def _series(A, B):
     """`exp(A) - 1` and `int_0^1 exp(A s) ds B` for small A."""
     E, G, power, force = 0.0, 0.0, A, B
+    right_A = _by_entries(A)
+    right_B = _by_entries(B)
     for term in range(1, TERMS):
         E, G = E + power, G + force
-        force = power @ B / (term + 1)
-        power = power @ A / (term + 1)
+        force = power @ right_B / (term + 1)
+        power = power @ right_A / (term + 1)
     return E, G
+
+
+def _by_entries(A):
+    """A matrix, as the entries that are not zero if it has MANY rows with few of these, as chains of masses have."""
+    if A.ndim > 2 or len(A) < MANY or np.count_nonzero(A) > SPARSE * A.size:
+        return A
+    from scipy.sparse import csc_array
+
+    return csc_array(A)
 
 
 def _matrix(rows, shape):

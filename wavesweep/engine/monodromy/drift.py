@@ -8,8 +8,13 @@ import numpy as np
 from wavesweep.engine.loops.from_drawing import POSITION, REACTION
 from wavesweep.engine.loops.integrator_modes import shifts
 from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.monodromy.batches import MANY
 from wavesweep.engine.monodromy.periodic import Ticks, frame_of, known_frames, ticks_of
-from wavesweep.engine.monodromy.product import product_with_errors, product_with_tight_errors
+from wavesweep.engine.monodromy.product import (
+    product_with_errors,
+    product_with_norm_of_errors,
+    product_with_tight_errors,
+)
 from wavesweep.engine.monodromy.rounding import ALIKE, ROUNDING, balance, measured_frame, radius_hidden
 from wavesweep.engine.monodromy.unit_circle import solve
 
@@ -279,13 +284,30 @@ def closed_frame(drawn: MultirateLoop, drift: MarginalModes) -> np.ndarray:
 
 def frame_with_reliability(drawn: MultirateLoop, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
-    E, dE = errors_of_closed(ticks_of(drawn, alone=True, terms=True), drift)
+    ticks = ticks_of(drawn, alone=True, terms=True)
+    if len(ticks.states) >= MANY and not (drift.leads or drift.varying):
+        E, bound = _with_norm_of_errors(ticks, drift)
+        if (bound <= ROUGH).all():
+            return E, np.zeros(bound.shape, bool)
+    E, dE = errors_of_closed(ticks, drift)
     finite = np.isfinite(E).all((-1, -2))
     flat, errors = (np.where(finite[..., None, None], frames, 0.0).reshape(-1, *E.shape[-2:]) for frames in (E, dE))
     units = balance(flat)[1]
     rough = (errors * (units[:, None, :] / units[:, :, None]) > ROUGH).any((-1, -2)) & finite.reshape(-1)
     rough[rough] = radius_hidden(flat[rough], errors[rough])
     return E, rough.reshape(finite.shape)
+
+
+def _with_norm_of_errors(ticks, drift):
+    """`closed`, and bounds on the errors of its entries in units that give its rows and columns similar sizes, `(...)`."""
+    changes = [block.E for block in ticks.maps]
+    largest = [np.abs(E).max(tuple(range(E.ndim - 2))) for E in changes]
+    units = balance(np.max(largest, axis=0)[None])[1][0]
+    E, norm = product_with_norm_of_errors(ticks.kind, changes, [block.terms[0] for block in ticks.maps], units)
+    E = without_drift(E, drift)
+    of_frames = balance(np.nan_to_num(E).reshape(-1, *E.shape[-2:]))[1]
+    change = (of_frames / units[drift.remaining]).reshape(E.shape[:-1])
+    return E, norm * change.max(-1) / change.min(-1)
 
 
 def closed(ticks: Ticks, drift: MarginalModes) -> np.ndarray:
