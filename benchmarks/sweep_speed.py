@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.engine.monodromy.cut import close, with_batch
-from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.haptics.controller_drawings import wall_cut
 from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.spec import load
 

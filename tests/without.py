@@ -2,7 +2,8 @@
 
 Words behind `--` go to pytest: `python -m tests.without margins -- -m "not slow"`.
 
-`all` leaves engine and program alone; then the tables of the paper's specs have to be the same bytes as with everything there.
+`all` leaves engine, haptics and program alone; then the tables of the paper's specs have to be the same bytes as with
+everything there.
 """
 
 import ast

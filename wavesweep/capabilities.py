@@ -1,8 +1,10 @@
-"""The capabilities: what stands beside engine and program, a line for each. Nothing of one is imported until it is asked for.
+"""The capabilities: what stands beside engine, haptics and program, a line for each.
+
+Nothing of one is imported until it is asked for.
 
 A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, `library.py` its calls.
 What it offers to others stands in modules such as `on_check.py`; `program.seams` has their names and signatures. It imports
-engine and program and no other capability, and the program asks this list what there is. A capability is taken away by deleting
+these three and no other capability, and the program asks this list what there is. A capability is taken away by deleting
 its folder, its tests and its line.
 """
 

@@ -19,9 +19,8 @@ import numpy as np
 import wavesweep
 from wavesweep import Spec, WavesweepError
 from wavesweep.engine.loops.batch import distinct_rows, selected
-from wavesweep.engine.loops.controller_drawings import keys_of_page
 from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
-from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.haptics.controller_drawings import keys_of_page, wall_cut
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.sweep.grid import groups, make_grid
 

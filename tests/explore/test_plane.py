@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from wavesweep.engine.monodromy.cut import close
-from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.explore.plane import plane_curve, plane_lines, quick_columns, refined_curve
+from wavesweep.haptics.controller_drawings import wall_cut
 from wavesweep.program.spec import load
 
 LOOPS = {

@@ -9,16 +9,15 @@ from support.specs import INTEGRATIONS, values_of
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.from_drawing import assembled, twins
 from wavesweep.engine.monodromy.cut import with_batch
 from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.for_all.frame_families import FRAME, LOST, FramesInAnyOrder
 from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.patterns import growth
+from wavesweep.haptics.controller_drawings import loop_drawing, wall_cut
 from wavesweep.program.spec import load
 
 LENGTHS = 16, 20, 25, 33

@@ -19,13 +19,13 @@ import wavesweep
 from wavesweep.engine.drawing.block_types import TYPES, BlockType
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops import blocks
-from wavesweep.engine.loops import controller_drawings as controllers
-from wavesweep.engine.loops.controller_page import BlockDiagram
-from wavesweep.engine.loops.controllers import CONTROLLERS
-from wavesweep.engine.loops.direct import dc_slow
 from wavesweep.for_all.frame_families import FramesInAnyOrder
 from wavesweep.for_all.joint import PROVED, REFUTED, decide
 from wavesweep.for_all.patterns import growth
+from wavesweep.haptics import controller_drawings as controllers
+from wavesweep.haptics.controller_page import BlockDiagram
+from wavesweep.haptics.controllers import CONTROLLERS
+from wavesweep.haptics.direct import dc_slow
 from wavesweep.program.spec import load
 
 T, PATTERN, K = 1e-3, [16, 33, 16, 25, 33, 33], 3.0

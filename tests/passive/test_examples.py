@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 from support.held import channel_norm
 
-from wavesweep.engine.loops.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_drawings import loop_drawing
 from wavesweep.passive.channel import channel_of, filter_table, sufficient_order
 
 

@@ -8,8 +8,8 @@ import pytest
 from support.teleoperator import FREE, radius, termination
 
 import wavesweep
-from wavesweep.engine.energy.held_loop import held_loop
 from wavesweep.engine.stability.positive import Cover
+from wavesweep.haptics.held_loop import held_loop
 from wavesweep.passive import two_ports
 from wavesweep.passive.port_rows import index, pair_margin
 from wavesweep.passive.two_ports import Pair, pairs_of, worst

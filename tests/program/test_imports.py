@@ -15,7 +15,8 @@ from wavesweep.capabilities import CAPABILITIES
 PACKAGE = Path(wavesweep.__file__).parent
 NAMES = [each.name for each in CAPABILITIES]
 
-# Data flows to the right, imports point to the left: first the engine, then the program. What stands above may use all of it.
+# Data flows to the right, imports point to the left: first the engine, then haptics, then the program. What stands above may
+# use all of it.
 ENGINE = (
     "errors",
     "arguments",
@@ -50,20 +51,30 @@ PROGRAM = (
     "plots",
     "cli",
 )
-LAYERS = (*(f"engine.{room}" for room in ENGINE), *(f"program.{room}" for room in PROGRAM))
+HAPTICS = (
+    "controllers",
+    "controller_page",
+    "direct",
+    "virtual_coupling",
+    "pmw",
+    "controller_drawings",
+    "held_loop",
+)
+HOUSES = {"engine": ENGINE, "haptics": HAPTICS, "program": PROGRAM}
+LAYERS = tuple(f"{house}.{room}" for house, rooms in HOUSES.items() for room in rooms)
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
 HEAVY = ("flint", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
 def layer_of(module):
-    """The layer of a dotted name below engine and program; the library and the package itself stand above all."""
+    """The layer of a dotted name below engine, haptics and program; the library and the package itself stand above all."""
     room = ".".join(module.split(".")[1:3])
     return LAYERS.index(room) if room in LAYERS else TOP
 
 
 def capability_of(module):
-    """The capability that a dotted name belongs to, empty for the engine, the program and what stands above."""
+    """The capability that a dotted name belongs to, empty for the three houses and what stands above."""
     room = (*module.split(".")[1:2], "")[0]
     return room if room in NAMES else ""
 
@@ -95,12 +106,11 @@ def dotted(source):
     return ".".join(("wavesweep", *source.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
 
 
-def test_imports_within_engine_and_program_point_left():
-    for source in (*(PACKAGE / "engine").rglob("*.py"), *(PACKAGE / "program").rglob("*.py")):
+def test_imports_within_engine_haptics_and_program_point_left():
+    of_houses = ("relative", *(f"wavesweep.{house}." for house in HOUSES))
+    for source in (source for house in HOUSES for source in (PACKAGE / house).rglob("*.py")):
         layer = layer_of(dotted(source))
-        names = {
-            name for name in imports_of(source) if name.startswith(("relative", "wavesweep.engine.", "wavesweep.program."))
-        }
+        names = {name for name in imports_of(source) if name.startswith(of_houses)}
         assert [name for name in names if name.startswith("relative")] == [], source
         assert [name for name in names if layer_of(name) > layer] == [], source
 
@@ -116,7 +126,7 @@ def test_the_engine_imports_nothing_but_itself_and_reads_no_files():
         assert loaded & files == set(), source
 
 
-def test_a_capability_imports_engine_and_program_alone_and_these_no_capability():
+def test_a_capability_imports_the_three_houses_alone_and_these_no_capability():
     edges = {
         f"{own} -> {capability_of(name)}"
         for source in SOURCES
@@ -148,9 +158,9 @@ def test_no_modules_import_each_other_in_a_circle():
     assert imports == {}
 
 
-def test_every_folder_is_engine_program_or_a_capability():
+def test_every_folder_is_engine_haptics_program_or_a_capability():
     folders = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
-    assert folders - {"engine", "program"} == set(NAMES)
+    assert folders - {*HOUSES} == set(NAMES)
 
 
 def test_the_simulator_knows_nothing_of_blocks_and_lifting():
@@ -160,9 +170,9 @@ def test_the_simulator_knows_nothing_of_blocks_and_lifting():
     rooms = [LAYERS.index(f"engine.{room}") for room in ("loops", "monodromy", "stability", "response")]
     known = {name for name in names if layer_of(name) in rooms}
     assert known <= {
-        "wavesweep.engine.loops.controllers",
-        "wavesweep.engine.loops.controller_drawings",
-        "wavesweep.engine.loops.controller_page",
+        "wavesweep.haptics.controllers",
+        "wavesweep.haptics.controller_drawings",
+        "wavesweep.haptics.controller_page",
     }
     assert not {name for name in names if capability_of(name) == "passive"}
 

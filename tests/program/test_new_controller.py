@@ -12,9 +12,9 @@ from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.engine.loops.controller_page import BlockDiagram
-from wavesweep.engine.loops.controllers import CONTROLLERS, Controller
-from wavesweep.engine.search.open_loops import wall_cut
+from wavesweep.haptics.controller_drawings import wall_cut
+from wavesweep.haptics.controller_page import BlockDiagram
+from wavesweep.haptics.controllers import CONTROLLERS, Controller
 from wavesweep.program.analyses.assumptions import assumes
 
 KIND = "dc-filtered"

@@ -13,9 +13,9 @@ from support import exact
 from support.held import box_intervals, ends_of, worst_modes
 from support.specs import random_values
 
-from wavesweep.engine.energy.held_loop import HAND as OPERATOR
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.for_all.hand_box import HandBox
+from wavesweep.haptics.held_loop import HAND as OPERATOR
 
 SPAN = (0.0, 20000.0)
 SHARES = np.array([1e-6, 1e-3, 0.01, 0.1, 0.25, 0.4, 0.55, 0.7, 0.8, 0.88, 0.94, 0.97, 0.99, 0.997, 0.9995, 1 - 1e-6])

@@ -9,11 +9,11 @@ from support.intervals import cut_of
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controller_drawings import loop_drawing
-from wavesweep.engine.loops.controllers import WALL
 from wavesweep.engine.search.interval_search import intervals_of
 from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.search.question import Question, Slices
+from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controllers import WALL
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
 NEAR_ZERO = 1e-5

@@ -4,11 +4,11 @@ import numpy as np
 
 import wavesweep
 from support.specs import nested
-from wavesweep.engine.energy.held_loop import HeldLoop
 from wavesweep.engine.loops.batch import Loops, distinct, selected
-from wavesweep.engine.loops.controller_drawings import loop_drawing
-from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.stability.radii import drift_of, frames
+from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controllers import HAND
+from wavesweep.haptics.held_loop import HeldLoop
 
 WALL = "environment.K_VE"
 THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])  # rad per frame

@@ -4,8 +4,8 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.monodromy.cut import close
-from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.haptics.controller_drawings import wall_cut
 
 
 def cut_of(values):

@@ -6,7 +6,7 @@ import numpy as np
 
 from support.missing import MISSING
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.spec import load
 
 DEFAULTS = {

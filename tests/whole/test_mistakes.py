@@ -18,7 +18,7 @@ from wavesweep.designs.wish_keys import WISHES
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import show
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.spec import KEYS, load
 from wavesweep.program.spec.shipped_classes import shipped_classes
 

@@ -12,10 +12,10 @@ from wavesweep.engine.drawing.drawing import scalars
 from wavesweep.engine.drawing.expressions import sum_of, value_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controller_drawings import keys_of_page
-from wavesweep.engine.loops.controller_page import steps_of
 from wavesweep.engine.search.open_loops import exact_cut
 from wavesweep.engine.stability.radii import drift_of
+from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_page import steps_of
 from wavesweep.program.analyses.interval_jobs import job_of, method
 from wavesweep.program.analyses.response_jobs import response_job
 from wavesweep.program.analyses.spec_loops import refuse_singular

@@ -14,7 +14,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Mistakes, Rejected, apart, check, show
 from wavesweep.engine.keys.key import BAND_EDGES, Key, Names, by_path, number, whole
 from wavesweep.engine.keys.places import Leaf, Place
-from wavesweep.engine.loops.controllers import WALL
+from wavesweep.haptics.controllers import WALL
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import KEYS, MOST_SEED, VALUE_PATHS
 from wavesweep.program.reading.sorting import Sorted

@@ -16,9 +16,9 @@ from wavesweep.designs.search import Judged, designs_of, differing, generations,
 from wavesweep.designs.table import BOX, SETTLED, fields_of_design, wish_units
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.designs.wishes import evaluate
-from wavesweep.engine.energy.held_loop import HAND as OPERATOR
-from wavesweep.engine.energy.held_loop import held_loop
 from wavesweep.engine.errors import SpecError, UsageError, WavesweepError
+from wavesweep.haptics.held_loop import HAND as OPERATOR
+from wavesweep.haptics.held_loop import held_loop
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN

@@ -18,11 +18,11 @@ import numpy as np
 
 from wavesweep.capabilities import asked
 from wavesweep.engine.errors import SpecError, WavesweepError
-from wavesweep.engine.loops.controllers import WALL
 from wavesweep.explore.answers import Plane, certified_plane, first_plane, fitted, is_gain, preview, quick, stable_ranges
 from wavesweep.explore.limited_time import within
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
+from wavesweep.haptics.controllers import WALL
 from wavesweep.program.plots.figure_marks import facts_of_marks
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Spec

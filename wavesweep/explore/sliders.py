@@ -8,7 +8,7 @@ from typing import Any
 
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.key import BAND_EDGES, HIGHEST_RATIO
-from wavesweep.engine.loops.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_drawings import keys_of_page
 from wavesweep.program.analyses.own_design import FAR, USUAL
 from wavesweep.program.spec import SYMBOLS, Key, Spec, load
 from wavesweep.program.spec.resolving import longest_delay

@@ -13,16 +13,16 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.engine.drawing.expressions import degree
-from wavesweep.engine.energy.held_loop import HeldLoop, device_keys, device_of, held_loop
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.loops.from_drawing import scalar_place
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import claims_hold
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part
 from wavesweep.for_all.unknown import Case, Part
 from wavesweep.for_all.varying import Rules, placed, text_of
+from wavesweep.haptics.controllers import HAND
+from wavesweep.haptics.held_loop import HeldLoop, device_keys, device_of, held_loop
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop

@@ -22,7 +22,6 @@ from flint import arb, arb_mat, ctx
 
 from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.drawing import Drawing, DrawnBlock
-from wavesweep.engine.energy.held_loop import device_of
 from wavesweep.engine.energy.lifted_map import TickMaps, closure, damping_peak
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.from_drawing import rate_of
@@ -32,6 +31,7 @@ from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import Symbol, alive
 from wavesweep.for_all.norm_check import Norms
 from wavesweep.for_all.plan import Plan
+from wavesweep.haptics.held_loop import device_of
 
 BITS = 192
 MOST = 1500  # unknown numbers of the stored energies, which take some seconds

@@ -14,7 +14,6 @@ from wavesweep.engine.drawing.block_types import without_rule
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.resolution import Resolution
 from wavesweep.engine.loops.resolution import Side as Expressed
 from wavesweep.engine.sets.enclosed_loop import Side
@@ -49,6 +48,7 @@ from wavesweep.for_all.plan import Plan
 from wavesweep.for_all.sides import as_sides, side_of
 from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
+from wavesweep.haptics.controller_drawings import loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
 FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0

@@ -21,7 +21,6 @@ from wavesweep.engine.drawing.expressions import with_trees
 from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
 from wavesweep.engine.drawing.parsing import parse
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.dead_time import pieces_of, timing
 from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.loops.resolution import Resolution
@@ -33,6 +32,7 @@ from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive
 from wavesweep.engine.stability.sampled_frames import Frames
+from wavesweep.haptics.controller_drawings import loop_drawing
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import MOST, BrokenLoop, Margin, disk_margins

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.energy.held_loop import HeldLoop
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, damping_peak, read
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.multirate import MultirateLoop
@@ -12,6 +11,7 @@ from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.monodromy.unit_circle import solve
 from wavesweep.engine.response.linear_systems import solved
 from wavesweep.engine.stability.spectrum import is_stable
+from wavesweep.haptics.held_loop import HeldLoop
 
 LOWEST = 1e-3  # rad per frame; loops that do not settle are examined from here on
 

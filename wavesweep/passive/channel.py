@@ -11,10 +11,10 @@ from wavesweep.engine.energy.lifted_map import TickMaps, reached, read
 from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.loops.from_drawing import assembled
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.haptics.controller_drawings import loop_drawing
 
 MOST_ENTRIES = 100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
 

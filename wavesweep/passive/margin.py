@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.energy.held_loop import HeldLoop
 from wavesweep.engine.energy.hinf import SOFT, angles, hinf_norm
 from wavesweep.engine.energy.lifted_map import TickMaps
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.monodromy.unit_circle import solve
 from wavesweep.engine.stability.spectrum import count_outside, eigenvalues, is_stable
+from wavesweep.haptics.controllers import HAND
+from wavesweep.haptics.held_loop import HeldLoop
 
 SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
 TOLERANCE = 1e-9  # of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.energy.held_loop import HeldLoop, device_keys
 from wavesweep.engine.energy.hinf import SOFT, Peak, angles, hinf_norm, tick
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine.loops.domain import guards_at
@@ -28,6 +27,7 @@ from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine.response.port import port_of
 from wavesweep.engine.stability.positive import FunctionValues
+from wavesweep.haptics.held_loop import HeldLoop, device_keys
 from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of
 

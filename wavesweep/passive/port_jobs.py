@@ -7,10 +7,10 @@ from operator import attrgetter
 
 import numpy as np
 
-from wavesweep.engine.energy.held_loop import device_of, held_loop
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.domain import refuse_unsuitable
 from wavesweep.engine.stability.radii import named_loops
+from wavesweep.haptics.held_loop import device_of, held_loop
 from wavesweep.passive.channel import channel_norm, channel_of, numbers_of_channel
 from wavesweep.passive.margin import LONGEST, more_damping, port_margin
 from wavesweep.passive.port_rows import curve, pair_margin

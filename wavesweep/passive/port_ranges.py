@@ -11,15 +11,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.engine.energy.held_loop import HeldLoop
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.loops.resolution import Resolution, Side
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.stability.positive import largest_free, positive
 from wavesweep.engine.stability.spectrum import is_stable
+from wavesweep.haptics.controllers import HAND
+from wavesweep.haptics.held_loop import HeldLoop
 from wavesweep.passive.any_hand import runs_of
 from wavesweep.passive.channel import channel_of
 from wavesweep.passive.over_ranges import (

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.energy.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.stability.radii import drift_of, frames
 from wavesweep.engine.stability.spectrum import eigenvalues
+from wavesweep.haptics.controllers import HAND
+from wavesweep.haptics.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.passive.port_ranges import cover_of
 from wavesweep.passive.two_ports import NEAR_REST, Pair, impedances, least_shunt, pairs_of, worst
 

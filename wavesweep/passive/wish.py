@@ -5,7 +5,7 @@ def channel(loops, size: int) -> tuple:
     """The norm of the wave channel of each loop, 0 without waves, and whether it is certified, `(size,)` both."""
     import numpy as np
 
-    from wavesweep.engine.loops.controller_drawings import loop_drawing
+    from wavesweep.haptics.controller_drawings import loop_drawing
     from wavesweep.passive.channel import channel_norm
 
     norm = channel_norm(loop_drawing(loops.values), loops.values)
@@ -19,7 +19,7 @@ def port(loops, size: int) -> tuple:
     """
     import numpy as np
 
-    from wavesweep.engine.energy.held_loop import held_loop
+    from wavesweep.haptics.held_loop import held_loop
     from wavesweep.passive.margin import port_margin
 
     del size

@@ -14,11 +14,11 @@ import wavesweep
 from wavesweep import Spec
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond as respond_at
 from wavesweep.engine.stability.radii import radii_of
+from wavesweep.haptics.controller_drawings import loop_drawing
 from wavesweep.program.columns import Columns
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.

@@ -11,10 +11,9 @@ from reproduce.felt_responses import CONTROLLERS, FeltResponse, estimated, respo
 from reproduce.readings import Reading
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.engine.loops.controller_drawings import keys_of_page, loop_drawing
 from wavesweep.engine.monodromy.cut import with_batch
-from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.haptics.controller_drawings import keys_of_page, loop_drawing, wall_cut
 from wavesweep.passive.channel import ChannelNorm, channel_norm
 from wavesweep.program.spec import find_key
 from wavesweep.program.spec.studies import K_VE_SPAN

@@ -24,10 +24,10 @@ from reproduce.felt_responses import HIGH, LOW, FeltResponse, deviation, respond
 from reproduce.resolvent import alias_angles, solved_response
 from reproduce.specs import load_paper
 from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.controller_page import BlockDiagram, drawing_of_page
 from wavesweep.engine.loops.from_drawing import assembled
-from wavesweep.engine.loops.pmw import pmw, pmw_lm
 from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.haptics.controller_page import BlockDiagram, drawing_of_page
+from wavesweep.haptics.pmw import pmw, pmw_lm
 from wavesweep.program.results import Field
 from wavesweep.program.tables.table import Table, facts_of
 

@@ -6,8 +6,8 @@ from support.specs import INTEGRATIONS, random_values
 
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.blocks import defined
-from wavesweep.engine.loops.controller_drawings import loop_drawing
 from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.haptics.controller_drawings import loop_drawing
 
 
 def random_row(seed, n):

@@ -7,8 +7,8 @@ from support.specs import INTEGRATIONS, nested, random_values, values_of
 
 from wavesweep.engine.monodromy.drift import errors_of_closed
 from wavesweep.engine.monodromy.periodic import ticks_of
-from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.engine.stability.radii import drift_of
+from wavesweep.haptics.controller_drawings import wall_cut
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 

@@ -9,11 +9,11 @@ from scipy.signal import butter, tf2ss
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.loops.controllers import CONTROLLERS, WALL
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.engine.monodromy.drift import closed
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.stability.radii import drift_of, frames, radii_of
+from wavesweep.haptics.controllers import CONTROLLERS, WALL
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 

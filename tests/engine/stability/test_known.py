@@ -8,9 +8,9 @@ from support.intervals import intervals_of, pairs
 from support.specs import KINDS, values_of
 
 import wavesweep
-from wavesweep.engine.search.open_loops import wall_cut
 from wavesweep.engine.stability.crossings import poles_at_one
 from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.haptics.controller_drawings import wall_cut
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 

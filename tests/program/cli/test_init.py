@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import wavesweep as package
-from wavesweep.engine.loops.controller_drawings import keys_of_page
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.cli.init import STARTING_RECIPES, starter
 from wavesweep.program.reading.devices import DEVICES
 from wavesweep.program.reading.tables import study_keys

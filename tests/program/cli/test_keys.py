@@ -5,7 +5,7 @@ import json
 import pytest
 
 from wavesweep.engine.drawing.block_types import TYPES
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.cli import main
 from wavesweep.program.reading.devices import DEVICES
 from wavesweep.program.reading.keys import AXIS_KEYS

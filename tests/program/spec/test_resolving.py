@@ -8,8 +8,8 @@ from scipy import signal
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.loops.controller_drawings import keys_of_page
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.spec import load
 from wavesweep.program.spec.resolving import butterworth_order
 

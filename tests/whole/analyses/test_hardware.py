@@ -5,9 +5,9 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.engine.energy.held_loop import device_of
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.loops.from_drawing import REACTION
+from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.analyses.hardware_limits import (
     ROUNDING,
     cycle_of_encoder,

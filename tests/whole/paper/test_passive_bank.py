@@ -19,10 +19,10 @@ from reproduce.passive_bank import (
     passive_bank,
 )
 from reproduce.specs import load_paper
-from wavesweep.engine.loops.controller_page import drawing_of_page
 from wavesweep.engine.loops.from_drawing import assembled
-from wavesweep.engine.loops.pmw import pmw_lm
 from wavesweep.engine.monodromy.interconnect import connect
+from wavesweep.haptics.controller_page import drawing_of_page
+from wavesweep.haptics.pmw import pmw_lm
 
 
 def lifted_gain(page, values, theta):

@@ -7,8 +7,8 @@ from reproduce.felt_responses import respond
 from reproduce.paper_loops import PaperLoops
 from reproduce.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, Reading, readings, under
 from reproduce.specs import load_paper
-from wavesweep.engine.loops.controller_drawings import keys_of_page
-from wavesweep.engine.loops.controllers import WALL
+from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controllers import WALL
 from wavesweep.program.tables.interval_table import intervals
 
 PAPERS = {  # what the paper gives for its statements: a local model with a stiffness only, a device without delay

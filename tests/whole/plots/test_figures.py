@@ -13,7 +13,7 @@ from program.plots.conftest import table_of_intervals
 
 import wavesweep
 import wavesweep.program.sweep
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program import plots
 from wavesweep.program.analyses.plane_columns import smooth_axes
 from wavesweep.program.cli import main

@@ -10,7 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.engine.loops.controllers import WALL
 from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.intervals import Intervals
 
@@ -30,7 +29,9 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
     frames = FramesAlong.of(question, loops, slices.size)
     frames = replace(frames, radius=bound and bound.radius_of(frames.period))
     variable = FROM_ZERO if span[0] == 0 and bends_at_zero(loops.drawing, along) else ""
-    variable = BENT if along in WALL and span[0] >= 0 else variable
+    of_wall = question.number in (loops.drawing.wall or ())
+    if of_wall and span[0] >= 0:
+        variable = BENT
     balls = question.prover(loops, along, frames.period) if question.prover and not bound else None
     stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
     intervals = stable_along_any(

@@ -1,6 +1,5 @@
 """Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -12,8 +11,6 @@ from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops.algebraic import WORST_CONDITION
 from wavesweep.engine.loops.batch import Loops, distinct, distinct_rows
-from wavesweep.engine.loops.controller_drawings import loop_drawing
-from wavesweep.engine.loops.controllers import WALL
 from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports, feels, hand_of
@@ -33,15 +30,6 @@ FEW = 200  # loops at most that are remembered together; a chunk of a large swee
 def exact_cut(loops: Loops, number: str) -> LinearFractional | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
     opened = open_loops(loops, number)
-    return opened and opened.cut
-
-
-def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
-    """The loops of a controller cut at both numbers of its wall; None if its frame reads these more than once.
-
-    values: flat keys, with numbers or arrays over the loops.
-    """
-    opened = open_loops(Loops(loop_drawing(values), values).read, *WALL, per_loop=True)
     return opened and opened.cut
 
 

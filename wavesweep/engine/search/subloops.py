@@ -133,4 +133,4 @@ def _part(drawing, names):
 
     blocks = tuple(block for block in drawing.blocks if block.name in names)
     wires, couplings = within(drawing.wires), within(drawing.couplings)
-    return replace(drawing, blocks=blocks, wires=wires, couplings=couplings, hand=None, wall=None)
+    return replace(drawing, blocks=blocks, wires=wires, couplings=couplings, hand=None)

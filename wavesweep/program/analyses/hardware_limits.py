@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.engine.energy.held_loop import device_of
 from wavesweep.engine.loops.batch import Loops
 from wavesweep.engine.loops.from_drawing import POSITION, REACTION
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.response.port import port_between
 from wavesweep.engine.stability.radii import drift_of, named_loops
+from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 

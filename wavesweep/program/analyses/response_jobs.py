@@ -10,13 +10,13 @@ from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import Mistakes
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controller_page import RATIO, steps_of
 from wavesweep.engine.response.at_hand import Route, ports_of_batch
 from wavesweep.engine.response.gain import gain_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond, transfer
 from wavesweep.engine.stability.certificate import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE
 from wavesweep.engine.stability.radii import radii_of
+from wavesweep.haptics.controller_page import RATIO, steps_of
 from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.columns import Columns, complex_columns
 from wavesweep.program.reading.axes import Axis

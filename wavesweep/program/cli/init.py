@@ -14,7 +14,7 @@ from wavesweep.engine.drawing.drawing import RATE
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest, show
 from wavesweep.engine.keys.key import Key
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.bundled import bundled
 from wavesweep.program.cli.file_places import write_whole
 from wavesweep.program.cli.options import PATH, overwriting
@@ -200,7 +200,7 @@ def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = 
     path: the file's name in the commands that the text shows. Errors: KeyError if there is no such kind or device, UsageError
     for a setting of a key that the loop does not read, SpecError for a value that a spec refuses.
     """
-    from wavesweep.engine.loops.controller_drawings import keys_of_page
+    from wavesweep.haptics.controller_drawings import keys_of_page
 
     values = {path: KEYS[path].default for path in VALUE_PATHS}
     read = keys_of_page(values | {"controller.kind": kind, "controller.Kp": 1.0})  # as if no gain were zero

@@ -21,7 +21,7 @@ from wavesweep.engine.keys.key import (
     whole,
     word,
 )
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.reading.devices import DEVICES
 
 STEPS = {"elapsed": "the time since its last frame, as game engines do", "nominal": "always rates.ratio ticks"}

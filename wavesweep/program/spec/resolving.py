@@ -11,7 +11,7 @@ from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.keys.checking import Mistakes, expectation, show
 from wavesweep.engine.keys.key import BAND_EDGES, HIGHEST_ORDER, HIGHEST_RATIO, LONGEST_FRAME, MOST_SLOW_STEPS
 from wavesweep.engine.keys.places import Leaf, Place
-from wavesweep.engine.loops.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.reading.devices import DEVICES, HapticDevice
 from wavesweep.program.reading.keys import FILTERS, KEYS, VALUE_PATHS
 

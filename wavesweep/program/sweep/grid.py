@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
 from wavesweep.engine.loops.common_tick import with_common_tick
-from wavesweep.engine.loops.controller_drawings import keys_of_page, loop_drawing
+from wavesweep.haptics.controller_drawings import keys_of_page, loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
 FAST = "rates.fast_hz"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from wavesweep.capabilities import HANDS, modules
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.loops.controllers import HAND
+from wavesweep.haptics.controllers import HAND
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.row_kinds import hands_offered
 from wavesweep.program.spec import Spec
@@ -14,7 +14,7 @@ from wavesweep.program.sweep.grid import own_loop
 from wavesweep.program.sweep.job import Job
 
 if TYPE_CHECKING:
-    from wavesweep.engine.energy.held_loop import HeldLoop
+    from wavesweep.haptics.held_loop import HeldLoop
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def hands_of(words: str | Iterable[str]) -> Hands | None:
 
 def device_held(kind: str, own: Job) -> "HeldLoop":
     """The spec's own loop, whose device any hand can hold. Errors: UsageError if its hand does not hold one mass alone."""
-    from wavesweep.engine.energy.held_loop import held_loop
+    from wavesweep.haptics.held_loop import held_loop
 
     loop = held_loop(own_loop(own.grid.spec, own.asked.axis.path))
     if loop.device is None:

@@ -10,7 +10,6 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import ONE
 from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.controllers import HAND
 from wavesweep.engine.loops.dead_time import built, shares
 from wavesweep.engine.loops.from_drawing import assembled, twins
 from wavesweep.engine.loops.multirate import MultirateLoop
@@ -18,6 +17,7 @@ from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.loops.values import values_of
 from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn
 from wavesweep.engine.response.port import Port, port_of
+from wavesweep.haptics.controllers import HAND
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""The controllers that a spec may name. Each is declared here once, with the page of `engine.loops` that draws its loop."""
+"""The controllers that a spec may name. Each is declared here once, with the page of `haptics` that draws its loop."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from importlib import import_module
 from typing import Any
 
 WALL = ("environment.K_VE", "environment.B_VE")
-HAND = ("operator.mass", "operator.damping", "operator.stiffness")
 """The keys of the wall's numbers."""
+HAND = ("operator.mass", "operator.damping", "operator.stiffness")
+"""The keys of the hand's numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +27,10 @@ class Controller:
 
 
 def _page(module: str, name: str) -> Callable[[Mapping[str, Any]], Any]:
-    """Return a page of `wavesweep.engine.loops`, which is imported only when a loop is drawn."""
+    """Return a page of `wavesweep.haptics`, which is imported only when a loop is drawn."""
 
     def page(values: Mapping[str, Any]) -> Any:
-        return getattr(import_module(f"wavesweep.engine.loops.{module}"), name)(values)
+        return getattr(import_module(f"wavesweep.haptics.{module}"), name)(values)
 
     return page
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.loops.controller_page import F_S, RATIO, BlockDiagram, Slow, device
+from wavesweep.haptics.controller_page import F_S, RATIO, BlockDiagram, Slow, device
 
 
 def pmw(values: Mapping[str, Any]) -> BlockDiagram:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from wavesweep.engine.loops.controller_page import F_S, BlockDiagram, Slow, device
+from wavesweep.haptics.controller_page import F_S, BlockDiagram, Slow, device
 
 HELD = "wall at the slow rate, without integration"
 

@@ -7,7 +7,7 @@ Stable haptic interaction with virtual environments, IEEE Trans. Robotics and Au
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from wavesweep.engine.loops.controller_page import F_S, BlockDiagram, Slow, device
+from wavesweep.haptics.controller_page import F_S, BlockDiagram, Slow, device
 
 _K, _B = "controller.K_VC", "controller.B_VC"
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.controller_page import drawing_of_page
-from wavesweep.engine.loops.controllers import CONTROLLERS, WALL
+from wavesweep.haptics.controller_page import drawing_of_page
+from wavesweep.haptics.controllers import CONTROLLERS, WALL
+
+if TYPE_CHECKING:
+    from wavesweep.engine.monodromy.cut import LinearFractional
 
 _DECIDING = (
     *("rates.ratio", "environment.delay", "environment.integration", "device.velocity"),
@@ -39,6 +42,19 @@ def assumption_of_page(values: Mapping[str, Any]) -> str:
     """Return what the page of a spec's controller declares of its wall."""
     kind, items = _page_of(values)
     return CONTROLLERS[kind].page(dict(items)).assumes
+
+
+def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
+    """Return the loops of a controller cut at both numbers of its wall; None if its frame reads these more than once.
+
+    values: flat keys, with numbers or arrays over the loops.
+    """
+    from wavesweep.engine.loops.batch import Loops
+    from wavesweep.engine.search.open_loops import open_loops
+
+    loops = Loops(loop_drawing(values), values).read
+    opened = open_loops(loops, *WALL, per_loop=True)
+    return opened and opened.cut
 
 
 def _page_of(values, varied=()):
