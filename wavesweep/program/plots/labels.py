@@ -10,7 +10,7 @@ from wavesweep.program.results import fields
 from wavesweep.program.tables.columns import at_port, unlike_units
 
 LONGEST_NAME = 48  # letters of a spec in a legend
-_FILTERS = ("lp1", "hp", "lp2")
+_POWER = r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))"  # of a unit: ^-1, ^(1/2)
 _SYMBOLS = {
     "K_VE": r"$K_\mathrm{VE}$",
     "B_VE": r"$B_\mathrm{VE}$",
@@ -28,13 +28,11 @@ _SYMBOLS = {
     "device.delay": "delay of the amplifier",
     "device.dead_time": "dead time of the amplifier",
     "local_model.delay": "delay of the local model",
-    **{
-        f"filters.{name}.{edge}_hz": f"{name.upper()} {edge}"
-        for name in _FILTERS
-        for edge in ("cutoff", "passband", "stopband")
-    },
-    **{f"filters.{name}.order": f"{name.upper()} order" for name in _FILTERS},
 }
+for _filter in ("lp1", "hp", "lp2"):
+    for _edge in ("cutoff", "passband", "stopband"):
+        _SYMBOLS[f"filters.{_filter}.{_edge}_hz"] = f"{_filter.upper()} {_edge}"
+    _SYMBOLS[f"filters.{_filter}.order"] = f"{_filter.upper()} order"
 
 
 def symbol(name: str) -> str:
@@ -48,7 +46,8 @@ def symbol(name: str) -> str:
 
 def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
     """The unit of an axis as a paper prints it, empty if it has none; facts: see `label`."""
-    return printed([next(field.unit for field in fields("zwidth", [name], facts=facts) if field.name == name)])
+    units = {field.name: field.unit for field in fields("zwidth", [name], facts=facts)}
+    return printed([units[name]])
 
 
 def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
@@ -58,18 +57,23 @@ def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
 
 def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:
     """The name of an axis with a value and its unit; facts: see `label`."""
-    printed_unit = unit(name, facts)
     digits, _, power = f"{value:.6g}".partition("e")
     said = f"{digits}·10$^{{{int(power)}}}$" if power else digits
-    return f"{symbol(name)} = {said} {'ticks' if printed_unit == 'tick' and value != 1 else printed_unit}".rstrip()
+    printed_unit = unit(name, facts)
+    if printed_unit == "tick" and value != 1:
+        printed_unit = "ticks"
+    return f"{symbol(name)} = {said} {printed_unit}".rstrip()
 
 
 def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) -> str:
-    """The name of a quantity at the hand with its unit. unit: of a hand that slides, which "m" before it makes a thousandth."""
-    thousandth = "m" * (unit in ("mm", "mm/N"))
+    """The name of a quantity at the hand with its unit.
+
+    unit: of a hand that slides, which "m" before it makes a thousandth.
+    """
+    thousandth = "m" if unit in ("mm", "mm/N") else ""
     units = unlike_units(facts).get(column) or [at_port(unit.removeprefix(thousandth), facts)]
-    across = "\n" if len(units) > 1 else " "
-    return f"{text}{across}({printed(thousandth + name_of_unit for name_of_unit in units)})"
+    between = "\n" if len(units) > 1 else " "
+    return f"{text}{between}({printed(thousandth + each for each in units)})"
 
 
 def with_unit(text: str, printed_unit: str) -> str:
@@ -79,13 +83,16 @@ def with_unit(text: str, printed_unit: str) -> str:
 
 def printed(units: Iterable[str]) -> str:
     """Units as a paper prints them, those of several specs with "or" between them; nothing for a number without a unit."""
-    texts = [
-        re.sub(r"\^(?:\(([-+./·a-zA-Z0-9]*)\)|(-?\d+))", r"$^{\1\2}$", as_it_stands(readable(name_of_unit)).replace("*", "·"))
-        if name_of_unit not in ("1", RATIO)
-        else ""
-        for name_of_unit in units
-    ]
-    return texts[0] if len(texts) == 1 else " or ".join(name_of_unit or "no unit" for name_of_unit in texts)
+    texts = []
+    for each in units:
+        if each in ("1", RATIO):
+            texts.append("")
+        else:
+            text = as_it_stands(readable(each)).replace("*", "·")
+            texts.append(re.sub(_POWER, r"$^{\1\2}$", text))
+    if len(texts) == 1:
+        return texts[0]
+    return " or ".join(text or "no unit" for text in texts)
 
 
 def as_it_stands(text: str) -> str:
@@ -95,7 +102,10 @@ def as_it_stands(text: str) -> str:
 
 def shortened(name: str) -> str:
     """The name of a spec as a legend has it, without the middle of a long one."""
-    return as_it_stands(name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME // 2]}...{name[3 - LONGEST_NAME // 2 :]}")
+    half = LONGEST_NAME // 2
+    if len(name) > LONGEST_NAME:
+        name = f"{name[:half]}...{name[3 - half :]}"
+    return as_it_stands(name)
 
 
 def assumption(facts: Mapping[str, Any]) -> str:

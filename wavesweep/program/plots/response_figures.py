@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -33,8 +34,10 @@ from wavesweep.program.plots.style import (
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
 _WRAPS = 2  # jumps of a phase, up to which it stays between -180 and 180 degrees
-_TURN, _BESIDE = 135.0, 60.0  # degrees between neighbours: a step of the first beside one of the second, as no resonance has
-# between two of its samples, may be whole turns more
+# Degrees between neighbours: a step of the first beside one of the second, as no resonance has between two of its samples,
+# may be whole turns more.
+_TURN = 135.0
+_BESIDE = 60.0
 Say = Callable[[str], None]
 _Response = tuple[str, dict[str, np.ndarray]]  # the values of the axes, in words, and the rows
 _TOO_FAST = "Left out: phases beyond which the frequencies are too far apart to tell how often they turn."
@@ -79,18 +82,23 @@ def bode(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _:
 
 def at_both_ports(facts: Mapping[str, Any]) -> list[_Quantity]:
     """Admittance and impedance at the hand."""
-    units = (("admittance", "mm/N"), ("impedance", "N/m"))
-    return [_Quantity(name, at_hand(name, f"{name}_abs", unit, facts), f"phase of {name} (deg)") for name, unit in units]
+    quantities = []
+    for name, unit in (("admittance", "mm/N"), ("impedance", "N/m")):
+        magnitude = at_hand(name, f"{name}_abs", unit, facts)
+        quantities.append(_Quantity(name, magnitude, f"phase of {name} (deg)"))
+    return quantities
 
 
 def bode_ports(table: Columns | Blocks, facts: Mapping[str, Any], say: Say = lambda _: None) -> Any:
     """Draw a `bode-ports` table as `bode` draws one: a curve for each pair of input and output, and panels for each unit."""
     columns, left_out = _shown(table, facts, say)
-    several = len(set(columns["spec"].tolist())) > 1
-    pairs = zip(*(columns[name].tolist() for name in ("spec", "from_input", "to_output")), strict=True)
-    names = [f"{shortened(spec)}: " * several + f"{source} to {output}" for spec, source, output in pairs]
-    units = list(dict.fromkeys(columns["unit"].tolist()))
-    quantities = [_Quantity("response", with_unit("magnitude", printed([unit or "1"])), "phase (deg)", unit) for unit in units]
+    names = [f"{source} to {output}" for source, output in zip(columns["from_input"], columns["to_output"], strict=True)]
+    if len(set(columns["spec"].tolist())) > 1:
+        names = [f"{shortened(spec)}: {name}" for spec, name in zip(columns["spec"], names, strict=True)]
+    quantities = []
+    for unit in dict.fromkeys(columns["unit"].tolist()):
+        magnitude = with_unit("magnitude", printed([unit or "1"]))
+        quantities.append(_Quantity("response", magnitude, "phase (deg)", unit))
     return _drawn({**columns, "spec": np.array(names, object)}, quantities, left_out, facts)
 
 
@@ -103,10 +111,13 @@ def _shown(table, facts, say) -> tuple[Columns, str]:
 
 def _drawn(columns: Columns, quantities: Sequence[_Quantity], left_out: str, facts: Mapping[str, Any]) -> Any:
     """The figure of the curves of a table."""
-    single = len(np.unique(columns["frequency_hz"])) == 1
-    x = next(iter(_swept(columns)), "frequency_hz") if single else "frequency_hz"  # or the longest axis
+    x = "frequency_hz"
+    place = ""
+    swept = _swept(columns)
+    if swept and len(np.unique(columns["frequency_hz"])) == 1:
+        x = swept[0]
+        place = f"At {columns['frequency_hz'][0]:g} Hz."
     curves, scale = _curves(columns, x, facts)
-    place = "" if x == "frequency_hz" else f"At {columns['frequency_hz'][0]:g} Hz."
     return draw_curves(curves, quantities, x, facts, scale, (place, left_out, assumption(facts)))
 
 
@@ -122,53 +133,64 @@ def draw_curves(
 
     scale: of the colours of many curves, and the axis that it is for.
     """
-    specs = dict.fromkeys(name for curve in curves for name in curve.rows["spec"].tolist())
-    marks = [module.responses(facts, specs if x == "frequency_hz" else ()) for module in modules("marks")]
+    over_frequency = x == "frequency_hz"
+    specs: dict[str, None] = {}
+    if over_frequency:
+        for curve in curves:
+            specs |= dict.fromkeys(curve.rows["spec"].tolist())
+    marks = [module.responses(facts, specs) for module in modules("marks")]
     named = [curve.label for curve in curves if curve.label]
-    words = [*named, *(spec for mark in marks for spec in mark.colours), NYQUIST.format(1e3) if x == "frequency_hz" else ""]
+    marked_specs = [spec for mark in marks for spec in mark.colours]
+    words = [*named, *marked_specs, NYQUIST.format(1e3) if over_frequency else ""]
     in_a_row = fitting(words, wide(TWO_COLUMNS))
+    rows_of_legend = ceil(len(named) / in_a_row)
     across = 1 if is_narrow() else min(2, len(quantities))
-    shape = 2 * -(-len(quantities) // across), across
+    down = 2 * ceil(len(quantities) / across)
     too_fast = False
-    with figure(TWO_COLUMNS, 2.0 * shape[0] + 0.17 * -(-len(named) // in_a_row)) as canvas:
-        grid = canvas.subplots(*shape, sharex=True, squeeze=False)
+    with figure(TWO_COLUMNS, 2.0 * down + 0.17 * rows_of_legend) as canvas:
+        grid = canvas.subplots(down, across, sharex=True, squeeze=False)
         pairs = np.stack([grid[::2].ravel(), grid[1::2].ravel()], axis=1)
         # All phases of a figure are drawn on beyond 180 degrees, or none is.
-        goes_on = (
-            x == "frequency_hz"
-            and not any(mark.colours for mark in marks)
-            and any(_goes_on(curves, quantity) for quantity in quantities)
-        )
+        goes_on = False
+        if over_frequency and not marked_specs:
+            goes_on = any(_goes_on(_curves_of(quantity, curves), quantity) for quantity in quantities)
         for axes in pairs[len(quantities) :].ravel():
             axes.set_visible(False)
         for number, (quantity, (above, below)) in enumerate(zip(quantities, pairs, strict=False)):
-            of_quantity = [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
+            of_quantity = _curves_of(quantity, curves)
             for axes, suffix, title in ((above, "abs", quantity.magnitude), (below, "deg", quantity.phase)):
                 name = f"{quantity.stem}_{suffix}"
                 marked = [mark.draw(axes, name) for mark in marks]
                 too_fast |= _draw_panel(axes, of_quantity, name, x, marked, goes_on)
                 axes.set_ylabel(title)
-                if x == "frequency_hz":
+                if over_frequency:
                     _mark_nyquist(axes, curves, number == 0 and axes is above)
             add_decibels(above)
         for axes in pairs[: len(quantities)][-across:, 1]:
             axes.tick_params(labelbottom=True)
-            axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
+            axes.set_xlabel("frequency (Hz)" if over_frequency else label(x, facts))
         canvas.align_ylabels()
         note_below(canvas, _TOO_FAST if too_fast else "", *notes)
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
-        # All panels of the hand have the same curves.
-        _draw_legend(canvas, pairs[: 1 if quantities[0].unit is None else None, 0], in_a_row)
+        panels_with_others = pairs[:, 0]
+        if quantities[0].unit is None:  # all panels of the hand have the same curves
+            panels_with_others = pairs[:1, 0]
+        handles: list[Any] = []
+        labels: list[str] = []
+        for axes in panels_with_others:
+            handles_here, labels_here = axes.get_legend_handles_labels()
+            handles += handles_here
+            labels += labels_here
+        if handles:
+            columns = min(in_a_row, len(handles))
+            canvas.legend(handles, labels, loc="outside upper center", ncols=columns)
     return canvas
 
 
-def _draw_legend(canvas: Any, panels: Sequence[Any], in_a_row: int) -> None:
-    """Draw one legend of the curves of these panels."""
-    entries = [entry for axes in panels for entry in zip(*axes.get_legend_handles_labels(), strict=True)]
-    if entries:
-        handles, labels = zip(*entries, strict=True)
-        canvas.legend(handles, labels, loc="outside upper center", ncols=min(in_a_row, len(handles)))
+def _curves_of(quantity: _Quantity, curves: Sequence[Curve]) -> list[Curve]:
+    """The curves that are drawn in the panels of a quantity."""
+    return [curve for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit]
 
 
 def _swept(columns: Columns) -> list[str]:
@@ -187,10 +209,12 @@ def continued(degrees: np.ndarray) -> np.ndarray:
     degrees = degrees.astype(float)
     places = np.flatnonzero(~np.isnan(degrees))
     steps = (np.diff(degrees[places]) + 180) % 360 - 180
-    sizes = np.pad(np.abs(steps), 1)
-    fast = np.flatnonzero((sizes[1:-1] > _TURN) & (np.maximum(sizes[:-2], sizes[2:]) > _BESIDE))
     degrees[places[1:]] = degrees[places[:1]] + np.cumsum(steps)
-    degrees[places[fast[0] + 1] if fast.size else degrees.size :] = np.nan
+    sizes = np.pad(np.abs(steps), 1)
+    larger_neighbour = np.maximum(sizes[:-2], sizes[2:])
+    fast = np.flatnonzero((sizes[1:-1] > _TURN) & (larger_neighbour > _BESIDE))
+    if fast.size:
+        degrees[places[fast[0] + 1] :] = np.nan
     return degrees
 
 
@@ -203,66 +227,81 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str, marked: Seque
     everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = goes_by_factors(everywhere[everywhere > 0])
     everywhere = np.concatenate([everywhere, *marked])
-    positive = everywhere[everywhere > 0].min(initial=np.inf)
-    ordered = [where(curve.rows, np.argsort(curve.rows[x], kind="stable")) for curve in curves]
-    phase, too_fast = name.endswith("_deg"), False
-    goes_on &= phase
-    for curve, rows in zip(curves, ordered, strict=True):
-        quantity = name.partition("_")[0]
-        places, values = rows[x], continued(rows[name]) if goes_on else rows[name]
-        too_fast |= bool((np.isnan(values) & ~np.isnan(rows[name])).any())
-        lost = (rows["doubt"] == "rounding") & ~(rows[f"{quantity}_error"] <= SPARED)  # and not the worst gain alone
-        static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
-        line = (places[~static], values[~static])
-        if phase and not goes_on:  # no line is drawn across the panel where a phase wraps
-            jumps = _jumps(line[1]) + 1
-            line = np.insert(line[0].astype(float), jumps, np.nan), np.insert(line[1], jumps, np.nan)
-        _draw_line(axes, *line, curve)
-        edge = {"color": curve.style["color"]}
+    least_positive = everywhere[everywhere > 0].min(initial=np.inf)
+    quantity, _, suffix = name.partition("_")
+    is_phase = suffix == "deg"
+    too_fast = False
+    for curve in curves:
+        rows = where(curve.rows, np.argsort(curve.rows[x], kind="stable"))
+        places = rows[x]
+        values = rows[name]
+        if is_phase and goes_on:
+            values = continued(rows[name])
+            too_fast |= bool((np.isnan(values) & ~np.isnan(rows[name])).any())
+        static = np.zeros(len(places), bool)
+        if logarithmic and x == "frequency_hz":
+            static = places == 0
+        places_of_line = places[~static]
+        line = values[~static]
+        if is_phase and not goes_on:  # no line is drawn across the panel where a phase wraps
+            jumps = _jumps(line) + 1
+            places_of_line = np.insert(places_of_line.astype(float), jumps, np.nan)
+            line = np.insert(line, jumps, np.nan)
+        _draw_line(axes, places_of_line, line, curve)
+        colour = curve.style["color"]
         # A static limit of 0 has no place on a scale of factors, and no phase.
         if (static & (rows[f"{quantity}_abs"] > 0)).any():
-            axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
-        crossed = lost & ~static
+            mark = {"marker": "<", "markersize": 4, "clip_on": False, "zorder": 4}
+            axes.plot(least_positive, values[static][0], **mark, color=colour)
+        known = rows[f"{quantity}_error"] <= SPARED  # and the worst gain alone is lost
+        crossed = (rows["doubt"] == "rounding") & ~known & ~static
         if crossed.any():
-            axes.plot(places[crossed], values[crossed], "x", markersize=4, **edge)
-    if name.endswith("_abs"):
-        scale_magnitudes(axes)
-    else:
+            axes.plot(places[crossed], values[crossed], "x", markersize=4, color=colour)
+    if is_phase:
         in_degrees(axes, goes_on)
-    _scale_along(axes, positive if logarithmic else everywhere.min(), everywhere, logarithmic)
+    else:
+        scale_magnitudes(axes)
+    low = least_positive if logarithmic else everywhere.min()
+    high = everywhere.max()
+    if logarithmic:
+        by_factors(axes.xaxis, low, high)
+    if high > everywhere.min():
+        axes.set_xlim(low, high)
     axes.grid(which="major", **GRID)
     return too_fast
 
 
-def _scale_along(axes: Any, low: float, places: np.ndarray, logarithmic: bool) -> None:
-    """Give the axis along a panel its scale, and its ends if it has several places; low: the lower one."""
-    if logarithmic:
-        by_factors(axes.xaxis, low, places.max())
-    if places.max() > places.min():
-        axes.set_xlim(low, places.max())
-
-
 def _goes_on(curves: Sequence[Curve], quantity: _Quantity) -> bool:
-    """Whether a phase of a quantity wraps often over frequency."""
-    of_quantity = (curve.rows for curve in curves if quantity.unit is None or curve.rows["unit"][0] == quantity.unit)
-    phases = (rows[f"{quantity.stem}_deg"][np.argsort(rows["frequency_hz"], kind="stable")] for rows in of_quantity)
-    return any(_jumps(degrees).size > _WRAPS for degrees in phases)
+    """Whether a phase of a quantity wraps often over frequency, in any of its curves."""
+    for curve in curves:
+        order = np.argsort(curve.rows["frequency_hz"], kind="stable")
+        degrees = curve.rows[f"{quantity.stem}_deg"][order]
+        if _jumps(degrees).size > _WRAPS:
+            return True
+    return False
 
 
 def _draw_line(axes: Any, places: np.ndarray, values: np.ndarray, curve: Curve) -> None:
     """Draw a line with gaps at NaN, and a mark at each point that it does not join with others."""
     is_known = np.pad(~np.isnan(values), 1)
     alone = np.flatnonzero(is_known[1:-1] & ~is_known[:-2] & ~is_known[2:]).tolist()
-    marked = "marker" in curve.style
-    style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
+    style = dict(curve.style)
+    marked = "marker" in style
+    if alone and not marked:
+        style |= {"marker": "o", "markersize": 3, "markevery": alone}
     axes.plot(places, values, label=curve.label or None, **style)
     if alone and marked:  # in addition to the marks that distinguish the specs
-        axes.plot(places[alone], values[alone], curve.style["marker"], markersize=3.5, color=curve.style["color"])
+        mark = {"marker": style["marker"], "linestyle": "none", "markersize": 3.5}
+        axes.plot(places[alone], values[alone], **mark, color=style["color"])
 
 
 def _mark_nyquist(axes: Any, curves: Sequence[Curve], named: bool) -> None:
-    """A line at the Nyquist frequency of the slow rate (omega T_s is pi); none if the specs have different slow rates."""
-    hertz, turns = (np.concatenate([curve.rows[name] for curve in curves]) for name in ("frequency_hz", "omega_Ts"))
+    """A line at the Nyquist frequency of the slow rate (omega T_s is pi).
+
+    There is none if the specs have different slow rates.
+    """
+    hertz = np.concatenate([curve.rows["frequency_hz"] for curve in curves])
+    turns = np.concatenate([curve.rows["omega_Ts"] for curve in curves])
     slow = np.pi * hertz[hertz > 0] / turns[hertz > 0]
     if len(slow) and np.ptp(slow) <= 1e-9 * slow[0] and hertz.min() < slow[0] < 0.99 * hertz.max():
         words = {"label": NYQUIST.format(slow[0])} if named else {}
@@ -274,17 +313,21 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
     axes = [name for name in _swept(columns) if name != x]
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     by_spec = [_responses(where(columns, columns["spec"] == spec), axes, facts) for spec in specs]
-    several = len(axes) > 0 and sum(map(len, by_spec)) > _MOST_CURVES
-    scale = (axes[0], _scale(columns[axes[0]])) if several else None
+    scale = None
+    if axes and sum(map(len, by_spec)) > _MOST_CURVES:
+        scale = (axes[0], _scale(columns[axes[0]]))
     curves = []
     for index, (spec, responses) in enumerate(zip(specs, by_spec, strict=True)):
         styles = _styles(index, responses, len(specs) > 1, scale)
         named: set[str] = set()
         for (place, rows), style in zip(responses, styles, strict=True):
             shown = place if len(responses) > 1 and scale is None else ""
-            for piece in _by_stability(rows) if x != "frequency_hz" else [rows]:
+            pieces = [rows] if x == "frequency_hz" else _by_stability(rows)
+            for piece in pieces:
                 curve = _curve(piece, spec, shown, style)
-                curves.append(replace(curve, label="") if curve.label in named else curve)
+                if curve.label in named:
+                    curve = replace(curve, label="")
+                curves.append(curve)
                 named.add(curve.label)
     return curves, scale
 
@@ -294,63 +337,72 @@ def _styles(
 ) -> list[dict[str, Any]]:
     """The styles of the responses of a spec; index: its place among the specs, scale: see `_curves`."""
     family = len(responses) > 1
+    if scale is not None:
+        axis, colours = scale
+        thin = {"linestyle": LINES[index % len(LINES)], "linewidth": 0.8}
+        if not family:
+            return [{"color": distinct_look(index).colour, **thin}]
+        return [{"color": colours.to_rgba(rows[axis][0]), **thin} for _, rows in responses]
     looks = family_looks(len(responses)) if family else [distinct_look(index)]
-    if scale is None:
-        marker = (
-            {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5} if family and several_specs else {}
-        )
-        return [{"color": look.colour, "linestyle": look.line} | marker for look in looks]
-    axis, colours = scale
-    thin = {"linestyle": LINES[index % len(LINES)], "linewidth": 0.8}
-    if not family:
-        return [{"color": looks[0].colour} | thin]
-    return [{"color": colours.to_rgba(rows[axis][0])} | thin for _, rows in responses]
+    marker: dict[str, Any] = {}
+    if family and several_specs:
+        marker = {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5}
+    return [{"color": look.colour, "linestyle": look.line, **marker} for look in looks]
 
 
 def _scale(values: np.ndarray) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm, Normalize
 
-    finite = values[~np.isnan(values)]
-    norm = LogNorm if goes_by_factors(finite[finite > 0]) and finite.min() > 0 else Normalize
-    return ScalarMappable(norm(float(finite.min()), float(finite.max())), family_map())
+    known = values[~np.isnan(values)]
+    by_factors_of_values = goes_by_factors(known[known > 0]) and known.min() > 0
+    norm = LogNorm if by_factors_of_values else Normalize
+    return ScalarMappable(norm(float(known.min()), float(known.max())), family_map())
 
 
 def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[_Response]:
     """Return the rows of each combination of the axes, with its name; rows that an ignored axis repeats count once."""
-    values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
-    values = np.where(np.isnan(values), np.inf, values)  # an axis of other specs; NaN would not be equal to itself
+    values = np.zeros((len(columns["spec"]), max(1, len(axes))))
+    for number, name in enumerate(axes):
+        values[:, number] = columns[name]
+    values[np.isnan(values)] = np.inf  # an axis of other specs; NaN would not be equal to itself
     different, number_of = np.unique(values, axis=0, return_inverse=True)
     responses: dict[bytes, _Response] = {}
     for number, combination in enumerate(different):
         rows = where(columns, number_of.reshape(-1) == number)
         places = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
         place = ", ".join(valued(name, value, facts) for name, value in places)
-        responses.setdefault(b"".join(rows[name].tobytes() for name in rows if name.endswith("_re")), (place, rows))
+        bytes_of_rows = b"".join(rows[name].tobytes() for name in rows if name.endswith("_re"))
+        responses.setdefault(bytes_of_rows, (place, rows))
     return list(responses.values())
 
 
 def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     """The rows of stable and of unstable loops, if there are both; each has gaps where the others are."""
-    stable, places = rows["stable"], _swept(rows)
+    stable = rows["stable"]
     if stable.all() or not stable.any():
         return [rows]
-    numbers = [name for name, column in rows.items() if column.dtype.kind == "f" and name not in places]
-    return [
-        {
-            **rows,
-            **{name: np.where(stable == kind, rows[name], np.nan) for name in numbers},
-            "stable": np.full(stable.size, kind),
-        }
-        for kind in (True, False)
-    ]
+    swept = _swept(rows)
+    numbers = [name for name, column in rows.items() if column.dtype.kind == "f" and name not in swept]
+    pieces = []
+    for kind in (True, False):
+        piece = dict(rows)
+        for name in numbers:
+            piece[name] = np.where(stable == kind, rows[name], np.nan)
+        piece["stable"] = np.full(stable.size, kind)
+        pieces.append(piece)
+    return pieces
 
 
 def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, Any]) -> Curve:
-    ideal, stable = rows.get("controller", ("drawn",))[0] == "dc", rows["stable"].all()
-    if ideal:
+    words = [shortened(spec)]
+    if rows.get("controller", ("drawn",))[0] == "dc":
         style = {"color": IDEAL, "linestyle": "--", "zorder": 3}
-    name = shortened(spec)
-    state = "" if stable else "unstable" if (rows["doubt"] == "unstable").any() else "not known to be stable"
-    words = [f"{name} (ideal)" if ideal else name, place, state]
-    return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "color": paler(style["color"], FAINT)})
+        words = [f"{words[0]} (ideal)"]
+    if place:
+        words.append(place)
+    if not rows["stable"].all():
+        style = {**style, "color": paler(style["color"], FAINT)}
+        refuted = (rows["doubt"] == "unstable").any()
+        words.append("unstable" if refuted else "not known to be stable")
+    return Curve(rows, ", ".join(words), style)

@@ -6,7 +6,8 @@ import numpy as np
 
 WIDE = 5.0  # times its least value, up to which a logarithmic axis has ticks at equal steps
 ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
-LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
+LEAST = 0.02  # of the largest value, that an axis shows at least
+DEGREE = 1.0  # that an axis of a phase shows at least
 
 
 def by_factors(axis: Any, low: float, high: float) -> None:
@@ -25,7 +26,8 @@ def scale_magnitudes(axes: Any) -> None:
 
     Values that are much alike have a linear one.
     """
-    values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in axes.lines)])
+    of_lines = [np.asarray(line.get_ydata(), float) for line in axes.lines]
+    values = np.concatenate([np.zeros(0), *of_lines])
     values = values[values > 0]
     if not values.size:
         return  # nothing is known, or all is 0, as the static impedance of free space
@@ -55,7 +57,9 @@ def in_degrees(axes: Any, continued: bool = False) -> None:
     if high - low < 3:
         _at_least(axes, DEGREE)
         return
-    steps = (1, 2, 5, 15, 45, 90, *(180 * 2**power for power in range(20))) if continued else (1, 2, 5, 15, 45)
+    steps = [1, 2, 5, 15, 45, 90]
+    if continued:
+        steps += [180 * 2**power for power in range(20)]
     step = next((step for step in steps if high - low <= 6 * step), 90)
     axes.yaxis.set_major_locator(MultipleLocator(step))
     if high - low > 180 and not continued:
@@ -69,8 +73,9 @@ def add_decibels(axes: Any) -> None:
     low, high = 20 * np.log10(axes.get_ylim())
     step = next((step for step in (1, 2, 5, 10, 20, 40) if high - low <= 6 * step), 100)
     decibels = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    names = [f"{level:g} dB".replace("-", "\N{MINUS SIGN}") for level in decibels]
     right = axes.secondary_yaxis("right")
-    right.set_yticks(10 ** (decibels / 20), [f"{level:g} dB".replace("-", "\N{MINUS SIGN}") for level in decibels])
+    right.set_yticks(10 ** (decibels / 20), names)
     right.set_yticks([], minor=True)
 
 
@@ -87,5 +92,9 @@ def goes_by_factors(values: np.ndarray) -> bool:
     steps = np.unique(values)
     if len(steps) < 3:
         return False
-    even, factors = np.ptp(np.diff(steps)) / np.ptp(steps), np.ptp(np.diff(np.log(steps))) / np.log(steps[-1] / steps[0])
-    return bool(steps[-1] > 20 * steps[0]) if min(even, factors) > 1e-6 else bool(factors < even or steps[-1] > 200 * steps[0])
+    ratio = steps[-1] / steps[0]
+    unevenness = np.ptp(np.diff(steps)) / np.ptp(steps)
+    unevenness_of_factors = np.ptp(np.diff(np.log(steps))) / np.log(ratio)
+    if min(unevenness, unevenness_of_factors) > 1e-6:
+        return bool(ratio > 20)
+    return bool(unevenness_of_factors < unevenness or ratio > 200)

@@ -13,33 +13,44 @@ from wavesweep.program.plots.member_panels import Member, members_of, specs_of
 from wavesweep.program.plots.region_figures import felt_differs, range_end
 from wavesweep.program.tables.columns import swept_range
 
-_SQUEEZED, _ROOM = 0.25, 1.15  # of the largest limit, and a factor beyond the ends of a scale of factors
-_LOWEST, _BELOW = 0.1, 3  # of an axis of bars from 0 on, in whose lowest part all limits would be; where it then begins
+_SQUEEZED = 0.25  # of the largest limit
+_ROOM = 1.15  # a factor beyond the ends of a scale of factors
+_LOWEST = 0.1  # of an axis of bars from 0 on, in whose lowest part all limits would be
+_BELOW = 3  # times less than the lowest of these limits: where the axis then begins
 
 
 class Shown:
     """The rows of a table that its figure shows, with the roles of its axes and the best design.
 
-    along: the number of the intervals. whose: the column that says for whom a row is. swept: the range in which they were
-    searched. by_factors, view: the scale of the axis along them, and its ends. span: the part of `swept` in these. walls:
-    points that capabilities mark. felt: whether the hand feels other stiffnesses at the limits, and some are shown.
+    along: the number of the intervals. whose: the column that says for whom a row is. swept: the
+    range in which they were searched. by_factors, view: the scale of the axis along them, and its
+    ends. span: the part of `swept` in these. walls: points that capabilities mark. felt: whether
+    the hand feels other stiffnesses at the limits, and some are shown.
     """
 
     def __init__(self, columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> None:
-        self.columns, self.facts, self.layout = columns, facts, layout
-        self.along, self.whose = str(columns["along"][0]), whose_column(columns)
-        self.best = {} if self.whose == "spec" else best  # each spec has its own
+        self.columns = columns
+        self.facts = facts
+        self.layout = layout
+        self.along = str(columns["along"][0])
+        self.whose = whose_column(columns)
+        of_specs = self.whose == "spec"
+        self.best = {} if of_specs else best  # each spec has its own
         self.spec = spec_of(facts)
-        swept = np.array([swept_range({"spec": tables}, self.along) for tables in specs_of(facts).values()])
-        self.swept = float(swept[:, 0].min()), float(swept[:, 1].max())
-        self.by_factors, self.view = self._limits()
-        self.walls = [marks.walls(facts, layout.x, self.along, self.whose == "spec") for marks in modules("marks")]
-        self.view = self.view[0], max([self.view[1], *(_ROOM * marks.highest(self.swept[1]) for marks in self.walls)])
-        self.span = max(self.view[0], self.swept[0]), min(self.view[1], self.swept[1])
+        ranges = [swept_range({"spec": tables}, self.along) for tables in specs_of(facts).values()]
+        lowest, highest = np.transpose(ranges)
+        self.swept = (float(lowest.min()), float(highest.max()))
+        self.by_factors, (bottom, top) = self._limits()
+        self.walls = [marks.walls(facts, layout.x, self.along, of_specs) for marks in modules("marks")]
+        for walls in self.walls:
+            top = max(top, _ROOM * walls.highest(self.swept[1]))
+        self.view = (bottom, top)
+        self.span = (max(bottom, self.swept[0]), min(top, self.swept[1]))
         of_walls = layout.x == "B_VE" and self.along == "K_VE" and self.whose in ("", "spec")
         self.felt = False
         if of_walls and felt_differs(columns):
-            self.felt = bool(((columns["felt_high"] >= self.view[0]) & (columns["felt_high"] <= self.view[1])).any())
+            in_view = (columns["felt_high"] >= bottom) & (columns["felt_high"] <= top)
+            self.felt = bool(in_view.any())
 
     def members(self, columns: Columns) -> list[Member]:
         """The members of a panel, whose rows these are."""
@@ -51,63 +62,83 @@ class Shown:
         if self.layout.x is not None:
             return row[self.layout.x], row["value"]
         if self.whose:
-            return row["value"], [member.guarantee for member in members].index(row[self.whose])
-        bar = {name: row[name] for name in self.layout.bars[0]}
-        return row["value"], self.layout.bars.index(bar) if bar in self.layout.bars else np.nan
+            guarantees = [member.guarantee for member in members]
+            return row["value"], guarantees.index(row[self.whose])
+        bars = self.layout.bars
+        bar = {name: row[name] for name in bars[0]}
+        return row["value"], bars.index(bar) if bar in bars else np.nan
 
     def own_design(self, panels: Sequence[float]) -> list[tuple[float, float]]:
         """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it."""
-        layout, spec = self.layout, self.spec
-        if spec is None or self.whose == "spec" or (layout.x is None and self.whose):  # bars of hands are not designs
+        layout = self.layout
+        spec = self.spec
+        if spec is None or self.whose == "spec":
             return []
-        bars = layout.bars[0] if layout.x is None else ()
-        names = (self.along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)
+        if layout.x is None and self.whose:  # bars of hands are not designs
+            return []
+        axes_of_bars = list(layout.bars[0]) if layout.x is None else []
+        names = (self.along, layout.x, layout.panels, layout.family, *axes_of_bars, *layout.fixed)
         design = {name: spec.own(spec.names.find(name).path) for name in names if name}
         if None in design.values():  # an edge of a filter's band, from which its order and cutoff follow
             return []
         if not self._shows(design, panels):
             return []
         if layout.x is None:
-            return [(design[self.along], layout.bars.index({name: design[name] for name in bars}))]
+            bar = {name: design[name] for name in axes_of_bars}
+            return [(design[self.along], layout.bars.index(bar))]
         return [(design[layout.x], design[self.along])]
 
     def _shows(self, design: Mapping[str, float], panels: Sequence[float]) -> bool:
         """Whether these panels show all numbers of a design."""
         layout = self.layout
-        shown = {name: (value,) for name, value in layout.fixed.items()}
-        shown |= {layout.panels: panels, layout.family: layout.members} | (layout.beside if layout.x is None else {})
+        shown: dict[str | None, Sequence[float]] = {name: (value,) for name, value in layout.fixed.items()}
+        shown[layout.panels] = panels
+        shown[layout.family] = layout.members
+        if layout.x is None:
+            shown |= layout.beside
+        elif not layout.points[0] <= design[layout.x] <= layout.points[-1]:
+            return False
         if any(name and design[name] not in values for name, values in shown.items()):
             return False
-        spans = {self.along: (max(self.swept[0], self.view[0]), min(self.swept[1], self.view[1]))}
-        spans |= {layout.x: (layout.points[0], layout.points[-1])} if layout.x else {}
-        return all(low <= design[name] <= high for name, (low, high) in spans.items())
+        low, high = self.span
+        return bool(low <= design[self.along] <= high)
 
     def _limits(self) -> tuple[bool, tuple[float, float]]:
-        """Whether a scale of factors shows the limits, most of which an even one would squeeze into its lowest part, and the
-        ends of the axis, which show every interval of the table, or the swept range if there is none; all panels share them.
+        """Whether a scale of factors shows the limits, and the ends of the axis, which all panels share.
 
-        There is room beyond the largest value, and below the least one as far as it is swept, or if the swept range ends there.
-        Space that is not swept is not shown otherwise: it would pass for unstable.
+        An even scale would squeeze most of the limits into its lowest part. The ends show every
+        interval of the table, or the swept range if there is none. There is room beyond the largest
+        value, and below the least one as far as it is swept, or if the swept range ends there. Space
+        that is not swept is not shown otherwise: it would pass for unstable.
         """
-        columns, swept = self.columns, self.swept
+        columns = self.columns
+        start, _ = self.swept
         ends = np.concatenate([columns["low"], columns["high"]])
-        real = ends[~np.isnan(np.concatenate([columns["low_omega"], columns["high_omega"]]))]
-        factors = bool(np.isfinite(swept[0]) and swept[0] > 0 and real.size and np.median(real) < _SQUEEZED * real.max())
-        top = float(np.nanmax(np.concatenate([columns["high"], columns.get("fails_from", [])]), initial=0.0))
-        if self.layout.x is None and swept[0] == 0 and real.size and 0 < real.max() < _LOWEST * top:
-            return True, (real[real > 0].min() / _BELOW, top * _ROOM)
-        bottom = float(np.nanmin(columns["low"], initial=swept[0] if 0 < swept[0] < top else 0.0))
+        omegas = np.concatenate([columns["low_omega"], columns["high_omega"]])
+        limits = ends[~np.isnan(omegas)]
+        reached = np.concatenate([columns["high"], columns.get("fails_from", [])])
+        top = float(np.nanmax(reached, initial=0.0))
+        in_lowest_part = limits.size > 0 and 0 < limits.max() < _LOWEST * top
+        if self.layout.x is None and start == 0 and in_lowest_part:
+            return True, (limits[limits > 0].min() / _BELOW, top * _ROOM)
+        starts_in_view = 0 < start < top
+        bottom = float(np.nanmin(columns["low"], initial=start if starts_in_view else 0.0))
+        squeezed = limits.size > 0 and np.median(limits) < _SQUEEZED * limits.max()
+        factors = bool(np.isfinite(start) and start > 0 and squeezed)
         if top <= bottom:
-            return factors, swept if np.isfinite(swept).all() else (bottom, 1.0)
+            return factors, self.swept if np.isfinite(self.swept).all() else (bottom, 1.0)
         if factors:
-            return factors, (max(swept[0], float(np.nanmin(columns["low"]))) / _ROOM, top * _ROOM)
-        room, lowest = 0.06 * (top - bottom), range_end(columns, "low")
+            least = max(start, float(np.nanmin(columns["low"])))
+            return factors, (least / _ROOM, top * _ROOM)
+        room = 0.06 * (top - bottom)
+        lowest = range_end(columns, "low")
         if lowest is not None:
-            bottom = min(bottom, lowest - room if lowest <= 0 else max(lowest - room, 0.0))
-        elif 0 < swept[0] < top:
-            bottom = swept[0]
-        elif swept[0] < bottom:  # stability ends there, and what is below is unstable
-            bottom = max(swept[0], bottom - room)
+            below = lowest - room
+            bottom = min(bottom, below if lowest <= 0 else max(below, 0.0))
+        elif starts_in_view:
+            bottom = start
+        elif start < bottom:  # stability ends there, and what is below is unstable
+            bottom = max(start, bottom - room)
         return factors, (bottom, top + room)
 
     def limits_of_walls(self) -> dict[str, float]:

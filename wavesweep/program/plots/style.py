@@ -7,7 +7,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
-from itertools import pairwise, product
+from itertools import pairwise
+from math import ceil
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -21,14 +22,22 @@ NARROW_BELOW = 5.0  # inches: panels of a narrower figure stand one below the ot
 DOTS_PER_INCH = 200
 NOTE = 16  # letters of a note in an inch
 PASSES = 4  # in which names of axes get more lines
-NARROW, APART = 1.5, 8.0  # points, at least, between two numbers below a panel, and below neighbouring ones
+NARROW = 1.5  # points, at least, between two numbers below a panel
+APART = 8.0  # points, at least, between those of neighbouring panels
 IDEAL = "black"
 DOUBTFUL = "#d62728"
 FAINT = 0.35  # share of its colour that the curve of an unstable loop has
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 UNPROVED = {"facecolor": "white", "hatch": "ooo", "linewidth": 0}  # stable, but not certified; in the colour of its region
 GRID = {"visible": True, "color": "0.9", "linewidth": 0.5}
-LINES = ("-", (0, (7, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (3, 1)), (0, (8, 1.2, 1, 1.2, 1, 1.2)), (0, (1.5, 0.8)))
+LINES = (
+    "-",
+    (0, (7, 1.5)),
+    (0, (5, 1.2, 1, 1.2)),
+    (0, (3, 1)),
+    (0, (8, 1.2, 1, 1.2, 1, 1.2)),
+    (0, (1.5, 0.8)),
+)
 
 # Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
@@ -153,9 +162,10 @@ def png(canvas: Any, about: Mapping[str, str]) -> bytes:
     pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
     # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
     palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-    texts, file = PngImagePlugin.PngInfo(), BytesIO()
+    texts = PngImagePlugin.PngInfo()
     for name, text in about.items():
         texts.add_text(name, text)
+    file = BytesIO()
     palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
     return file.getvalue()
 
@@ -184,8 +194,10 @@ def _settle(canvas: Any) -> None:
             break
         canvas.draw_without_rendering()
     again = [axes for axes in canvas.axes if _thinned(axes) or _cut_off(axes) or axes.get_aspect() != "auto"]
-    if close := _closest(canvas.axes) < APART * canvas.dpi / 72:
-        canvas.get_layout_engine().set(w_pad=_STYLE["figure.constrained_layout.w_pad"] + APART / 2 / 72)
+    close = _closest(canvas.axes) < APART * canvas.dpi / 72
+    if close:
+        pad = _STYLE["figure.constrained_layout.w_pad"] + APART / 2 / 72
+        canvas.get_layout_engine().set(w_pad=pad)
     if again or close:
         canvas.draw_without_rendering()
     canvas.set_layout_engine("none")
@@ -194,14 +206,30 @@ def _settle(canvas: Any) -> None:
 
 
 def _closest(panels: Sequence[Any]) -> float:
-    """The least distance (pixels) between the numbers below a panel and those below the next one beside it; else infinite."""
-    spans = []
+    """The least distance (pixels) between the numbers below a panel and those below the next one beside it.
+
+    Infinite if there are no such panels.
+    """
+    spans = []  # bottom and left of the panel, left and right of its numbers
     for axes in panels:
-        boxes = [text.get_window_extent() for text in axes.get_xticklabels() if text.get_visible() and text.get_text()]
-        boxes = [box for box in boxes if axes.bbox.x0 - 1 <= (box.x0 + box.x1) / 2 <= axes.bbox.x1 + 1]
-        spans += [(axes.bbox.y0, axes.bbox.x0, min(box.x0 for box in boxes), max(box.x1 for box in boxes))] if boxes else []
-    pairs = product(spans, repeat=2)
-    return min((b[2] - a[3] for a, b in pairs if abs(a[0] - b[0]) < 1 and a[1] < b[1]), default=float("inf"))
+        panel = axes.bbox
+        boxes = [box for box in _numbers_below(axes) if panel.x0 - 1 <= (box.x0 + box.x1) / 2 <= panel.x1 + 1]
+        if boxes:
+            left = min(box.x0 for box in boxes)
+            right = max(box.x1 for box in boxes)
+            spans.append((panel.y0, panel.x0, left, right))
+    least = float("inf")
+    for bottom, x0, _, right in spans:
+        for bottom_of_next, x0_of_next, left_of_next, _ in spans:
+            if abs(bottom - bottom_of_next) < 1 and x0 < x0_of_next:
+                least = min(least, left_of_next - right)
+    return least
+
+
+def _numbers_below(axes: Any) -> list[Any]:
+    """The boxes (pixels) of the numbers below a panel."""
+    shown = [text for text in axes.get_xticklabels() if text.get_visible() and text.get_text()]
+    return [text.get_window_extent() for text in shown]
 
 
 def _wrapped(axes: Any) -> bool:
@@ -209,8 +237,9 @@ def _wrapped(axes: Any) -> bool:
     from textwrap import fill
 
     longer = False
-    across, upright = axes.bbox.width, axes.bbox.height
-    for text, room in ((axes.title, across), (axes.xaxis.label, across), (axes.yaxis.label, upright)):
+    across = axes.bbox.width
+    texts = ((axes.title, across), (axes.xaxis.label, across), (axes.yaxis.label, axes.bbox.height))
+    for text, room in texts:
         box = text.get_window_extent()
         length = box.height if text.get_rotation() == 90 else box.width
         lines = text.get_text().splitlines()
@@ -227,18 +256,20 @@ def _cut_off(axes: Any) -> bool:
     out = bool(axes.get_ylabel()) and bool(axes.yaxis.label.get_window_extent().x0 < 0)
     if out:
         for panel in axes.figure.axes:
-            panel.set_yticks([tick for tick in panel.get_yticks() if min(panel.get_ylim()) <= tick <= max(panel.get_ylim())])
+            low, high = sorted(panel.get_ylim())
+            panel.set_yticks([tick for tick in panel.get_yticks() if low <= tick <= high])
     return out
 
 
 def _thinned(axes: Any) -> bool:
     """Whether the numbers below a panel touched each other; there are fewer then."""
-    boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_visible() and label.get_text()]
-    boxes = sorted((box.x0, box.x1) for box in boxes)
-    narrow = NARROW * axes.figure.dpi / 72
-    crowded = axes.get_xscale() == "linear" and any(right[0] < left[1] + narrow for left, right in pairwise(boxes))
+    if axes.get_xscale() != "linear":
+        return False
+    spans = sorted((box.x0, box.x1) for box in _numbers_below(axes))
+    apart = NARROW * axes.figure.dpi / 72
+    crowded = any(left_of_next < right + apart for (_, right), (left_of_next, _) in pairwise(spans))
     if crowded:
-        axes.locator_params(axis="x", nbins=max(1, len(boxes) // 2))
+        axes.locator_params(axis="x", nbins=max(1, len(spans) // 2))
     return crowded
 
 
@@ -258,7 +289,10 @@ def paler(colour: Any, share: float) -> tuple[float, ...]:
 
 
 def family_looks(number: int) -> list[Look]:
-    """Return the looks of an ordered family, dark to light; the yellow end of the map is left out, as it is faint on white."""
+    """Return the looks of an ordered family, dark to light.
+
+    The yellow end of the map is left out, as it is faint on white.
+    """
     if number == 1:
         return [Look(_DISTINCT[0])]
     colours = family_map()
@@ -292,9 +326,15 @@ def note_below(canvas: Any, *sentences: str, axis: str = "") -> None:
     from textwrap import wrap
 
     width = int(NOTE * canvas.get_figwidth())
-    lines = [line for text in sentences for paragraph in text.splitlines() for line in wrap(paragraph, width)]
-    if axis or lines:
-        lines = [axis, *([""] if lines else []), *lines] if axis else lines
+    lines: list[str] = []
+    for text in sentences:
+        for paragraph in text.splitlines():
+            lines += wrap(paragraph, width)
+    if axis and lines:
+        lines = [axis, "", *lines]
+    elif axis:
+        lines = [axis]
+    if lines:
         canvas.set_figheight(canvas.get_figheight() + 0.12 * (len(lines) - bool(axis)))
         canvas.supxlabel("\n".join(lines), fontsize=8 if axis else 7)
 
@@ -308,11 +348,19 @@ def warn_above(canvas: Any, text: str) -> None:
 
 
 def fitting(texts: Sequence[str], width: float, size: float = 8.0) -> int:
-    """How many columns a legend with these texts, of `size` points, has room for in `width` inches, with rows of about the same
-    number.
+    """How many columns a legend with these texts, of `size` points, has room for in `width` inches.
+
+    All of its rows have about the same number of entries.
     """
-    letters = [max(map(len, re.sub(r"\\mathrm|[$_{}^\\]", "", text).split("\n"))) for text in texts]
-    *_, second, longest = sorted([0, 0, *letters])
-    column = [size * (5 + 0.52 * letters) for letters in (second, longest)]
-    most = max(1, 1 + int((72 * width - column[1]) / column[0]))
-    return -(-len(texts) // -(-len(texts) // most)) if texts else 1
+    if not texts:
+        return 1
+    letters = [0, 0]
+    for text in texts:
+        printed = re.sub(r"\\mathrm|[$_{}^\\]", "", text)
+        letters.append(max(map(len, printed.split("\n"))))
+    *_, second, longest = sorted(letters)
+    width_of_second = size * (5 + 0.52 * second)
+    width_of_longest = size * (5 + 0.52 * longest)
+    most = max(1, 1 + int((72 * width - width_of_longest) / width_of_second))
+    rows = ceil(len(texts) / most)
+    return ceil(len(texts) / rows)
