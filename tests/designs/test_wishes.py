@@ -398,7 +398,7 @@ def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
 def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch):
     spec = wishes(delay_margin={"at_least": 1, "walls": [100]})
     sure = values_of(spec)["delay_margin"]
-    monkeypatch.setattr("wavesweep.designs.wishes.radii_of", lambda _loops, size: np.full(size, np.nan))
+    monkeypatch.setattr("wavesweep.engine.loop.Loops.radii", lambda _loops, size: np.full(size, np.nan))
     hidden = values_of(spec)["delay_margin"]
     assert sure.certified.all()
     assert not hidden.certified.any()

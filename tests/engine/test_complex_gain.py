@@ -7,9 +7,8 @@ from wavesweep import load
 from wavesweep.engine.drawing.complex_gain import TWIN, with_complex_factor
 from wavesweep.engine.drawing.drawing import path_of
 from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import structure
-from wavesweep.engine.stability.radii import drift_of, frames
 from wavesweep.engine.stability.spectrum import eigenvalues
 
 LOOP = {
@@ -38,8 +37,8 @@ def test_its_eigenvalues_are_those_of_the_complex_loop_and_their_conjugates(cut)
     one = Loops(complex_drawing, values | {path_of(GAIN): k})
     factor = {path_of(GAIN): 1.0, path_of("re"): k.real.copy(), path_of("im"): k.imag.copy()}
     two = Loops(real_drawing, values | ticks | factor)
-    z = 1 + eigenvalues(frames(one, drift_of(one)))[0]
-    both = 1 + eigenvalues(frames(two, drift_of(two)))[0]
+    z = 1 + eigenvalues(one.frames(one.drift()))[0]
+    both = 1 + eigenvalues(two.frames(two.drift()))[0]
     for ours, theirs in zip(both, z, strict=True):
         expected = np.poly(np.concatenate([theirs, theirs.conj()])).real
         np.testing.assert_allclose(np.poly(ours).real, expected, atol=1e-12)

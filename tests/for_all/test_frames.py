@@ -9,7 +9,7 @@ from support.specs import INTEGRATIONS, values_of
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.from_drawing import assembled, twins
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.cut import with_batch
 from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.engine.stability.stable import stable_intervals
@@ -54,7 +54,7 @@ def test_one_length_for_ever_is_the_loop_of_that_ratio(kind, integration, ticks,
     alone = values | {"rates.ratio": ticks, "environment.delay": ticks if delay == FRAME else delay, "environment.K_VE": 35.0}
     drawing = loop_drawing(alone)
     read = {path: alone[path] for path in alone if path in drawing.reads}
-    E = closed_frame(assembled(drawing, read), drift_of_drawn(*twins(drawing, read)))
+    E = closed_frame(Loops(drawing, read).drawn(), drift_of_drawn(*Loops(drawing, read).twins()))
     expected, found = (large(np.linalg.eigvals(each)) for each in (np.eye(len(E)) + E, frames.at(35.0)[0]))
     np.testing.assert_allclose(found, expected, atol=1e-9)
 

@@ -12,7 +12,6 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep import SpecError, UsageError
 from wavesweep.engine.loops.batch import distinct
-from wavesweep.engine.stability.radii import radii_of
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames
@@ -125,7 +124,7 @@ def test_no_numbers_of_the_box_break_what_is_proved(seed):
             arrays[name] = np.where(side < 0.3, span["start"], np.where(side > 0.7, span["stop"], inside))
         loops = loops_of(loaded, {**loaded.values, **arrays}, "environment.K_VE").read
         for part in distinct([each == 0 for each in loops.values.values() if np.ndim(each)], points):
-            assert (radii_of(loops.some(part), part.size) < 1).all()
+            assert (loops.some(part).radii(part.size) < 1).all()
 
 
 VARIED = [  # lengths, other tables, by what it has to be proved, from what refuted at the latest

@@ -12,8 +12,7 @@ from support.drawn import random_tables
 import wavesweep
 from wavesweep import UsageError, load
 from wavesweep.engine.drawing.drawing import path_of
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.stability.radii import drift_of, frames
+from wavesweep.engine.loop import Loops
 from wavesweep.margins.broken_loops import GAIN, broken_at, with_gain
 from wavesweep.margins.command import margins as command
 from wavesweep.margins.lifted_margins import LiftedLoop, lifted_margins, margins_of
@@ -26,10 +25,10 @@ def radius_of(spec, signal):
     """The spectral radius of the frame with factors k of the signal, from blocks that have it among their numbers."""
     own = own_loop(spec)
     loop = Loops(with_gain(own.drawing, signal), own.values)
-    drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
+    drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
 
     def radius(k):
-        E = frames(loop.changed({path_of(GAIN): np.atleast_1d(k)}), drift)
+        E = loop.changed({path_of(GAIN): np.atleast_1d(k)}).frames(drift)
         return np.abs(1 + np.linalg.eigvals(E)).max(-1)
 
     return radius

@@ -28,6 +28,7 @@ ENGINE = (
     "loops",
     "monodromy",
     "stability",
+    "loop",
     "response",
     "energy",
     "search",

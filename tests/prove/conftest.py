@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.program.sweep.grid import loops_of
 from wavesweep.prove.columns import prove_column
 
@@ -17,7 +16,7 @@ def prove():
         spec = wavesweep.compile(tables).spec
         path = spec.names.find(number).path
         loop = loops_of(spec, dict(spec.values) | {spec.names.find(name).path: value for name, value in (values or {}).items()})
-        drift = drift_of(loop.changed({path: np.array([1.0, 2.0])}))
+        drift = loop.changed({path: np.array([1.0, 2.0])}).drift()
         return prove_column(*loop, path, span, len(drift.states) - len(drift.remaining), **more)
 
     return proof

@@ -6,7 +6,7 @@ import scipy.linalg
 from support.plants import bodies, joint
 
 import wavesweep
-from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.program.spec import load
 
@@ -39,7 +39,7 @@ def test_the_simulation_is_the_march_of_the_frames(seed):
     many, *_ = bodies(seed)
     spec = load(many)
     force = np.random.default_rng(seed).normal(size=400)
-    drawn = assembled(spec.drawing, spec.values)
+    drawn = Loops(spec.drawing, spec.values).drawn()
     (each,) = (ticks := ticks_of(drawn, ("ports.hand.displacement",))).maps
     x, expected = np.zeros(len(ticks.states)), []
     for f in force:

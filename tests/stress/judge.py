@@ -8,7 +8,7 @@ from support import certified
 from support.intervals import cut_of
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_search import intervals_of
 from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.search.question import Question, Slices

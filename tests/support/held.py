@@ -4,8 +4,8 @@ import numpy as np
 
 import wavesweep
 from support.specs import nested
-from wavesweep.engine.loops.batch import Loops, distinct, selected
-from wavesweep.engine.stability.radii import drift_of, frames
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct, selected
 from wavesweep.haptics.controller_drawings import loop_drawing
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
@@ -89,7 +89,7 @@ def worst_modes(values, hands, K_VE, B_VE):
     for some in distinct([each == 0 for each in numbers.values()], size):
         own = Loops(loop.drawing, loop.values | selected(numbers, some))
         with np.errstate(all="ignore"):
-            E = frames(own, drift_of(own))
+            E = own.frames(own.drift())
             E = np.broadcast_to(E, (some.size, *E.shape[-2:]))
             finite = np.isfinite(E).all((-1, -2))
             log = np.log(1 + np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex) + 1e-300)

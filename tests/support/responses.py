@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.haptics.controller_drawings import loop_drawing

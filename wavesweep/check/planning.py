@@ -11,9 +11,8 @@ from wavesweep.capabilities import asked, home_of
 from wavesweep.engine.drawing.drawing import scalars
 from wavesweep.engine.drawing.expressions import sum_of, value_of
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.open_loops import exact_cut
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.haptics.controller_drawings import keys_of_page
 from wavesweep.haptics.controller_page import steps_of
 from wavesweep.program.analyses.interval_jobs import job_of, method
@@ -51,7 +50,7 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
 def _loop_lines(spec):
     yield f"{spec.source or spec.name}: valid, controller {spec.kind}"
     loop = own_loop(spec)
-    drawn, drift = loop.drawn(), drift_of(loop)
+    drawn, drift = loop.drawn(), loop.drift()
     ticks, ms = _count(drawn.ticks, "tick"), f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
     if spec.uneven:
         steps = _count(steps_of(spec.values["rates.ratio"])[1], "slow step")
@@ -61,7 +60,7 @@ def _loop_lines(spec):
         yield f"  loop: frame of {ticks}, {ms}"
     labels = drawn.labels()
     yield from _state_lines(drift, [labels[name] for name in drift.states])
-    free = drift_of(loop.changed({"environment.K_VE": 0.0}))
+    free = loop.changed({"environment.K_VE": 0.0}).drift()
     if len(free.constant) + len(free.varying) > len(drift.constant) + len(drift.varying):
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
@@ -136,7 +135,7 @@ def _drawn_lines(spec):
     """Yield when the blocks of a drawn loop run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
     loop = Loops(spec.drawing, spec.values)
-    drawing, drawn, drift = loop.drawing, loop.drawn(), drift_of(loop)
+    drawing, drawn, drift = loop.drawing, loop.drawn(), loop.drift()
     period, labels = 1e3 * float(drawn.period), drawn.labels()
     yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"
     yield f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms"

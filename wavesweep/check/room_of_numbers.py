@@ -7,9 +7,7 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.loops.domain import domain
 from wavesweep.engine.search.interval_records import open_places
-from wavesweep.engine.stability.radii import radii_of
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over, searches_of
 from wavesweep.program.analyses.own_design import searched
 from wavesweep.program.spec import Axis, Spec
@@ -135,7 +133,7 @@ def _next_to(spec, path, value, span):
         span = tuple(_reached(lambda end: spec.with_values({path: end}), value, end, HALVINGS) for end in span)
     away = NEAR * (abs(value) or min(map(abs, span)))
     tiny = HARDLY * away
-    low, high = domain(*own_loop(spec, path), path, (value - tiny, value + tiny))
+    low, high = own_loop(spec, path).domain(path, (value - tiny, value + tiny))
     return max(span[0], low, value - away), min(span[1], high, value + away)
 
 
@@ -161,7 +159,7 @@ def delays(spec):
         return None
     now, most, frame = spec.values[path], None, longest_delay(spec.values["rates.ratio"])
     for delay in range(now, min(frame, now + DELAYS) + 1):
-        if not radii_of(loops_of(spec, {**spec.values, path: delay}).read)[0] < 1:
+        if not loops_of(spec, {**spec.values, path: delay}).read.radii()[0] < 1:
             break
         most = delay
     return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}

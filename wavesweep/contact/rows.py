@@ -12,7 +12,7 @@ from wavesweep.contact.stretches import NEAR, Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.cut import FIRST, SECOND, LinearFractional, with_batch
 from wavesweep.engine.search.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
 from wavesweep.engine.search.open_loops import open_loops

@@ -9,7 +9,7 @@ from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing.drawing import Drawing, path_of
 from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.cut import LinearFractional, close
 from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.engine.stability.spectrum import radius_of

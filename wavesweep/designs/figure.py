@@ -168,7 +168,6 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
 def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
     """The admittances of the spec with the numbers of each design, its own first."""
     from wavesweep.engine.response.steady import respond
-    from wavesweep.engine.stability.radii import radii_of
     from wavesweep.program.analyses.spec_loops import loop_at_hand
     from wavesweep.program.sweep.grid import own_loop
 
@@ -177,7 +176,7 @@ def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, A
         values = {spec.names.find(name_varied).path: numbers[name_varied] for name_varied in varied if name != "nominal"}
         integers = {path for path in values if isinstance(spec.values.get(path), int)}
         changed = spec.with_values({path: int(value) if path in integers else float(value) for path, value in values.items()})
-        admittance, stable = respond(loop_at_hand(changed), frequency).admittance.ravel(), bool(radii_of(own_loop(changed)) < 1)
+        admittance, stable = respond(loop_at_hand(changed), frequency).admittance.ravel(), bool(own_loop(changed).radii() < 1)
         colour, said = (look.colour, name) if stable else (paler(look.colour, FAINT), f"{name}, unstable")
         axes.loglog(frequency, 1e3 * np.abs(admittance), color=colour, linestyle=look.line, label=said)
     tables = {"spec": spec.tables()}

@@ -12,11 +12,9 @@ from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.engine.loops.batch import distinct_rows
-from wavesweep.engine.loops.domain import refuse_unsuitable
 from wavesweep.engine.response.at_hand import felt_of, responses_of
 from wavesweep.engine.response.static import Response
 from wavesweep.engine.rows import Rows
-from wavesweep.engine.stability.radii import drift_of, frames_with_reliability, radii_of
 from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, size_gone, slowest
 from wavesweep.haptics.controller_drawings import keys_of_page
 from wavesweep.program.analyses.hardware_limits import peaks_of
@@ -279,7 +277,7 @@ def _transparency(spec, wish, points):
 def _radii(spec, points):
     radius = np.empty(points.size)
     for members, loops in _batches(spec, points):
-        radius[members] = radii_of(loops.read, members.size)
+        radius[members] = loops.read.radii(members.size)
     return radius
 
 
@@ -288,7 +286,7 @@ def _modes(spec, points) -> BandModes:
     exponents, rate = [], np.empty(points.size)
     for members, loops in _batches(spec, points):
         drawn = loops.drawn()
-        E, _ = frames_with_reliability(drawn, drift_of(loops.read))
+        E, _ = loops.read.frames_with_reliability(loops.read.drift(), drawn)
         rate[members] = 1 / np.real(drawn.period * drawn.ticks)
         with np.errstate(divide="ignore", invalid="ignore"):
             exponents.append((members, np.log1p(eigenvalues(E)[0]) / 2j / np.pi))
@@ -339,7 +337,7 @@ def _offered(spec, wish, points):
         points = Points(read, (), points.shape).some(first)
     for members, loops in _batches(spec, points):
         if spec.drawing:
-            refuse_unsuitable(*loops)
+            loops.refuse_unsuitable()
         value[members], certified[members] = wish.kind.measure(loops, members.size)
     return (value[back], certified[back]) if reads else (value, certified)
 
@@ -387,7 +385,7 @@ def _settling(spec, wish, loops, size):
 
 def _frames(loops, size):
     """Return the frames less identity, and whether their radius is known."""
-    E, hidden = frames_with_reliability(loops.read.drawn(), drift_of(loops.read))
+    E, hidden = loops.read.frames_with_reliability(loops.read.drift())
     E = np.broadcast_to(E, (size, *E.shape[-2:]))
     return E, np.isfinite(radius_of(E, hidden))
 
@@ -402,7 +400,7 @@ def _chatter(spec, wish, loops, size):
 def _depth(spec, wish, loops, size):
     """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop is unstable."""
     del spec
-    felt, radius = felt_of(loops, size), radii_of(loops.read, size)
+    felt, radius = felt_of(loops, size), loops.read.radii(size)
     with np.errstate(all="ignore"):
         value = np.where((felt > 0) & (radius < 1), wish.options["max_force"][0] / felt, np.nan)
     return value, ~np.isnan(value)

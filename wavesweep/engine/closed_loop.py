@@ -17,9 +17,8 @@ from wavesweep.engine.energy.norms import squared_norm
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Rejected, check, computable, nearest
 from wavesweep.engine.keys.key import Key, Names
-from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
-from wavesweep.engine.loops.common_tick import with_common_tick
-from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.response.at_hand import ports_of_batch
@@ -29,7 +28,6 @@ from wavesweep.engine.response.steady import transfer
 from wavesweep.engine.search.interval_search import Search, Searches
 from wavesweep.engine.search.question import Prover
 from wavesweep.engine.stability.modes import certain_modes, named_modes
-from wavesweep.engine.stability.radii import drift_of, frames_with_reliability, named_loops, radii_of
 from wavesweep.engine.stability.spectrum import count_outside, damping_ratio, is_stable
 
 if TYPE_CHECKING:
@@ -260,7 +258,7 @@ class ClosedLoop:
         """
 
         def of_batch(loops: Loops, size: int) -> tuple[Floats]:
-            return (radii_of(loops.read, size),)
+            return (loops.read.radii(size),)
 
         radii: Floats = self._of_batches(numbers, of_batch, 1)[0]
         return radii
@@ -290,8 +288,8 @@ class ClosedLoop:
         distance from 1.
         """
         loops = self._single(numbers).read
-        drawn, drift = loops.drawn(), drift_of(loops)
-        E, hidden = frames_with_reliability(drawn, drift)
+        drawn, drift = loops.drawn(), loops.drift()
+        E, hidden = loops.frames_with_reliability(drift, drawn)
         if not np.isfinite(E).all():
             raise UsageError("poles: expected a loop whose frame stays within doubles, found one that overflows")
         names, (delta, shares) = named_modes(E, drawn, drift)
@@ -347,7 +345,7 @@ class ClosedLoop:
             value, error = np.empty((size, frequency.size), complex), np.empty((size, frequency.size))
             for members, port in ports_of_batch(loops.read, size, (source, output)):
                 value[members], error[members] = transfer(Lifted.of(port), frequency)
-            return value, error, radii_of(loops.read, size) < 1
+            return value, error, loops.read.radii(size) < 1
 
         return InputResponse(frequency, *self._of_batches(numbers, of_batch, 3))
 
@@ -438,7 +436,7 @@ class ClosedLoop:
             As for `poles`.
         """
         drawn = self._single(numbers).drawn()
-        with named_loops(drawn):
+        with drawn.naming_blocks():
             ticks = ticks_of(drawn, tuple(OUTPUT + name for name in self.outputs))
         columns = [ticks.maps[0].inputs.index(signal) for _, signal, _ in self.drawing.inputs]
         maps = [(tick_map.E, tick_map.B[..., columns], tick_map.C, tick_map.D[..., columns]) for tick_map in ticks.maps]
@@ -513,9 +511,11 @@ class ClosedLoop:
                 values[path] = check(self._names.keys[path], array[members[0]].item()) if path in shaping else array[members]
                 if array.size == 1 and path not in shaping:
                     values[path] = array.item()
-            drawing = with_common_tick(self.drawing, values) if along else self.drawing
-            for batch, loops in batches_built_alike(drawing, members, values):
-                refuse_unsuitable(*loops)
+            together = Loops(self.drawing, values)
+            if along:
+                together = together.in_common_tick()
+            for batch, loops in together.built_alike(members):
+                loops.refuse_unsuitable()
                 yield batch, loops
 
     def _single(self, numbers: Numbers) -> Loops:
@@ -564,7 +564,7 @@ class ClosedLoop:
             value, frequency, certified = np.empty(size), np.empty(size), np.empty(size, bool)
             for members, port in ports_of_batch(loops.read, size, (source, output)):
                 value[members], frequency[members], certified[members] = of_port(port.observable())
-            radius = radii_of(loops.read, size)
+            radius = loops.read.radii(size)
             value = np.where(radius < 1, value, np.where(np.isnan(radius), np.nan, unbounded))
             frequency = np.where(radius < 1, frequency, np.nan)
             certified = np.where(radius < 1, certified, radius > 1)

@@ -16,9 +16,9 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of, scalars
 from wavesweep.engine.drawing.expressions import value_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.common_tick import with_common_tick
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
@@ -138,8 +138,8 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
         )
     drawing, channels = _in_step(drawing, values)
     varied = {path_of(name_of(number)): ANY} if number else {}
-    pair = [_in_time(twin, channels) for twin in twins(drawing, values | varied)]
-    assembled_loop = assembled(drawing, values | dict.fromkeys(varied, 0.0), name_of(number) if number else "")
+    pair = [_in_time(twin, channels) for twin in Loops(drawing, values | varied).twins()]
+    assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(name_of(number) if number else "")
     steps = list(_steps(channels, assembled_loop))
     rows, ticks = _ticks(assembled_loop, channels, steps, pair[0].held(), number)
     drift = drift_of_drawn(*pair)
@@ -155,9 +155,9 @@ def messages_over(drawing: Drawing, values: Mapping[str, object], sides: Sequenc
     drawing, channels = _in_step(drawing, values)
     inside = inside_of(box)
     numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
-    pair = [_in_time(twin, channels) for twin in twins(drawing, values | numbers)]
+    pair = [_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
     held, drift = pair[0].held(), drift_of_drawn(*pair)
-    loop = assembled(drawing, values | numbers)
+    loop = Loops(drawing, values | numbers).drawn()
     steps = list(_steps(channels, loop))
     rows, ticks = _ticks(loop, channels, steps, held)
     _refuse_moved(ticks, drift)
@@ -179,12 +179,12 @@ def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths:
     def with_numbers(points):
         return values | {path: points[:, at].copy() for at, path in enumerate(paths)}
 
-    pair = [_in_time(twin, channels) for twin in twins(drawing, with_numbers(inside_of(box)))]
+    pair = [_in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()]
     held, drift = pair[0].held(), drift_of_drawn(*pair)
-    steps = list(_steps(channels, assembled(drawing, values)))
+    steps = list(_steps(channels, Loops(drawing, values).drawn()))
 
     def frames_at(points):
-        rows, ticks = _ticks(assembled(drawing, with_numbers(points)), channels, steps, held)
+        rows, ticks = _ticks(Loops(drawing, with_numbers(points)).drawn(), channels, steps, held)
         ticks, _ = relative_ticks(ticks, drift)
         return frames_of_ticks(ticks, drift, [row[:-1] for row in rows], [row[-1] for row in rows])
 
@@ -196,7 +196,7 @@ def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths:
 def _in_step(drawing: Drawing, values: Mapping[str, object]) -> tuple[Drawing, tuple[Channel, ...]]:
     """The drawing with its longest tick, if no message is late, and its channels."""
     if not any(channel.late for channel in channels_of(drawing, values)):
-        drawing = with_common_tick(drawing, values)
+        drawing = Loops(drawing, values).in_common_tick().drawing
     return drawing, channels_of(drawing, values)
 
 

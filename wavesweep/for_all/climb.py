@@ -12,8 +12,8 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
-from wavesweep.engine.stability.radii import radii_of
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import operator_of
 from wavesweep.for_all.patterns import short_words
@@ -151,8 +151,8 @@ def constant_growth(loop: Loops, paths: list[str]) -> Growth:
         radii = np.empty(len(points))
         for alike in distinct([points[:, i] == 0 for i in range(len(paths))], len(points)):
             columns = {path: points[alike, i].copy() for i, path in enumerate(paths)}
-            for some, batch in batches_built_alike(unbuilt.drawing, alike, unbuilt.values | columns):
-                radii[some] = radii_of(batch, some.size)
+            for some, batch in unbuilt.changed(columns).built_alike(alike):
+                radii[some] = batch.radii(some.size)
         return np.nan_to_num(radii, nan=np.inf)
 
     return Growth(of, operations)

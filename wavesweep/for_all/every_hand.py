@@ -14,7 +14,7 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.engine.drawing.expressions import degree
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import scalar_place
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import claims_hold

@@ -24,7 +24,7 @@ from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.drawing import Drawing, DrawnBlock
 from wavesweep.engine.energy.lifted_map import TickMaps, closure, damping_peak
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.from_drawing import rate_of
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.stability.spectrum import is_stable
 from wavesweep.for_all.dissipation import automaton, least_damping
 from wavesweep.for_all.graph import Graph
@@ -130,7 +130,7 @@ class EveryHand:
                 f"hand passive while frames vary: expected at most {MOST} unknown numbers of stored energies, found {most}; "
                 "choose shorter frames, or fewer delays of results"
             )
-        period = 1 / float(rate_of(plan.drawing, plan.values))
+        period = 1 / float(Loops(plan.drawing, plan.values).rate)
         return EveryHand(kinds, stiffness, unmet, graph, period, words, symbols, follows)
 
     def pulls(self, stiffness: float) -> bool:

@@ -11,8 +11,7 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.from_drawing import assembled, twins
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.periodic import ticks_of
@@ -163,18 +162,18 @@ def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray, most: i
     """Return the frames of a loop whose frames are all alike over the cells of a box of sides. most: of the order."""
     inside = inside_of(box)
     values = {**loop.values, **{side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}}
-    drawn = assembled(loop.drawing, values)
+    drawn = Loops(loop.drawing, values).drawn()
     numbers = int((box[0] < box[1]).sum())
     order = min(ORDERS[numbers] if numbers < len(ORDERS) else ORDER, most)
     enclosed = EnclosedLoop(loop.drawing, loop.values, sides, order)
     running, kind = drawn.schedule()
     held = drawn.held()
     places = [TickPlace(drawn, int(np.argmax(kind == index)), held) for index in range(len(running))]
-    drift = drift_of_drawn(*twins(loop.drawing, values))
+    drift = drift_of_drawn(*Loops(loop.drawing, values).twins())
 
     def ticks_at(points):
         columns = {side.path: side.number(points[:, at]) for at, side in enumerate(sides)}
-        ticks = ticks_of(assembled(loop.drawing, {**loop.values, **columns}), alone=True, terms=True)
+        ticks = ticks_of(Loops(loop.drawing, {**loop.values, **columns}).drawn(), alone=True, terms=True)
         return relative_ticks(ticks, drift)
 
     _, groups = ticks_at(inside)

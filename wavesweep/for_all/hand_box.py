@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_records import RECORD, blank_records
 from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.for_all.unknown import Case, Part, proofs

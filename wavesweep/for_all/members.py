@@ -9,9 +9,8 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_search import Search
-from wavesweep.engine.stability.radii import radii_of
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case
@@ -67,7 +66,7 @@ def claims_hold(
     """
     loops = [(loop, case) for case in cases for loop in members(rules, case, changes)]
     if rows is None:
-        return not any(bool((radii_of(loop.read) > 1 + ROUNDING).any()) for loop, _ in loops)
+        return not any(bool((loop.read.radii() > 1 + ROUNDING).any()) for loop, _ in loops)
     return all(_within(rows, loop, case.along, case.span) for loop, case in loops if rows)
 
 

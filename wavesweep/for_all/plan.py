@@ -8,7 +8,8 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled, scalar_place, twins
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
@@ -97,10 +98,10 @@ class Plan:
 
         def ticks_at(step):
             at_step = self.schedule.with_period(self.drawing, step)
-            whole = self.schedule.scheduled(assembled(at_step, self.values | varied))
+            whole = self.schedule.scheduled(Loops(at_step, self.values | varied).drawn())
             if not number:
                 return ticks_of(whole, alone=True, terms=True)
-            cut_open = assembled(at_step, self.values | dict.fromkeys(varied, 0.0), name_of(number))
+            cut_open = Loops(at_step, self.values | dict.fromkeys(varied, 0.0)).drawn(name_of(number))
             return OpenTicks.of(self.schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
 
         maps, _, index = self._kinds(ticks_at)
@@ -120,7 +121,7 @@ class Plan:
             return self.schedule.with_period(self.drawing, step)
 
         def ticks_at(step, points=inside, places=None):
-            loop = assembled(drawn_at(step), with_numbers(points))
+            loop = Loops(drawn_at(step), with_numbers(points)).drawn()
             return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
         _, picked, index = self._kinds(ticks_at)
@@ -136,7 +137,7 @@ class Plan:
         ticks = []
         for step, some in groupby(picked, lambda each: each[0]):
             enclosed = EnclosedLoop(drawn_at(step), self.values, sides, ORDER)
-            loop = self.schedule.scheduled(assembled(drawn_at(step), with_numbers(inside)))
+            loop = self.schedule.scheduled(Loops(drawn_at(step), with_numbers(inside)).drawn())
             held = loop.held()
             ticks += [(enclosed, TickPlace(loop, place, held)) for _, place in some]
         rows, samples, symbols, _ = self.written(index)
@@ -152,7 +153,7 @@ class Plan:
             return self.values | {path: points[:, at].copy() for at, path in enumerate(paths)}
 
         def ticks_at(step, points=inside, places=None):
-            loop = assembled(self.schedule.with_period(self.drawing, step), with_numbers(points))
+            loop = Loops(self.schedule.with_period(self.drawing, step), with_numbers(points)).drawn()
             return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
         _, picked, index = self._kinds(ticks_at)
@@ -189,7 +190,7 @@ class Plan:
         return sorted({symbol.ticks for symbol in self.symbols}) if self.schedule.elapsed else [self.schedule.nominal]
 
     def _drift(self, varied) -> MarginalModes:
-        both_loops = twins(self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied)
+        both_loops = Loops(self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied).twins()
         return drift_of_drawn(*map(self.schedule.scheduled, both_loops))
 
     def written(self, index):

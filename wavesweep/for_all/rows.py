@@ -10,8 +10,8 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import SHARES, name_of, path_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.dead_time import pieces_of, timing
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.dead_time import timing
 from wavesweep.engine.search.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
 from wavesweep.engine.stability.certificate import CONTRADICTION, NONE, SEARCH
 from wavesweep.for_all.asked_ranges import values_of_range
@@ -207,7 +207,7 @@ def _pieces(drawing, values, ranges):
     if not timed:
         yield ranges, {}
         return
-    for (low, high), whole_ticks in pieces_of(drawing, values, timed.path, (timed.start, timed.stop)):
+    for (low, high), whole_ticks in Loops(drawing, values).pieces(timed.path, (timed.start, timed.stop)):
         yield [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges], whole_ticks
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.sets.enclosed_loop import Side
 
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm
@@ -15,7 +15,7 @@ DECADE = 10.0  # the same for a number that may as well be 0
 def side_of(drawing: Drawing, values: Mapping[str, object], path: str, ends: tuple[float, float]) -> Side:
     """Return the side of a range: a logarithm if it is wide beside how near it comes to where the loop is not analytic."""
     low, high = ends
-    least, most = domain(drawing, values, path, (low, high))
+    least, most = Loops(drawing, values).domain(path, (low, high))
     if low > 0 and high > DECADE * low:
         least = max(least, 0.0)
     if not (np.isfinite(least) and high - least > WIDE * (low - least) > 0):

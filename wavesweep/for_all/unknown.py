@@ -8,14 +8,14 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct
 from wavesweep.engine.loops.resolution import Resolution
 from wavesweep.engine.loops.resolution import Side as Expressed
 from wavesweep.engine.search.frames_along import frames_where_solvable
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.sets.enclosed_loop import Side
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.for_all.average import ALONE, OnAverage
 from wavesweep.for_all.climb import climb, constant_growth, corners_of
 from wavesweep.for_all.frames_over import constant_frames
@@ -221,7 +221,7 @@ class Case:
             if unbuilt == self.loop:
                 yield alike, self.loop.changed(arrays)
             else:
-                yield from batches_built_alike(unbuilt.drawing, alike, unbuilt.changed(arrays).values)
+                yield from unbuilt.changed(arrays).built_alike(alike)
 
     def cover(self, low: float = 0.0, high: float = 0.0) -> Proved:
         """What is proved of all loops of the box, from low to high of the number if there is one: up and down from between."""
@@ -287,7 +287,7 @@ def frames_over(loop, paths, drift, x):
 def drift_over(loop, paths, box):
     """The drift of all loops of a box, counted from the state from which their entries are smallest."""
     ends = zip(paths, box.T, strict=True)
-    drift = drift_of(loop.changed({path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}))
+    drift = loop.changed({path: np.array(pair) if pair[0] < pair[1] else pair[0] for path, pair in ends}).drift()
     if len(drift.varying) != 1:
         return drift
     corners = np.array(list(product(*box.T)))

@@ -49,7 +49,7 @@ def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
 
     values: flat keys, with numbers or arrays over the loops.
     """
-    from wavesweep.engine.loops.batch import Loops
+    from wavesweep.engine.loop import Loops
     from wavesweep.engine.search.open_loops import open_loops
 
     loops = Loops(loop_drawing(values), values).read

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import ONE
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import built, shares
 from wavesweep.engine.loops.from_drawing import assembled, twins
 from wavesweep.engine.loops.multirate import MultirateLoop

@@ -20,9 +20,8 @@ from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.drawing.expressions import with_trees
 from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
 from wavesweep.engine.drawing.parsing import parse
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.dead_time import pieces_of, timing
-from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.dead_time import timing
 from wavesweep.engine.loops.resolution import Resolution
 from wavesweep.engine.loops.resolution import Side as Expressed
 from wavesweep.engine.monodromy.rounding import balance
@@ -120,7 +119,7 @@ def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
     spec = spec.with_values(fixed) if fixed else spec
     drawing = with_gain(spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges)), cut)
     timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
-    pieces = pieces_of(drawing, spec.values, timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
+    pieces = Loops(drawing, spec.values).pieces(timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
     for (low, high), whole_ticks in pieces:
         axes = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges if axis.path in drawing.reads]
         yield _Case(spec, cut, Loops(drawing, {**spec.values, path_of(GAIN): 1.0, **whole_ticks}), axes, fixed)
@@ -188,7 +187,7 @@ class _Case:
         if not ranges:
             return
         paths = [path_of(GAIN), *self.ranged]
-        limits = [domain(*self.loop, path, tuple(ends)) for path, ends in zip(self.ranged, self.box.T, strict=True)]
+        limits = [self.loop.domain(path, tuple(ends)) for path, ends in zip(self.ranged, self.box.T, strict=True)]
         self.limits = np.array(limits).T
         drift = boxes.drift_over(self.loop, paths, np.column_stack([ANY, self.box]))
         self.frames_at = partial(boxes.frames_over, self.loop, paths, drift)

@@ -9,12 +9,11 @@ from wavesweep.engine.drawing.drawing import path_of
 from wavesweep.engine.drawing.gain_at_signal import BLOCK, GAIN, with_gain
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
 from wavesweep.engine.search.open_loops import open_loops
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.margins.lifted_margins import LiftedLoop
 from wavesweep.margins.loop_margins import BESIDE, MOST, BrokenLoop, Margin
 from wavesweep.program.spec import Spec, load
@@ -48,7 +47,7 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     with np.errstate(all="ignore"):
         drawn = loop.drawn()
         ticks = OpenTicks.of(loop.drawn(GAIN), drawn, PRODUCT, FACTOR)
-    drift = drift_of(loop.changed({path_of(GAIN): np.array([0.5, 2.0])}))
+    drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
     break_block = next(placed_block for placed_block in drawn.placed if placed_block.block.name == BLOCK)
     places = np.flatnonzero(break_block.runs(drawn.ticks)) / drawn.ticks
     lifted = LiftedLoop(ticks, drift, float(drawn.period) * drawn.ticks, places)

@@ -10,8 +10,8 @@ from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.energy.lifted_map import TickMaps, reached, read
 from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.from_drawing import assembled
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.haptics.controller_drawings import loop_drawing
@@ -73,7 +73,7 @@ def channel_of(drawing: Drawing, values) -> WaveChannel | None:
     if not drawing.has_waves:
         return None
     types = {block.name: block.type for block in drawing.blocks}
-    drawn = _cut_at_ends(assembled(drawing, values), types)
+    drawn = _cut_at_ends(Loops(drawing, values).drawn(), types)
     ends = [placed_block.block.name for placed_block in drawn.placed if types[placed_block.block.name] in WAVE_ENDS]
     ticks = ticks_of(drawn, tuple(f"{name}.in" for name in ends))
     runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in ends_of_run] for ends_of_run in drawn.schedule()[0]]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_records import RECORD, blank_records
 from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.haptics.held_loop import HeldLoop, held_loop

@@ -18,7 +18,7 @@ import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, Peak, angles, hinf_norm, tick
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
-from wavesweep.engine.loops.domain import guards_at
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.monodromy.open_ticks import facts_of
@@ -129,9 +129,9 @@ def remembered(maps: Maps) -> Maps:
 def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:
     """What has a zero where the maps are not analytic in the number, `(*shape, k)`."""
     pivot, _ = facts_of(ticks_of(drawn, alone=True).maps)
-    return np.concatenate(
-        [np.broadcast_to(np.asarray(pivot)[..., None], (*shape, 1)), guards_at(loop.drawing, loop.values, path, shape)], axis=-1
-    )
+    pivots = np.broadcast_to(np.asarray(pivot)[..., None], (*shape, 1))
+    guards = Loops(loop.drawing, loop.values).guards_at(path, shape)
+    return np.concatenate([pivots, guards], axis=-1)
 
 
 def apart_at_rest(lifted: LiftedMap, position: np.ndarray, held: np.ndarray) -> LiftedMap:

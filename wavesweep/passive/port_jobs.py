@@ -8,8 +8,6 @@ from operator import attrgetter
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.domain import refuse_unsuitable
-from wavesweep.engine.stability.radii import named_loops
 from wavesweep.haptics.held_loop import device_of, held_loop
 from wavesweep.passive.channel import channel_norm, channel_of, numbers_of_channel
 from wavesweep.passive.margin import LONGEST, more_damping, port_margin
@@ -85,9 +83,9 @@ def _records(of_loops, parts, dtype):
 
 
 def _port(loops):
-    refuse_unsuitable(*loops)
+    loops.refuse_unsuitable()
     loop = held_loop(loops)
-    with named_loops(loop.drawn()):
+    with loop.drawn().naming_blocks():
         margin = port_margin(loop)
         columns = margin.margin, margin.omega, margin.passive, margin.certified, margin.stable, more_damping(loop, margin)
         if not loop.drawing.environment:

@@ -12,8 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.resolution import Resolution, Side
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.stability.positive import largest_free, positive
@@ -247,7 +246,7 @@ def cover_of(loop: HeldLoop, path: str) -> Covering:
     def cover(functions, box, most):
         bounds, sides = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1), [Side(path), *[Side()] * (len(box[0]) - 1)]
         try:
-            bounds[:, 0] = domain(loop.drawing, loop.values, path, (box[0][0], box[1][0]))
+            bounds[:, 0] = Loops(loop.drawing, loop.values).domain(path, (box[0][0], box[1][0]))
             return positive(functions, box, bounds, most, Resolution(loop.drawing, loop.values, sides))
         except IllPosedLoopError:
             return None

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.stability.radii import drift_of, frames
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.stability.spectrum import eigenvalues
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop, device_of, with_hand
@@ -98,7 +97,7 @@ def counterexample(loop: HeldLoop) -> str:
         m, k, n, s = 10.0**logs.T
         numbers = dict(zip((*HAND, *ENVIRONMENT), (m, 0.0, k, n, 0.0, s), strict=True))
         loops = Loops(drawing, {**loop.values, **numbers})
-        z = 1 + eigenvalues(frames(loops, drift_of(loops)))[0]
+        z = 1 + eigenvalues(loops.frames(loops.drift()))[0]
         poles = np.log(np.where(np.abs(z) > TINY, z, TINY))
         return (-poles.real / np.abs(poles)).min(-1)
 

@@ -37,13 +37,12 @@ def poles(spec: Spec, number: str = "") -> Table:
 
 def over(spec: Spec, axis: Axis | None = None) -> Table:
     """The same over the values of an axis."""
-    from wavesweep.engine.stability.radii import drift_of
     from wavesweep.program.analyses.assumptions import over_preset
     from wavesweep.program.analyses.poles import poles as poles_of
     from wavesweep.program.sweep.grid import own_loop
 
     started, columns, own_loops = time.perf_counter(), poles_of(spec, axis), own_loop(spec)
-    drawn, drift = own_loops.drawn(), drift_of(own_loops)
+    drawn, drift = own_loops.drawn(), own_loops.drift()
     labels = drawn.labels()
     gone = [labels[drift.states[at]] for at in sorted({*drift.leads, *drift.varying, *drift.unobserved})]
     notices = [f"left out, since nothing in the loop holds or reads it: {', '.join(gone)}"] if gone else []

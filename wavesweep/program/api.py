@@ -16,7 +16,6 @@ from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.loops.multirate import MultirateLoop, first_of
 from wavesweep.engine.monodromy.drift import drift_of_drawn
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.program.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
@@ -108,7 +107,7 @@ class Loop:
         symbols = {name: path for name, path in self.spec.names.symbols.items() if path in self.read}
         numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items())
         loop = own_loop(self.spec)
-        drawn, drift = loop.drawn(), drift_of(loop)
+        drawn, drift = loop.drawn(), loop.drift()
         of_what = f"{len(loop.drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
         millis = 1e3 * drawn.ticks * float(np.asarray(drawn.period))
         frame = f"frame of {drawn.ticks} tick{'s' * (drawn.ticks > 1)}, {millis:.6g} ms"

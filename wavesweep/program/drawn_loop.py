@@ -16,7 +16,6 @@ from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, fram
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import port_of
 from wavesweep.engine.response.steady import respond
-from wavesweep.engine.stability.radii import named_loops
 from wavesweep.engine.stability.spectrum import radius_of
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ class DrawnLoop:
         ndarray
             Of the shape of the batch. It is infinite after overflow, and NaN if rounding hides it.
         """
-        with named_loops(self.drawn):
+        with self.drawn.naming_blocks():
             return radius_of(*frame_with_reliability(self.drawn, self.drift))
 
     def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:

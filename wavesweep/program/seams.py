@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from wavesweep.engine.loops.batch import Loops
+    from wavesweep.engine.loop import Loops
     from wavesweep.engine.monodromy.drift import MarginalModes
     from wavesweep.engine.search.interval_search import Search
     from wavesweep.engine.sets.enclosed_loop import Side

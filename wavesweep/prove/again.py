@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.dead_time import in_whole_ticks
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.program.tables.kind import ProvedAgain
 
 if TYPE_CHECKING:
@@ -32,18 +29,18 @@ def prove_again(search: "Search", claims: Sequence[Claim], operations: float = O
     from wavesweep.prove.columns import prove_column
 
     loop = search.groups[0][1].one(0)
-    drawing = in_whole_ticks(*loop, search.along)
+    in_ticks = loop.in_whole_ticks(search.along)
     if search.bound:
         return ProvedAgain("unsettled", "[sweep] require asks for more than stability")
-    if drawing is None:
+    if in_ticks is None:
         return ProvedAgain("unsettled", "ball arithmetic has no such dead time")
-    loop = Loops(drawing, loop.values)
+    loop = in_ticks
     span = search.span
     if not all(span[0] <= low < high <= span[1] for low, high, *_ in claims):
         return ProvedAgain("refuted", f"its ends are not in order within {span[0]!r} and {span[1]!r}")
     least = LEAST * (span[1] - span[0])
     try:
-        drift = drift_of(loop.changed({search.along: np.array(span)}))
+        drift = loop.changed({search.along: np.array(span)}).drift()
     except IllPosedLoopError:
         return ProvedAgain("unsettled", "a loop of direct terms has no solution at an end of the range")
 

@@ -7,10 +7,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.dead_time import in_whole_ticks
-from wavesweep.engine.loops.from_drawing import rate_of
-from wavesweep.engine.stability.radii import drift_of
+from wavesweep.engine.loop import Loops
 from wavesweep.prove.again import prove_again
 
 __all__ = ["ball_prover", "prove_again"]
@@ -33,12 +30,11 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float 
         from wavesweep.prove.columns import prove_column
 
         loop, span = loops.one(column), (low - MARGIN * abs(low), high + MARGIN * abs(high))
-        drawing, budget = in_whole_ticks(*loop, along), budgets.setdefault(column, Budget(operations))
-        if drawing is None:
+        loop, budget = loop.in_whole_ticks(along), budgets.setdefault(column, Budget(operations))
+        if loop is None:
             return None
-        loop = Loops(drawing, loop.values)
         with suppress(IllPosedLoopError):
-            drift = drift_of(loop.changed({along: np.array(span)}))
+            drift = loop.changed({along: np.array(span)}).drift()
             proof = prove_column(*loop, along, span, len(drift.states) - len(drift.remaining), operations=budget)
             if proof:
                 exact_ends = dict(zip(span, (low, high), strict=True))
@@ -48,7 +44,7 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float 
 
     def angle(column, loop, omega, value):
         """The angle per frame of an oscillation at a value of the number, which the rate may follow from."""
-        slower = rate_of(*loop) / rate_of(*loop.changed({along: value})) if name_of(along) in loop.drawing.rating else 1.0
+        slower = loop.rate / loop.changed({along: value}).rate if name_of(along) in loop.drawing.rating else 1.0
         return omega * period[column] * slower
 
     return prove

@@ -29,8 +29,7 @@ import numpy as np
 from wavesweep.engine.energy.hinf import NEAR, START, with_middles
 from wavesweep.engine.energy.lifted_map import reached, read
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.domain import guards_at
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import facts_of
@@ -40,7 +39,6 @@ from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine.response.bounded_sums import plus, times
 from wavesweep.engine.response.port import port_between
 from wavesweep.engine.stability.intervals import Intervals
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.engine.stability.regions import NEAR_ZERO
 from wavesweep.engine.stability.sampled_frames import level as level_of
 from wavesweep.engine.stability.sampled_frames import pole_inside
@@ -68,7 +66,7 @@ def along_gain(
     values is taken as it, and its neighbourhood decides. Accuracy: ends to EXACT.
     Errors: UsageError if the signal moves without end, and for a band or a loop that the gain cannot be had of.
     """
-    drift = drift_of(loops.changed({along: np.array(span)}), watched=route[1:])
+    drift = loops.changed({along: np.array(span)}).drift(watched=route[1:])
     values, size = span[0] + (span[1] - span[0]) * np.array(TYPICAL), period.size
     number, p = np.repeat(np.arange(size), values.size), np.tile(values, size)
     port, _ = _port(loops, along, drift, route, number, p)
@@ -147,7 +145,7 @@ def _port(loops, along, drift, route, number, p):
         drawn = at.drawn()
         port, (pivot, _) = port_between(drawn, *route, drift), facts_of(ticks_of(drawn, alone=True).maps)
     pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
-    return port, np.concatenate([pivot, guards_at(*at, along, p.shape).reshape(p.size, -1)], -1)
+    return port, np.concatenate([pivot, at.guards_at(along, p.shape).reshape(p.size, -1)], -1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

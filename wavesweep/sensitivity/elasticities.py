@@ -8,12 +8,11 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import decides, path_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.ports import feels
 from wavesweep.engine.response.at_hand import felt_of
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
 from wavesweep.engine.search.open_loops import TINY
-from wavesweep.engine.stability.radii import drift_of, frames
 from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
@@ -104,12 +103,12 @@ class _VariedLoops:
 
     def frames(self, varied, count) -> np.ndarray:
         """Frames less identity `(count, n, n)`."""
-        E = frames(varied, self._drift())
+        E = varied.frames(self._drift())
         return np.broadcast_to(E, (count, *E.shape[-2:]))
 
     def _drift(self):
         varied = {path: np.ravel(self.loops.values[path])[:, None] * [1, 2] for path in self.moving}
-        return drift_of(self.loops.changed({**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}))
+        return self.loops.changed({**varied, self.axis.path: np.array([self.axis.start, self.axis.stop])}).drift()
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""

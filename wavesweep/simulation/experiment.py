@@ -11,7 +11,6 @@ import numpy as np
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond, transfer
-from wavesweep.engine.stability.radii import radii_of
 from wavesweep.program.analyses.response_jobs import doubt_of
 from wavesweep.program.analyses.spec_loops import loop_at_hand, port_at_hand, refuse_singular
 from wavesweep.program.columns import complex_columns
@@ -62,7 +61,7 @@ def settled_values(spec: Spec, linear: Mapping[str, Any]) -> dict[str, float]:
 
 def radius_of(spec: Spec) -> float:
     """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
-    return float(radii_of(own_loop(spec))[0])
+    return float(own_loop(spec).radii()[0])
 
 
 def linear_loop(spec: Spec) -> dict[str, Any]:

@@ -13,11 +13,10 @@ import numpy as np
 import wavesweep
 from wavesweep import Spec
 from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond as respond_at
-from wavesweep.engine.stability.radii import radii_of
 from wavesweep.haptics.controller_drawings import loop_drawing
 from wavesweep.program.columns import Columns
 
@@ -74,7 +73,7 @@ def respond_to(drawing: Drawing, values: Mapping, size: int, frequency: np.ndarr
         admittance[at], impedance[at] = found.admittance, found.impedance
         unsure = at[~np.broadcast_to(loop.stable_for_sure(), at.shape)]
         if unsure.size:
-            stable[unsure] = radii_of(loops.some(unsure), unsure.size) < 1
+            stable[unsure] = loops.some(unsure).radii(unsure.size) < 1
     omega = 2 * np.pi * frequency * values["rates.ratio"] / values["rates.fast_hz"]
     return [FeltResponse(omega, *each) for each in zip(admittance, impedance, stable.tolist(), strict=True)]
 

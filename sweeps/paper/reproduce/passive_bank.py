@@ -23,8 +23,8 @@ from reproduce.drawing import Line, Panel, draw_magnitudes
 from reproduce.felt_responses import HIGH, LOW, FeltResponse, deviation, respond, respond_to
 from reproduce.resolvent import alias_angles, solved_response
 from reproduce.specs import load_paper
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.from_drawing import assembled
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.haptics.controller_page import BlockDiagram, drawing_of_page
 from wavesweep.haptics.pmw import pmw, pmw_lm
@@ -117,7 +117,7 @@ def inward_norm(page: BlockDiagram, values) -> float:
 
     The angle 0, at which the hold is (1, 0, ..., 0), is among them. F1 and F2 are all that each wave passes.
     """
-    drawn = assembled(drawing_of_page(page), values)
+    drawn = Loops(drawing_of_page(page), values).drawn()
     blocks, gains = {each.block.name: each.block for each in drawn.placed}, drawn.sums["encoder.in"]
     theta = np.concatenate([[0.0], ANGLES])
     phi = alias_angles(theta, drawn.ticks)

@@ -11,13 +11,11 @@ from support.specs import KINDS
 
 import wavesweep
 from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops import blocks
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.from_drawing import twins
 from wavesweep.engine.loops.integrator_modes import decimal, shifts, value_in_fractions
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.program.spec import load
 
 
@@ -68,7 +66,7 @@ def test_no_tick_changes_what_a_shift_moves(seed):
 
 
 def _unchanged(spec):
-    drift, drawn = drift_of(Loops(spec.drawing, spec.values)), twins(spec.drawing, spec.values)[0]
+    drift, drawn = Loops(spec.drawing, spec.values).drift(), Loops(spec.drawing, spec.values).twins()[0]
     E = frame_of(ticks_of(drawn, alone=True))
     for lead, others in drift.constant:
         shift = np.zeros(len(drift.states))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.specs import INTEGRATIONS, random_values
 
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.blocks import defined
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.haptics.controller_drawings import loop_drawing

@@ -7,7 +7,6 @@ from support.specs import INTEGRATIONS, nested, random_values, values_of
 
 from wavesweep.engine.monodromy.drift import errors_of_closed
 from wavesweep.engine.monodromy.periodic import ticks_of
-from wavesweep.engine.stability.radii import drift_of
 from wavesweep.haptics.controller_drawings import wall_cut
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
@@ -38,7 +37,7 @@ def test_bounds_hold_what_rounding_leaves_of_a_shift_that_depends_on_numbers():
     for seed in range(12):
         spec = load(nested(random_values(seed, "pmw-lm") | {"controller.Kp": 0.0}))
         loops, b = loops_of(spec, spec.values), spec.values["controller.b"]
-        drift = drift_of(loops.changed({"controller.b": np.array([0.5, 2.0]) * b}))
+        drift = loops.changed({"controller.b": np.array([0.5, 2.0]) * b}).drift()
         near = loops.changed({"controller.b": b * (1 + eps * np.arange(32))})
         E, dE = errors_of_closed(ticks_of(near.drawn(), alone=True, terms=True), drift)
         found += bool(drift.varying)

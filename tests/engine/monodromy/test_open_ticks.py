@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, assembled
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.engine.monodromy import open_ticks
 from wavesweep.engine.monodromy.open_ticks import OpenTicks, facts_of
 from wavesweep.engine.monodromy.periodic import frame_of
@@ -14,7 +15,7 @@ def opened(tables, number, batch):
     """The ticks of loops without the number; batch: values of others."""
     spec = load(tables)
     some = dict(spec.values) | {f"numbers.{number}": 1.0} | {f"numbers.{name}": value for name, value in batch.items()}
-    return OpenTicks.of(assembled(spec.drawing, some, number), assembled(spec.drawing, some), PRODUCT, FACTOR)
+    return OpenTicks.of(Loops(spec.drawing, some).drawn(number), Loops(spec.drawing, some).drawn(), PRODUCT, FACTOR)
 
 
 def wheel(readings, direct=0.0):

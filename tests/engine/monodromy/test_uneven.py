@@ -12,7 +12,6 @@ from wavesweep.engine.errors import SpecError
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.engine.monodromy.drift import closed
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
-from wavesweep.engine.stability.radii import drift_of, frames, radii_of
 from wavesweep.haptics.controllers import CONTROLLERS, WALL
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
@@ -27,7 +26,7 @@ def spec_of(kind, **tables):
 
 
 def radius(spec):
-    return radii_of(own_loop(spec)).item()
+    return own_loop(spec).radii().item()
 
 
 def run(values, ratio, state, frames_run):
@@ -139,7 +138,7 @@ def test_ticks_cut_at_the_wall_and_closed_again_are_those_with_the_wall(kind, de
     mass, p = np.array([0.1, 0.3, 0.7]), np.array([[0.5, 80.0, 3000.0]])
     some = loop.changed({"device.mass": mass, path: 1.0})
     ticks = OpenTicks.of(some.drawn(path), some.drawn(), PRODUCT, FACTOR)
-    drift = drift_of(loop.changed({path: np.array([0.5, 2.0])}))
+    drift = loop.changed({path: np.array([0.5, 2.0])}).drift()
     found = closed(ticks.closed(np.arange(3)[:, None], p), drift)
-    whole = frames(loop.changed({"device.mass": mass[:, None], path: p}), drift)
+    whole = loop.changed({"device.mass": mass[:, None], path: p}).frames(drift)
     np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12 * np.abs(whole).max())

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops import dead_time
-from wavesweep.engine.loops.from_drawing import assembled
 from wavesweep.engine.monodromy.periodic import ticks_of
 from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.engine.sets.taylor_models import UnresolvedError
@@ -41,7 +41,7 @@ def enclosed(path, order=4, wide=WIDE):
     paths = varied(drawing, values)
     centre = np.array([values[path] for path in paths])
     half = wide * np.abs(centre)
-    middle = assembled(drawing, values)
+    middle = Loops(drawing, values).drawn()
     running, kind = middle.schedule()
     places = [int(np.argmax(kind == index)) for index in range(len(running))]
     loop = EnclosedLoop(drawing, values, [Side(path) for path in paths], order)
@@ -56,7 +56,7 @@ def enclosed(path, order=4, wide=WIDE):
 
     def at(s):
         numbers = dict(zip(paths, (centre + half * s).tolist(), strict=True))
-        return [block.E for block in ticks_of(assembled(drawing, values | numbers), alone=True).maps]
+        return [block.E for block in ticks_of(Loops(drawing, values | numbers).drawn(), alone=True).maps]
 
     return ticks, at, np.random.default_rng(0).uniform(-1, 1, (4, len(paths)))
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy import triangular
 from wavesweep.engine.monodromy.cut import FIRST, close
 from wavesweep.engine.monodromy.resolvent import ManyStates

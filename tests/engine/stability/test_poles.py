@@ -8,7 +8,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.stability.entries import RIM
 from wavesweep.engine.stability.sampled_frames import level, pole_inside
 from wavesweep.program.spec.loading import naming
@@ -161,10 +161,10 @@ def test_a_filter_goes_on_to_a_cutoff_of_0(drawn):
     if drawn:
         loop, name = wavesweep.compile(RECIPES / "controllers" / "pmw-lm.toml"), "block.lp1.cutoff_hz"
         spec = naming(loop.spec, [name])
-        assert domain(spec.drawing, spec.values, name, (2.0, 60.0))[0] < 0.2
+        assert Loops(spec.drawing, spec.values).domain(name, (2.0, 60.0))[0] < 0.2
     else:
         loop, name = wavesweep.compile({"controller": {"kind": "pmw-lm", "b": 25.0, "Kp": 20.0}}), "filters.lp1.cutoff_hz"
-        assert domain(*own_loop(loop.spec, name), name, (2.0, 60.0))[0] < 0.2
+        assert own_loop(loop.spec, name).domain(name, (2.0, 60.0))[0] < 0.2
     found = [loop.stable_intervals(name, (low, 60.0), b=[30.0, 50.0]) for low in (2.0, 1e-3)]
     assert all(table.certified.all() for table in found)
     assert [table.low.tolist() for table in found] == [[2.0, 2.0], [1e-3, 1e-3]]

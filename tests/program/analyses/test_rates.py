@@ -7,8 +7,7 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.domain import domain
+from wavesweep.engine.loop import Loops
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 
@@ -52,10 +51,10 @@ def test_rates_that_make_no_loop_are_refused(recipe, along, span, axes, said):
 def test_beyond_its_range_a_rate_goes_half_way_to_where_a_loop_ends():
     spec = load({"controller": {"kind": "pmw-lm"}, "filters": {"lp1": {"cutoff_hz": 200.0}}})
     loop = own_loop(spec, "rates.fast_hz")
-    assert domain(*loop, "rates.fast_hz", (500.0, 3000.0))[0] == pytest.approx(450.0, rel=0.01)
+    assert loop.domain("rates.fast_hz", (500.0, 3000.0))[0] == pytest.approx(450.0, rel=0.01)
     tables = {"rates": {"tick_hz": "1000-20*q"}, "numbers": {"q": 5.0}, "block": {"m": {"type": "mass", "mass": 0.1}}}
     spec = load(tables | {"wire": {"m.f": "-m.x - m.v"}})
-    assert domain(spec.drawing, spec.values, "numbers.q", (0.0, 40.0))[1] == pytest.approx(45.0, rel=0.01)
+    assert Loops(spec.drawing, spec.values).domain("numbers.q", (0.0, 40.0))[1] == pytest.approx(45.0, rel=0.01)
 
 
 @pytest.mark.parametrize(("along", "unit"), [("rates.fast_hz", "Hz"), ("device.mass", "kg"), ("K_VE", "N/m")])

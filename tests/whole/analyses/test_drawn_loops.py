@@ -13,8 +13,8 @@ from support.specs import KINDS, nested
 import wavesweep
 from wavesweep.check.planning import plan
 from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops import blocks
-from wavesweep.engine.loops.domain import refuse_unsuitable
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.program.analyses.interval_jobs import Way, job_of, job_over
 from wavesweep.program.columns import joined
@@ -188,7 +188,7 @@ def test_results_do_not_depend_on_the_cuts(text, tmp_path):
 def test_numbers_of_a_batch_are_refused_whether_they_vary_or_not(changes, said):
     spec = load(tomllib.loads(PD))
     with pytest.raises(UsageError, match=said):
-        refuse_unsuitable(spec.drawing, dict(spec.values) | changes)
+        Loops(spec.drawing, dict(spec.values) | changes).refuse_unsuitable()
 
 
 def test_a_combination_that_makes_no_loop_is_refused_before_anything_is_computed():

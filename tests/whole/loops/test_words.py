@@ -8,7 +8,8 @@ import pytest
 from scipy.signal import lfilter
 
 import wavesweep
-from wavesweep.engine.loops.from_drawing import assembled, scalar_place
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.from_drawing import scalar_place
 from wavesweep.engine.loops.integrator_modes import equations_of
 from wavesweep.program.spec import load
 from wavesweep.simulation.running_blocks import loop_of
@@ -142,7 +143,7 @@ def spec_of(block, every=3, **more):
 
 
 def word_of(spec):
-    return next(each.block for each in assembled(spec.drawing, spec.values).placed if each.block.name == "w")
+    return next(each.block for each in Loops(spec.drawing, spec.values).drawn().placed if each.block.name == "w")
 
 
 def marched(block, u):
@@ -290,7 +291,7 @@ def test_numbers_of_words_are_swept_to_where_eigenvalues_cross(block, along, spa
     def stable(value):
         tables = {"rates": {"tick_hz": 1 / T}, "numbers": numbers | {along: value}, "block": {"x": plant, "c": block}}
         spec = load(tables | {"wire": {"c.u": "-x.y", "x.u": "c.y"}})
-        parts = [each.block for each in assembled(spec.drawing, spec.values).placed]
+        parts = [each.block for each in Loops(spec.drawing, spec.values).drawn().placed]
         (A, B, C, D), (a, b, c, d) = ((1.0 * each.E + np.eye(len(each.states)), each.B, each.C, each.D) for each in parts)
         assert not D.any()
         whole = np.block([[A - B @ d @ C, B @ c], [-b @ C, a]])

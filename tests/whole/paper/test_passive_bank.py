@@ -19,7 +19,7 @@ from reproduce.passive_bank import (
     passive_bank,
 )
 from reproduce.specs import load_paper
-from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.interconnect import connect
 from wavesweep.haptics.controller_page import drawing_of_page
 from wavesweep.haptics.pmw import pmw_lm
@@ -30,7 +30,7 @@ def lifted_gain(page, values, theta):
 
     A frame's input is the wave v_s over the root of M, so that it counts with its own period, and the M values of v_l.
     """
-    drawn = assembled(drawing_of_page(page), values)
+    drawn = Loops(drawing_of_page(page), values).drawn()
     blocks = [each.block for each in drawn.placed if each.block.name in ("lp2", "v_2", "f1", "f2")]
     of_Kp = "device", "x_s", "avatar.x"
     terms = {name: gain for name, gain in drawn.sums["encoder.in"].items() if not name.startswith(of_Kp)}

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.stability.radii import radii_of
 from wavesweep.explore.answers import PIXELS, Plane, certified_plane
 from wavesweep.program.analyses.plane_columns import View, curves_of
 from wavesweep.program.plots.plane_regions import region_of
@@ -81,7 +80,7 @@ def filled_and_unstable(spec, x, y, areas, lines, scale, outside=False):
     points = points[_distance(edges, points) > 1]
     given = {x: points[:, 0] * scale[0], y: points[:, 1] * scale[1]}
     loops = loops_of(spec, {**spec.values, **given}).read
-    return points * scale, ~(radii_of(loops, len(points)) < 1) if len(points) else np.zeros(0, bool)
+    return points * scale, ~(loops.radii(len(points)) < 1) if len(points) else np.zeros(0, bool)
 
 
 def _along(steps, rng):

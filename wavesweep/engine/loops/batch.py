@@ -1,59 +1,12 @@
-"""Loops of one structure with their numbers put in, one loop or a batch, and which of them are alike."""
+"""Which loops of a batch are alike, and the flat values of some of them."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from wavesweep.engine.drawing.drawing import Drawing
-    from wavesweep.engine.loops.multirate import MultirateLoop
-
-
-class Loops(NamedTuple):
-    """Loops of one structure with their numbers put in.
-
-    values: path -> number, or array over the loops of a batch; a number that is zero in one of them is zero in all.
-    """
-
-    drawing: "Drawing"
-    values: Mapping[str, Any]
-
-    @property
-    def read(self) -> "Loops":
-        """The loops with the numbers that their drawing reads alone."""
-        read_values = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
-        return Loops(self.drawing, read_values)
-
-    @property
-    def unbuilt(self) -> "Loops":
-        """The loops without the whole ticks of dead times with which they were built."""
-        building = self.drawing.building
-        return Loops(self.drawing, {path: value for path, value in self.values.items() if path not in building})
-
-    def drawn(self, out: str = "", beside: str = "") -> "MultirateLoop":
-        """The blocks of the loops, perhaps without one number or two; see `assembled`."""
-        from wavesweep.engine.loops.from_drawing import assembled
-
-        return assembled(self.drawing, self.values, out, beside)
-
-    def changed(self, changes: Mapping[str, Any]) -> "Loops":
-        """The loops with other numbers."""
-        return Loops(self.drawing, {**self.values, **changes})
-
-    def some(self, part: Any) -> "Loops":
-        """Some of the loops; part: an index, a slice or an array of indices."""
-        return Loops(self.drawing, selected(self.values, part))
-
-    def one(self, at: int) -> "Loops":
-        """One of the loops, with plain numbers."""
-        values = selected(self.values, at)
-        return Loops(self.drawing, {p: value.item() if isinstance(value, np.generic) else value for p, value in values.items()})
-
-    @property
-    def items(self) -> tuple[tuple[str, Any], ...]:
-        """The pairs of the numbers, by which a loop is remembered; arrays of one as tuples."""
-        return items_of(self.values)
+    pass
 
 
 def distinct(columns: Sequence[np.ndarray], size: int) -> list[np.ndarray]:
@@ -100,21 +53,3 @@ def items_of(values: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
 def selected(values: Mapping[str, Any], part: Any) -> dict[str, Any]:
     """The flat values of some of the loops; part: an index, a slice or an array of indices."""
     return {path: v[part] if np.ndim(v) else v for path, v in values.items()}
-
-
-def batches_built_alike(
-    drawing: "Drawing", members: np.ndarray, values: Mapping[str, object]
-) -> Iterator[tuple[np.ndarray, Loops]]:
-    """Yield some of the members, and their loops with the whole numbers of ticks of their dead times.
-
-    members: of the loops, `(n,)`. values: flat, numbers or arrays over these.
-    """
-    from wavesweep.engine.loops.dead_time import structure
-
-    if not drawing.dead_times:
-        yield members, Loops(drawing, values)
-        return
-    building = {path: np.broadcast_to(number, members.shape).astype(int) for path, number in structure(drawing, values).items()}
-    for batch in distinct(list(building.values()), members.size):
-        ticks = {path: int(number[batch[0]]) for path, number in building.items()}
-        yield members[batch], Loops(drawing, selected(values, batch) | ticks)

@@ -1,6 +1,7 @@
 """A loop of several rates: blocks that run every so many ticks, and the junctions between them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import lcm
@@ -8,7 +9,7 @@ from numbers import Integral
 
 import numpy as np
 
-from wavesweep.engine.errors import UsageError
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.keys.key import LONGEST_FRAME
 from wavesweep.engine.loops.block import Block
 
@@ -128,6 +129,18 @@ class MultirateLoop:
     def direct_blocks(self) -> list[str]:
         """Names of the blocks on loops of direct terms, which are closed within a tick."""
         return list(dict.fromkeys(name for ring in self.rings() for name in ring))
+
+    @contextmanager
+    def naming_blocks(self) -> Iterator[None]:
+        """Name the blocks of an algebraic loop that turns out to have no solution. Errors: IllPosedLoopError."""
+        try:
+            yield
+        except IllPosedLoopError as error:
+            blocks = ", ".join(self.direct_blocks()) or "the wires"
+            raise IllPosedLoopError(
+                f"the loop of direct terms through {blocks} has no solution, or none that double precision can find; "
+                "put a delay or a hold into it, or change the gain that closes it"
+            ) from error
 
     def _rings(self, running) -> Iterator[list[str]]:
         """Those among blocks (indices) that run together, by the terms that are not zero."""

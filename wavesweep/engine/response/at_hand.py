@@ -9,16 +9,15 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.loops.batch import Loops, distinct_rows
-from wavesweep.engine.loops.domain import refuse_unsuitable
-from wavesweep.engine.loops.from_drawing import OUTPUT, twins
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct_rows
+from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.loops.ports import hand_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port, port_between, port_of
 from wavesweep.engine.response.resting import tick_dcgain
 from wavesweep.engine.response.static import Response, dcgain
 from wavesweep.engine.response.steady import GOOD, respond, static_response
-from wavesweep.engine.stability.radii import drift_of, named_loops, watched_drift
 
 Route = tuple[str, str]  # names of an input and an output
 SURE = 1e-6  # relative error up to which a stiffness counts as known
@@ -41,7 +40,7 @@ def felt_of(loops: Loops, size: int) -> np.ndarray:
 
 def _fill_felt(felt, loops):
     """Write what is known of `felt_of` into the array."""
-    ports, size, drawn, drift = hand_of(loops.drawing), felt.size, loops.drawn(), watched_drift(loops)
+    ports, size, drawn, drift = hand_of(loops.drawing), felt.size, loops.drawn(), loops.drift_at_hand()
     if not (drift.constant or drift.varying):
         with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
             felt[:] = tick_dcgain(drawn, ports).stiffness(np.arange(size), np.zeros(size))
@@ -54,7 +53,7 @@ def _fill_felt(felt, loops):
             felt[members] = felt_of(loops.some(members).changed(values), members.size)
     elif unknown.size:
         drawn_unknown = drawn if unknown.size == size else loops.some(unknown).drawn()
-        with named_loops(drawn):
+        with drawn.naming_blocks():
             response = static_response(Lifted.of(port_of(drawn_unknown, ports, drift)))
         felt[unknown] = np.where(response.impedance_error <= SURE, response.impedance.real, np.nan)
 
@@ -70,7 +69,7 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
 
     The ports are the hand's or, if a route names an input and an output, those between them.
     """
-    refuse_unsuitable(*loops)
+    loops.refuse_unsuitable()
     rates = _rates(loops)
     first, of = distinct_rows(rates, size)
     for number, at in enumerate(first.tolist()):
@@ -83,12 +82,12 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
 def port_of_loops(loops, route=None):
     if route:
         source, signal = next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
-        drawn, drift = loops.drawn(), drift_of(loops, watched=(signal,))
-        with named_loops(drawn):
+        drawn, drift = loops.drawn(), loops.drift(watched=(signal,))
+        with drawn.naming_blocks():
             return port_between(drawn, source, signal, drift)
-    ports, drawn, drift = hand_of(loops.drawing), loops.drawn(), watched_drift(loops)
-    with named_loops(drawn):
-        return replace(port_of(drawn, ports, drift), rest=partial(_at_rest, twins(*loops)[0], ports, drift))
+    ports, drawn, drift = hand_of(loops.drawing), loops.drawn(), loops.drift_at_hand()
+    with drawn.naming_blocks():
+        return replace(port_of(drawn, ports, drift), rest=partial(_at_rest, loops.twins()[0], ports, drift))
 
 
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
 from wavesweep.engine.loops.ports import hand_of
@@ -19,7 +19,6 @@ from wavesweep.engine.rows import different
 from wavesweep.engine.search.lines_of_loops import lines_in_loops, strongest_in_cut
 from wavesweep.engine.search.open_loops import TINY, Opened, by_zeros
 from wavesweep.engine.search.question import Question
-from wavesweep.engine.stability.radii import watched_drift
 
 BATCH = 256  # modes that are followed through their frames at once
 BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
@@ -93,7 +92,7 @@ def _dcgain(question, loops):
     if not scalar_place(loops.drawing, question.number) or seen_by_hand(loops.drawing, question.number):
         return None
     with suppress(IllPosedLoopError):
-        drift = watched_drift(loops.changed({question.along: np.array(question.span)}))
+        drift = loops.changed({question.along: np.array(question.span)}).drift_at_hand()
         if not (drift.constant or drift.varying):
             from wavesweep.engine.response.resting import tick_dcgain
 

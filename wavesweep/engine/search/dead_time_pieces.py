@@ -10,12 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of
-from wavesweep.engine.loops.batch import Loops, distinct_rows
-from wavesweep.engine.loops.dead_time import breaks, structure, timing
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct_rows
+from wavesweep.engine.loops.dead_time import structure, timing
 from wavesweep.engine.search.interval_records import records_of
 from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.intervals import Intervals, by_slice, joined, without_seams
-from wavesweep.engine.stability.radii import drift_of
 
 LEAST_WORK = 1000  # of a piece of a range, in squares of states: some 60 ms
 
@@ -33,7 +33,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     for number, place in enumerate(first.tolist()):
         columns = np.flatnonzero(label == number)
         alike, loop = loops.some(columns), loops.some(place)
-        ends = breaks(*loop, question.along, question.span)
+        ends = loop.breaks(question.along, question.span)
         pieces = [_in_piece(question, piece, alike, loop, columns.size, rest) for piece in pairwise(ends)]
         intervals = without_seams(joined(pieces))
         batches.append(replace(intervals, column=columns[intervals.column]))
@@ -46,13 +46,13 @@ def about(question: Question, loop: Loops, value: float, work: float, rest: Rest
     It grows piece by piece, the nearest first, until the interval of the value has both of its ends, or the work is spent:
     a piece with n states takes LEAST_WORK + n n. It is counted, so that the result does not depend on the machine.
     """
-    ends = breaks(*loop, question.along, question.span)
+    ends = loop.breaks(question.along, question.span)
     place = min(max(int(np.searchsorted(ends, value)) - 1, 0), len(ends) - 2)
     first, last, pieces = place, place + 1, []
     while True:
         piece = ends[place : place + 2]
         pieces.append(_in_piece(question, piece, loop, loop, 1, rest))
-        work -= LEAST_WORK + len(drift_of(loop.changed(_built(question, piece, loop))).states) ** 2
+        work -= LEAST_WORK + len(loop.changed(_built(question, piece, loop)).drift().states) ** 2
         records = records_of(without_seams(joined(pieces)))
         inside = records[(records["low"] <= value) & (value <= records["high"])]
         low, high = np.fmin(inside["low"], inside["open_low"]), np.fmax(inside["high"], inside["open_high"])

@@ -54,9 +54,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: 
 
 def _drifts_at_zero_alone(question, loops):
     """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1 where the number is 0."""
-    from wavesweep.engine.stability.radii import drift_of
 
-    held, free = (drift_of(loops.changed({question.along: value})) for value in (np.array(question.span), 0.0))
+    held, free = (loops.changed({question.along: value}).drift() for value in (np.array(question.span), 0.0))
     return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
 
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops, distinct_rows
-from wavesweep.engine.loops.domain import domains, guards_at
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, rate_of, scalar_place
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct_rows
+from wavesweep.engine.loops.domain import domains
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
 from wavesweep.engine.loops.resolution import ResolvedAlong
 from wavesweep.engine.monodromy.drift import MarginalModes, closed, errors_of_closed, filled, without_drift
 from wavesweep.engine.monodromy.open_ticks import OpenTicks, facts_of
@@ -19,7 +20,6 @@ from wavesweep.engine.monodromy.radius import errors_within, within
 from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.search.question import Question
 from wavesweep.engine.stability.intervals import Intervals
-from wavesweep.engine.stability.radii import drift_of, named_loops
 from wavesweep.engine.stability.sampled_frames import Frames
 
 
@@ -54,7 +54,7 @@ class FramesAlong:
         if open_ticks is None:
             others = [path for path, v in loops.values.items() if np.ndim(v) and path != along]
             shared = next((path for path in others if scalar_place(loops.drawing, name_of(path))), "")
-        drift = drift_of(loops.changed({along: np.array(span)}))
+        drift = loops.changed({along: np.array(span)}).drift()
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         bounds = domains(*loops, along, span, size)
         return FramesAlong(loops, along, period, bounds, ResolvedAlong(*loops, along), drift, open_ticks, shared)
@@ -74,7 +74,7 @@ class FramesAlong:
             frames = _frames(filled(without_drift(E, self.drift)), facts, shape)
         if self.radius is not None:
             frames = replace(frames, E=within(frames.E, np.broadcast_to(self.radius[number], shape).ravel()))
-        divisors = guards_at(*varied, self.along, shape)
+        divisors = varied.guards_at(self.along, shape)
         return replace(frames, pivots=np.concatenate([frames.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
     def _shared(self, number, p):
@@ -126,7 +126,7 @@ def _frames(E, facts, shape):
 
 def _ticks(loops, *, terms=False):
     drawn = loops.drawn()
-    with named_loops(drawn), np.errstate(all="ignore"):
+    with drawn.naming_blocks(), np.errstate(all="ignore"):
         return ticks_of(drawn, alone=True, terms=terms)
 
 
@@ -155,6 +155,6 @@ def in_own_time(intervals: Intervals, loops: Loops, along: str) -> Intervals:
         return intervals
     of_rows, omegas = loops.some(intervals.column), {}
     for end in ("low", "high"):
-        rate = rate_of(*of_rows.changed({along: getattr(intervals, end)}))
-        omegas[f"{end}_omega"] = getattr(intervals, f"{end}_omega") * (rate / rate_of(*of_rows))
+        rate = of_rows.changed({along: getattr(intervals, end)}).rate
+        omegas[f"{end}_omega"] = getattr(intervals, f"{end}_omega") * (rate / of_rows.rate)
     return replace(intervals, **omegas)

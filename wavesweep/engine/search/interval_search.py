@@ -11,9 +11,7 @@ from types import ModuleType
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.dead_time import pieces_of
-from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.ports import feels
 from wavesweep.engine.search import (
     dead_time_pieces,
@@ -89,7 +87,7 @@ class Search:
         """The members and the slices of each group; groups that may have a loop without the number in common are one."""
         groups, number = self.groups, self.question.number
         for _, loops in () if self.checked else groups:
-            refuse_unsuitable(*loops)
+            loops.refuse_unsuitable()
         if (merged := self._with_zeros()) is not None:
             members, loops = merged
             opened = Opened.of(loops, number, members.size, felt=self.felt)
@@ -165,7 +163,7 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee) -> np.
         for place, number in enumerate(members.tolist()):
             loop = loops.one(place)
             try:
-                pieces = pieces_of(*loop, along, span)
+                pieces = loop.pieces(along, span)
                 records = [guarantee.records_of(loop.changed(built), along, piece) for piece, built in pieces]
                 by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
                 if feels(loop.drawing) and records["intervals"][0]:

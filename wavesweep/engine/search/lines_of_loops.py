@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import PRODUCT
 from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.monodromy.drift import MarginalModes, relative_ticks
@@ -22,7 +22,6 @@ from wavesweep.engine.monodromy.unit_circle import inverse
 from wavesweep.engine.search.open_loops import Opened, OpenLoops
 from wavesweep.engine.search.question import RequiredRegion
 from wavesweep.engine.stability.boundary import times
-from wavesweep.engine.stability.radii import drift_of, named_loops
 from wavesweep.engine.stability.spectrum import eigenvalues
 
 MOST = 2**18  # numbers of states that are followed at once
@@ -41,12 +40,12 @@ def lines_in_loops(loops: Loops, s) -> np.ndarray:
 
 def lines_of_each(loops: Loops, modes) -> Iterator[np.ndarray]:
     """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed once."""
-    drawn, drift, size = loops.drawn(), drift_of(loops), len(modes[0]) if modes else 0
+    drawn, drift, size = loops.drawn(), loops.drift(), len(modes[0]) if modes else 0
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
     if drawn.ticks == 1:
         yield from (lines_of(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
         return
-    with named_loops(drawn), np.errstate(all="ignore"):
+    with drawn.naming_blocks(), np.errstate(all="ignore"):
         ticks, _ = relative_ticks(ticks_of(drawn, alone=True, terms=True), drift)
         n, leads = len(ticks.states), drift.leads
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])

@@ -9,15 +9,15 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.algebraic import WORST_CONDITION
-from wavesweep.engine.loops.batch import Loops, distinct, distinct_rows
+from wavesweep.engine.loops.batch import distinct, distinct_rows
 from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports, feels, hand_of
 from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
-from wavesweep.engine.stability.radii import drift_of, named_loops
 
 if TYPE_CHECKING:
     from wavesweep.engine.response.resting import DcGain
@@ -75,12 +75,12 @@ def open_loops(loops: Loops, number: str, second: str = "", *, felt: bool = Fals
     if not scalar_place(drawing, number):
         return None
     read, both = (FACTOR, BESIDE)[: 1 + bool(second)], dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
-    closed, loops = drift_of(loops.changed(both)), loops.changed(dict.fromkeys(both, 0.0))
-    drift = drift_of(loops, number, read, second)
+    closed, loops = loops.changed(both).drift(), loops.changed(dict.fromkeys(both, 0.0))
+    drift = loops.drift(number, read, second)
     if drift.varying:
         return None
     if second:
-        with_second = drift_of(loops.changed({path_of(second): ANY}), number, read, second)
+        with_second = loops.changed({path_of(second): ANY}).drift(number, read, second)
         if (with_second.constant, with_second.varying) != (drift.constant, drift.varying):
             return None
     conserved = bool(closed.varying)
@@ -93,7 +93,7 @@ def open_loops(loops: Loops, number: str, second: str = "", *, felt: bool = Fals
         if shows_at_rest(drawn, hand_of(drawing), read):
             hand = hand_of(drawing)
             ports = hand.force, (hand.reaction,)
-    with named_loops(drawn), np.errstate(all="ignore"):
+    with drawn.naming_blocks(), np.errstate(all="ignore"):
         frame = open_frame(drawn, drift, PRODUCT, read, *ports, per_loop=per_loop)
     return frame and OpenLoops(drawn, frame, drift, hand, second, conserved)
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.stability.intervals import Intervals
 

@@ -15,13 +15,12 @@ from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.domain import domains
 from wavesweep.engine.loops.values import numbers_of, values_of
 from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.intervals import Intervals, common
-from wavesweep.engine.stability.radii import drift_of
 
 
 def applies(question: Question, slices: Slices) -> bool:
@@ -58,7 +57,7 @@ def _drift_alike(question, loops, drawings):
     A block that reads a subloop, or a hand that moves it, may make a shift of it a mode that grows with time.
     """
     over = loops.changed({question.along: np.array(question.span)})
-    drifts = [drift_of(Loops(drawing, over.values)) for drawing in (loops.drawing, *drawings)]
+    drifts = [Loops(drawing, over.values).drift() for drawing in (loops.drawing, *drawings)]
     unread, *of_subloops = ({drift.states[state] for state in drift.unobserved} for drift in drifts)
     shifts, *counts = (len(drift.constant) + len(drift.varying) for drift in drifts)
     return shifts == sum(counts) and unread >= set().union(*of_subloops)

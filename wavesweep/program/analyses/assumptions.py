@@ -11,7 +11,7 @@ from typing import Any
 from wavesweep.engine.drawing.drawing import name_of, path_of, scalars
 from wavesweep.engine.drawing.expressions import names_in, text_of, value_of
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_drawings import assumption_of_page, keys_of_page
 from wavesweep.program.reading.devices import DEVICES
 from wavesweep.program.spec import KEYS, Axis, Spec

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import POSITION, REACTION
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.response.port import port_between
-from wavesweep.engine.stability.radii import drift_of, named_loops
 from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
@@ -47,8 +46,8 @@ def peak_of_encoder(loop: Loops, signal: str = REACTION) -> PeakGain | None:
     device = device_of(loop.drawing)
     if device is None or loop.drawing.hand[2] is None:
         return None
-    drawn, drift = loop.drawn(), drift_of(loop, watched=(POSITION, signal))
-    with named_loops(drawn):
+    drawn, drift = loop.drawn(), loop.drift(watched=(POSITION, signal))
+    with drawn.naming_blocks():
         return l1_norm(port_between(readings(drawn, device), ROUNDING, signal, drift))
 
 

@@ -13,19 +13,17 @@ from wavesweep.capabilities import modules
 from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.loops.batch import Loops, items_of
-from wavesweep.engine.loops.dead_time import breaks, timing
-from wavesweep.engine.loops.domain import domain, unsuitable
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.dead_time import timing
 from wavesweep.engine.search.interval_records import FAILURES, RECORD, ends_of
 from wavesweep.engine.search.interval_search import Search, Searches, loop_by_loop
 from wavesweep.engine.search.open_loops import FEW, exact_cut
 from wavesweep.engine.search.question import Prover
-from wavesweep.engine.stability.radii import drift_of, frames, frames_of
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns
 from wavesweep.program.reading.tables import TableValue
 from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
-from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, make_grid, own_loop
+from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, frames_per_spec, make_grid, own_loop
 from wavesweep.program.sweep.job import (
     CHECKED,
     MOST,
@@ -150,7 +148,7 @@ def _sample(job):
     spec, axis = job.grid.spec, job.asked.axis
     if not spec.drawing or name_of(axis.path) not in timing(spec.drawing):
         return job, 1
-    ends = breaks(*own_loop(spec, axis.path), axis.path, job.asked.span)
+    ends = own_loop(spec, axis.path).breaks(axis.path, job.asked.span)
     middle = (len(ends) - 1) // 2
     at = min(middle, MOST_TICKS)
     longer = (middle / max(at, 1)) ** 3 if middle > at else 1  # as eigenvalues of more states take
@@ -173,7 +171,7 @@ def _searches(
     by_bound: dict = {}
     path, require = asked.axis.path, asked.require
     for members, loops in drawn_groups(spec, changes, size, resolved, rates=True, along=_varied(spec, path, require)):
-        bound = require and require.bound.over(frames_of(loops))
+        bound = require and require.bound.over(frames_per_spec(loops))
         by_bound.setdefault((loops.drawing, bound), []).append((members, loops.read))
     searches = []
     for (drawing, bound), alike in by_bound.items():
@@ -201,7 +199,7 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
     for end in query.span:
-        wrong = spec.drawing and unsuitable(spec.drawing, {**spec.values, axis.path: np.array([end])}).any()
+        wrong = spec.drawing and Loops(spec.drawing, {**spec.values, axis.path: np.array([end])}).unsuitable().any()
         if wrong or spec.uneven or axis.path == FAST:
             spec.with_values({axis.path: end})
     if spec.drawing:
@@ -213,7 +211,7 @@ def job_over(grid: Grid, axis: Axis, *, require: TableValue | None = None) -> Jo
     for loops in groups:
         if require and name_of(axis.path) in loops.drawing.rating:
             require.bound.refuse_rates(axis.name)
-        domain(*loops, axis.path, query.span)
+        loops.domain(axis.path, query.span)
     orders = _orders_of_few(spec, query, changes, index.size, resolved) if index.size <= FEW else []
     ways = [Way.CUT] * len(orders)
     if not orders:
@@ -246,7 +244,7 @@ def _order_of_drawing(drawing, path, items):
     cut = exact_cut(loops, name_of(path))
     if cut is not None:
         return cut.order, Way.CUT
-    return frames(loops, drift_of(loops)).shape[-1], Way.DOMINANCE
+    return loops.frames(loops.drift()).shape[-1], Way.DOMINANCE
 
 
 def expected_cost(order: int, way: Way) -> float:
@@ -265,7 +263,7 @@ def cost_of(spec: Spec, axis: Axis) -> tuple[float, Way]:
 
 
 def _order_of(spec, loops, axis):
-    return _order_of_drawing(loops.drawing, axis.path, items_of(_like_own(spec, loops)))
+    return _order_of_drawing(loops.drawing, axis.path, Loops(loops.drawing, _like_own(spec, loops)).items)
 
 
 def _like_own(spec, loops):

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.stability.modes import named_modes
-from wavesweep.engine.stability.radii import drift_of, frames
 from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 
@@ -38,10 +37,10 @@ def mode_in_the_way(loops: Loops, along: str, span: tuple[float, float], beyond:
     for value in np.linspace(*span, PLACES + 2)[1:-1].tolist():
         with suppress(IllPosedLoopError):
             loop = loops.changed({along: value}).read
-            drawn, drift = loop.drawn(), drift_of(loop)
+            drawn, drift = loop.drawn(), loop.drift()
             if len(drift.remaining) > LARGEST:
                 return {}
-            E = frames(loop, drift)
+            E = loop.frames(drift)
             names, (delta, shares) = named_modes(E.reshape(E.shape[-2:]), drawn, drift)
             period = float(np.ravel(drawn.period)[0]) * drawn.ticks
             amount = beyond(delta, period)
@@ -60,7 +59,7 @@ def only_oscillates(delta: np.ndarray) -> bool:
 
 def conserves(loops: Loops) -> bool:
     """Whether a single loop seems to conserve energy: all of its modes are pairs on the unit circle but for rounding."""
-    E = frames(loops, drift_of(loops))
+    E = loops.frames(loops.drift())
     return only_oscillates(eigenvalues(E)[0].ravel())
 
 

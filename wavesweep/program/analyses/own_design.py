@@ -8,7 +8,6 @@ import numpy as np
 from wavesweep.engine.keys.key import LARGEST
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
 from wavesweep.engine.stability.modes import named_modes
-from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
 from wavesweep.engine.stability.spectrum import GONE, damping_ratio, radius_of
 from wavesweep.program.analyses.assumptions import FAVOURABLE, assumes
 from wavesweep.program.analyses.feel import felt_at_rest
@@ -52,8 +51,8 @@ def own_design(spec: Spec, loop=None) -> dict:
     nominal = own_loop(spec)
     refuse_singular(spec, nominal.drawing)
     drawn = nominal.drawn()
-    drift = drift_of(nominal)
-    E, hidden = frames_with_reliability(drawn, drift)
+    drift = nominal.drift()
+    E, hidden = nominal.frames_with_reliability(drift, drawn)
     radius, period = float(radius_of(E, hidden)), float(drawn.period * drawn.ticks)
     numbers = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period}
     numbers["assumes"] = assumes(spec, nominal=True)

@@ -4,10 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.lines_of_loops import lines_of_each
 from wavesweep.engine.stability.modes import certain_modes, named_modes
-from wavesweep.engine.stability.radii import drift_of, frames_with_reliability
 from wavesweep.engine.stability.spectrum import count_outside, damping_ratio
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
@@ -41,9 +40,9 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
 
 def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
-    drawn, drift = loops.drawn(), drift_of(loops)
+    drawn, drift = loops.drawn(), loops.drift()
     states, period = len(drift.remaining), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-    E, hidden = frames_with_reliability(drawn, drift)
+    E, hidden = loops.frames_with_reliability(drift, drawn)
     E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
     finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
     named = [named_modes(array, drawn, drift) for array in E]

@@ -9,13 +9,12 @@ import numpy as np
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import Mistakes
-from wavesweep.engine.loops.batch import Loops
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.response.at_hand import Route, ports_of_batch
 from wavesweep.engine.response.gain import gain_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond, transfer
 from wavesweep.engine.stability.certificate import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE
-from wavesweep.engine.stability.radii import radii_of
 from wavesweep.haptics.controller_page import RATIO, steps_of
 from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.columns import Columns, complex_columns
@@ -194,7 +193,7 @@ def _prepared(loops, size, ratio, route) -> list[Prepared]:
         radius = np.zeros(at.size)  # 0 stands for any that is surely less than 1
         rest = np.flatnonzero(~np.broadcast_to(loop.stable_for_sure(), at.shape))
         if rest.size:
-            radius[rest] = radii_of(these.some(rest), rest.size)
+            radius[rest] = these.some(rest).radii(rest.size)
         gain = None if route else gain_of(loop)
         prepared.append(Prepared(at, loop, gain, radius, port.slowest if ratio is None else ratio))
     return prepared

@@ -9,11 +9,9 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import show
-from wavesweep.engine.loops.batch import items_of
-from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import POSITION
-from wavesweep.engine.stability.radii import blocks_without_solution, frames_of, radii_of
-from wavesweep.program.sweep.grid import drawn_groups, make_grid, own_loop
+from wavesweep.program.sweep.grid import drawn_groups, frames_per_spec, make_grid, own_loop
 
 if TYPE_CHECKING:
     from wavesweep.engine.response.lifted import Lifted
@@ -22,7 +20,7 @@ if TYPE_CHECKING:
 
 def refuse_singular(spec, drawing: Drawing) -> None:
     """Raise SpecError if a loop of direct terms has no solution with the spec's own numbers."""
-    blocks = blocks_without_solution(drawing, items_of(spec.values))
+    blocks = Loops(drawing, spec.values).blocks_without_solution()
     if blocks is not None:
         path = f"block.{blocks[0]}" if blocks else "wire"
         lacking = f"one without, or with none that double precision can find, through {', '.join(blocks)}"
@@ -38,9 +36,9 @@ def radius_over(spec, axes) -> np.ndarray:
     radii = np.empty(grid.loops)
     for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
         if spec.drawing:
-            refuse_unsuitable(*loops)
+            loops.refuse_unsuitable()
         with np.errstate(over="ignore"):
-            radii[members] = radii_of(loops.read, members.size) ** frames_of(loops)
+            radii[members] = loops.read.radii(members.size) ** frames_per_spec(loops)
     return radii[grid.slice_of(np.arange(grid.size))]
 
 
@@ -53,7 +51,7 @@ def port_at_hand(spec) -> Port:
         raise SpecError(missing)
     loop = own_loop(spec)
     try:
-        refuse_unsuitable(*loop)
+        loop.refuse_unsuitable()
         return port_of_loops(loop.one(0))
     except NoPositionError:
         from wavesweep.engine.drawing.conditions import OF_PLANT

@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-from wavesweep.engine.loops.batch import Loops
-from wavesweep.engine.loops.domain import refuse_unsuitable
+from wavesweep.engine.loop import Loops
 from wavesweep.engine.response.at_hand import Route, ports_of_batch
 from wavesweep.engine.response.port import port_between
 from wavesweep.engine.response.step import MOST, Step, step_of
-from wavesweep.engine.stability.radii import drift_of, named_loops
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
@@ -36,7 +34,7 @@ def step_at(spec: Spec, signal: str, most: int = MOST) -> Step:
         (port, (*terms, *((ADDED, gain) for name, gain in terms if name == signal))) for port, terms in nominal.drawing.wires
     )
     loop = Loops(replace(nominal.drawing, wires=wires, inputs=(*nominal.drawing.inputs, (ADDED, ADDED, "1"))), nominal.values)
-    refuse_unsuitable(*loop)
+    loop.refuse_unsuitable()
     drawn = loop.drawn()
-    with named_loops(drawn):
-        return step_of(port_between(drawn, ADDED, signal, drift_of(loop, watched=(signal,))), most)
+    with drawn.naming_blocks():
+        return step_of(port_between(drawn, ADDED, signal, loop.drift(watched=(signal,))), most)

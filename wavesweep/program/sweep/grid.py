@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.batch import Loops, batches_built_alike, distinct
-from wavesweep.engine.loops.common_tick import with_common_tick
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct
 from wavesweep.haptics.controller_drawings import keys_of_page, loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
@@ -149,7 +149,7 @@ def drawn_groups(
     """
     for members, values in groups(spec, changes, size, resolved, rates=rates):
         drawing = loops_of(spec, values, along).drawing
-        yield from batches_built_alike(drawing, members, values)
+        yield from Loops(drawing, values).built_alike(members)
 
 
 def own_loop(spec: Spec, along: str = "") -> Loops:
@@ -163,8 +163,17 @@ def loops_of(spec: Spec, values: Mapping[str, object], along: str = "") -> Loops
     Along a number a drawing has the longest tick that the loops have in common, unless frames are composed of its own ticks.
     """
     if spec.drawing and along and not spec.members:
-        return Loops(with_common_tick(spec.drawing, values), values)
+        return Loops(spec.drawing, values).in_common_tick()
     return Loops(spec.drawing or loop_drawing(values, (along,)), values)
+
+
+def frames_per_spec(loops: Loops) -> int:
+    """How many frames of the drawing are one of its spec: several if nothing in it runs at the slow rate.
+
+    loops: with all numbers of the spec.
+    """
+    ratio = loops.values.get("rates.ratio", 1)
+    return 1 if "rates.ratio" in loops.drawing.reads or isinstance(ratio, float) else ratio
 
 
 def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.engine.keys.checking import show
+from wavesweep.engine.loop import Loops
 from wavesweep.program.sweep.grid import Grid, groups, is_plain, own_loop
 from wavesweep.program.sweep.pools import Task
 
@@ -230,13 +231,12 @@ def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dic
 
 def _refuse_unsuitable_loops(grid, resolved):
     """Raise UsageError if the numbers of one of `some_loops` make no loop, with the place of the axis if there is only one."""
-    from wavesweep.engine.loops.domain import refuse_unsuitable
 
     index = some_loops(grid)
     place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""
     for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
         try:
-            refuse_unsuitable(grid.spec.drawing, values)
+            Loops(grid.spec.drawing, values).refuse_unsuitable()
         except UsageError as error:
             raise UsageError(f"{place}: {error}" if place else str(error)) from error
 

@@ -182,9 +182,8 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
     """A fact of what keeps a loop from having an interval: the mode in the way, of the first row without one, if something is
     required or no row has one; or that it conserves energy, so that nothing decides.
     """
-    from wavesweep.engine.stability.radii import frames_of
     from wavesweep.program.analyses.mode_in_the_way import conserves, mode_in_the_way, outside
-    from wavesweep.program.sweep.grid import own_loop
+    from wavesweep.program.sweep.grid import frames_per_spec, own_loop
 
     job, first = stage.job, None
     require, axis = job.asked.require, job.asked.axis
@@ -202,7 +201,7 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
         return {"conserves": True} if job.grid.spec.drawing and conserves(own_loop(job.grid.spec)) else {}
     changes = {other.path: first[other.name] for other in job.grid.axes}
     loops = own_loop(job.grid.spec.with_values(changes) if changes else job.grid.spec)
-    beyond = require.bound.over(frames_of(loops)).beyond if require else outside
+    beyond = require.bound.over(frames_per_spec(loops)).beyond if require else outside
     mode = mode_in_the_way(loops, axis.path, (axis.start, axis.stop), beyond)
     return {"in_the_way": {"at": first, **mode}} if mode else {}
 

@@ -1,0 +1,189 @@
+"""Loops of one structure with their numbers put in: what the engine computes with, one loop or a batch."""
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loops import dead_time, domain, from_drawing
+from wavesweep.engine.loops.batch import distinct, items_of, selected
+from wavesweep.engine.loops.common_tick import with_common_tick
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import hand_of
+from wavesweep.engine.monodromy.drift import MarginalModes, closed_frame, drift_of_drawn, frame_with_reliability
+from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.stability.spectrum import radius_of
+
+Floats = np.ndarray[Any, np.dtype[np.float64]]
+Bools = np.ndarray[Any, np.dtype[np.bool_]]
+Span = tuple[float, float]
+
+
+class Loops(NamedTuple):
+    """Loops of one structure with their numbers put in.
+
+    drawing: the structure. values: path -> number, or array over the loops of a batch; a number that is zero in one of them is
+    zero in all.
+    """
+
+    drawing: Drawing
+    values: Mapping[str, Any]
+
+    @property
+    def read(self) -> "Loops":
+        """The loops with the numbers that their drawing reads alone."""
+        read_values = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
+        return Loops(self.drawing, read_values)
+
+    @property
+    def unbuilt(self) -> "Loops":
+        """The loops without the whole ticks of dead times with which they were built."""
+        building = self.drawing.building
+        return Loops(self.drawing, {path: value for path, value in self.values.items() if path not in building})
+
+    @property
+    def items(self) -> tuple[tuple[str, Any], ...]:
+        """The pairs of the numbers, by which a loop is remembered; arrays of one as tuples."""
+        return items_of(self.values)
+
+    @property
+    def rate(self) -> Any:
+        """The rate of the tick (Hz), a number or an array over the loops."""
+        return from_drawing.rate_of(self.drawing, self.values)
+
+    def changed(self, changes: Mapping[str, Any]) -> "Loops":
+        """The loops with other numbers."""
+        return Loops(self.drawing, {**self.values, **changes})
+
+    def some(self, part: Any) -> "Loops":
+        """Some of the loops; part: an index, a slice or an array of indices."""
+        return Loops(self.drawing, selected(self.values, part))
+
+    def one(self, at: int) -> "Loops":
+        """One of the loops, with plain numbers."""
+        values = selected(self.values, at)
+        return Loops(self.drawing, {p: value.item() if isinstance(value, np.generic) else value for p, value in values.items()})
+
+    def built_alike(self, members: np.ndarray) -> Iterator[tuple[np.ndarray, "Loops"]]:
+        """Yield some of the members, and their loops with the whole numbers of ticks of their dead times.
+
+        members: what the loops are called by the caller, `(loops,)`.
+        """
+        if not self.drawing.dead_times:
+            yield members, self
+            return
+        structure = dead_time.structure(self.drawing, self.values)
+        building = {path: np.broadcast_to(number, members.shape).astype(int) for path, number in structure.items()}
+        for batch in distinct(list(building.values()), members.size):
+            ticks = {path: int(number[batch[0]]) for path, number in building.items()}
+            yield members[batch], Loops(self.drawing, selected(self.values, batch) | ticks)
+
+    def in_common_tick(self) -> "Loops":
+        """The loops drawn with the longest tick that they have in common, for analyses that look at whole frames alone."""
+        return Loops(with_common_tick(self.drawing, self.values), self.values)
+
+    def in_whole_ticks(self, along: str) -> "Loops | None":
+        """One loop with a tick of which its dead times are whole numbers, for exact arithmetic; None if there is none."""
+        drawing = dead_time.in_whole_ticks(self.drawing, self.values, along)
+        return None if drawing is None else Loops(drawing, self.values)
+
+    def breaks(self, path: str, span: Span) -> list[float]:
+        """The ends of a number's span and the values within it at which dead times decide anew how one loop is built."""
+        return dead_time.breaks(self.drawing, self.values, path, span)
+
+    def pieces(self, path: str, span: Span) -> Iterator[tuple[Span, dict[str, int]]]:
+        """Yield the parts of a number's span in which one loop is built alike, with the whole numbers by which it is."""
+        yield from dead_time.pieces_of(self.drawing, self.values, path, span)
+
+    def domain(self, path: str, span: Span) -> Span:
+        """The values of a number, about a span, between which all loops are analytic functions of it on the real axis.
+
+        Errors: UsageError if there is a value within the span at which one of them is not.
+        """
+        return domain.domain(self.drawing, self.values, path, span)
+
+    def guards_at(self, path: str, shape: tuple[int, ...]) -> np.ndarray:
+        """What must not vanish where the loops are analytic in a number, `(*shape, guards)`."""
+        return domain.guards_at(self.drawing, self.values, path, shape)
+
+    def unsuitable(self) -> Bools:
+        """Which of the loops have a number that a key does not accept, `(loops,)`."""
+        return domain.unsuitable(self.drawing, self.values)
+
+    def refuse_unsuitable(self) -> None:
+        """Raise UsageError if one of the loops has a number that a key does not accept."""
+        domain.refuse_unsuitable(self.drawing, self.values)
+
+    def drawn(self, out: str = "", beside: str = "") -> MultirateLoop:
+        """The loops compiled to blocks on a common tick, perhaps without one number or two.
+
+        out, beside: these; what they multiply is the signal PRODUCT, what comes of it FACTOR, of the second one BESIDE.
+        """
+        return from_drawing.assembled(self.drawing, self.values, out, beside)
+
+    def twins(self, out: str = "", beside: str = "") -> tuple[MultirateLoop, MultirateLoop]:
+        """Two loops between those of the batch, in which drift is searched for, or one twice if no number varies."""
+        return from_drawing.twins(self.drawing, self.values, out, beside)
+
+    def drift(self, out: str = "", watched: tuple[str, ...] = (), second: str = "") -> MarginalModes:
+        """What nothing opposes in the loops.
+
+        out, second: numbers that are taken out, see `drawn`. watched: signals that are read in every tick.
+        """
+        with np.errstate(all="ignore"):
+            return _drift(*self.twins(out, second), tuple(watched))
+
+    def drift_at_hand(self) -> MarginalModes:
+        """The drift as the hand's port sees it."""
+        return self.drift(watched=hand_of(self.drawing).signals)
+
+    def frames(self, drift: MarginalModes) -> Floats:
+        """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; NaN where rounding leaves nothing of them."""
+        drawn = self.drawn()
+        with drawn.naming_blocks(), np.errstate(all="ignore"):
+            return closed_frame(drawn, drift)
+
+    def frames_with_reliability(self, drift: MarginalModes, drawn: MultirateLoop | None = None) -> tuple[Floats, Bools]:
+        """`frames`, and whether rounding hides their spectral radius, `(...)`.
+
+        drawn: the blocks of the loops, if the caller has them.
+        """
+        drawn = drawn or self.drawn()
+        with drawn.naming_blocks(), np.errstate(all="ignore"):
+            return frame_with_reliability(drawn, drift)
+
+    def radii(self, size: int = 1) -> Floats:
+        """Spectral radius per frame of each of `size` loops, `(size,)`, without drift.
+
+        Infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
+        """
+        radii = np.array(np.broadcast_to(radius_of(*self.frames_with_reliability(self.drift())), (size,)))
+        if size > 1:
+            for at in np.flatnonzero(np.isnan(radii)).tolist():
+                alone = self.one(at)
+                radii[at] = radius_of(*alone.frames_with_reliability(alone.drift())).item()
+        return radii
+
+    def blocks_without_solution(self) -> list[str] | None:
+        """Names of the blocks on a loop of direct terms that has no solution with these numbers; None if all have one."""
+        return _blocks_without_solution(self.drawing, self.items)
+
+
+_drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked again and again
+def _blocks_without_solution(drawing: Drawing, items: tuple[tuple[str, Any], ...]) -> list[str] | None:
+    try:
+        drawn = Loops(drawing, dict(items)).drawn()
+    except IllPosedLoopError:  # within a plant
+        return [block.name for plant in drawing.plants for block in plant.members]
+    try:
+        with drawn.naming_blocks():
+            ticks_of(drawn, alone=True)
+    except IllPosedLoopError:
+        return drawn.direct_blocks()
+    return None
