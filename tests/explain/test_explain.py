@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from wavesweep.engine.doubts import DOUBTS
 from wavesweep.explain.command import _lines, entries
 from wavesweep.explain.words import MESSAGES, TERMS
+from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.tables import kinds
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.monodromy.cut import close
+from wavesweep.engine.monodromy.cut import FIRST, SECOND, close
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.explore.plane import plane_curve, plane_lines, quick_columns, refined_curve
 from wavesweep.haptics.controller_drawings import wall_cut
@@ -77,7 +77,7 @@ def test_the_quick_columns_are_the_proved_ones(name, solved):
     theta, walls = refined_curve(cut, window)
     fixed = np.linspace(*window[1 - solved], 30)[1:]
     quick = quick_columns(cut, theta, walls, solved, fixed, window[solved], 6)
-    proved = stable_intervals(cut.at(np.newaxis), ("K_VE", "B_VE")[solved], window[solved], fixed[None])
+    proved = stable_intervals(cut.at(np.newaxis), (FIRST, SECOND)[solved], window[solved], fixed[None])
     assert proved.certified.all()
     expected = [[] for _ in fixed]
     for column, index, low, high in zip(proved.column, proved.index, proved.low, proved.high, strict=True):
@@ -104,7 +104,7 @@ def test_the_curve_has_small_steps_in_the_window():
 def test_the_curve_passes_through_the_proved_ends(name):
     """At the oscillation of an end the curve gives its wall: found on another way, by a polynomial and a polish."""
     cut, fixed = cut_of(LOOPS[name]), np.linspace(0.2, 6.0, 25)
-    proved = stable_intervals(cut.at(np.newaxis), "K_VE", (0.0, 6000.0), fixed[None])
+    proved = stable_intervals(cut.at(np.newaxis), FIRST, (0.0, 6000.0), fixed[None])
     column, end, omega = (
         np.concatenate(pair)
         for pair in ((proved.column, proved.column), (proved.low, proved.high), (proved.low_omega, proved.high_omega))

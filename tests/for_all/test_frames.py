@@ -10,7 +10,7 @@ from support.specs import INTEGRATIONS, values_of
 import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.cut import with_batch
+from wavesweep.engine.monodromy.cut import FIRST, with_batch
 from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.for_all.frame_families import FRAME, LOST, FramesInAnyOrder
@@ -232,7 +232,7 @@ def test_periods_of_blocks_that_run_after_the_sample_are_those_of_the_frame_befo
 
 def test_one_length_alone_is_the_interval_of_today():
     values = fig4(**{"environment.delay": 1})
-    today = stable_intervals(with_batch(wall_cut(values), 1), "K_VE", (0.0, 5000.0), np.array([[1.0]]))
+    today = stable_intervals(with_batch(wall_cut(values), 1), FIRST, (0.0, 5000.0), np.array([[1.0]]))
     found = bracket(frames_of_controller(values, FramesInAnyOrder((20,))), 20.0, (0.0, 5000.0), 1e-6)
     assert found.high == pytest.approx(today.high[0], rel=1e-6)
     assert found.low == pytest.approx(today.low[0], abs=1e-6)

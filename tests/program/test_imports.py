@@ -36,6 +36,7 @@ ENGINE = (
     "loop_sources",
 )
 PROGRAM = (
+    "doubts",
     "bundled",
     "platform_compat",
     "atomic_files",
@@ -125,6 +126,30 @@ def test_the_engine_imports_nothing_but_itself_and_reads_no_files():
         loaded = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}
         loaded |= {node.module.split(".")[0] for node in nodes if isinstance(node, ast.ImportFrom)}
         assert loaded & files == set(), source
+
+
+COMMANDS = ("zwidth", "stability-region", "bode", *(name for each in CAPABILITIES for name in each.commands))
+GUESTS = "|".join(
+    (
+        *(r"fails_from", r"fails_below", r"set_by", r"\bgain or mode\b", r"\bzwidth\b"),  # columns and kinds of tables
+        *("K_VE", "B_VE", "K_LM", "B_LM", "fast_hz", "slow_hz", "passband_hz"),  # keys of a controller
+        r"\[(sweep|bode|simulate|for_all|measured|design|filters|rates|device|operator|controller|environment)\]",
+        rf"\bwavesweep ({'|'.join(COMMANDS)}|keys|init|plot|verify)\b",
+        rf"wavesweep[./](haptics|program|{'|'.join(NAMES)})\b",
+        r"(?<![-\w])--[a-z]",  # options of commands
+    )
+)
+
+
+def test_the_engine_knows_no_guest():
+    """No column of the program, no key of a controller, no table of a spec, no command and no option, in code or in words."""
+    found = {
+        f"{source.relative_to(PACKAGE)}:{number}: {line.strip()}"
+        for source in (PACKAGE / "engine").rglob("*.py")
+        for number, line in enumerate(source.read_text(encoding="utf-8").splitlines(), 1)
+        if re.search(GUESTS, line)
+    }
+    assert sorted(found) == []
 
 
 def test_a_capability_imports_the_three_houses_alone_and_these_no_capability():

@@ -3,9 +3,11 @@
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.monodromy.cut import close
+from wavesweep.engine.monodromy.cut import FIRST, SECOND, close
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.haptics.controller_drawings import wall_cut
+
+NUMBER = {"K_VE": FIRST, "B_VE": SECOND}  # those of a wall, as a cut names them
 
 
 def cut_of(values):
@@ -20,7 +22,7 @@ def intervals_of(values, along="K_VE", span=(0, 20000), fixed=None):
     """Stable intervals of one loop; `fixed` defaults to what the values say."""
     if fixed is None:
         fixed = values["environment.B_VE" if along == "K_VE" else "environment.K_VE"]
-    return stable_intervals(cut_of(values), along, span, np.atleast_1d(fixed)[None])
+    return stable_intervals(cut_of(values), NUMBER[along], span, np.atleast_1d(fixed)[None])
 
 
 def pairs(found, column=0):

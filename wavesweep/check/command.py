@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from wavesweep.capabilities import asked, modules
-from wavesweep.engine.doubts import DOUBTS
 from wavesweep.program.cli.entry import COMMANDS
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.options import FORMATS, PATH, folder, override
 from wavesweep.program.cli.verbosity import verbosity
+from wavesweep.program.doubts import DOUBTS
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked

@@ -7,9 +7,9 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.search.interval_records import open_places
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over, searches_of
 from wavesweep.program.analyses.own_design import searched
+from wavesweep.program.columns import open_places
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import keys_of, loops_of, make_grid, own_loop

@@ -11,8 +11,8 @@ from wavesweep.designs.family import Scenario, described
 from wavesweep.designs.keys import Design
 from wavesweep.designs.table import wish_units
 from wavesweep.engine.drawing.drawing import name_of
-from wavesweep.engine.keys.key import BAND_EDGES
 from wavesweep.program.analyses.hardware_limits import GIVEN
+from wavesweep.program.reading.keys import BAND_EDGES
 from wavesweep.program.results.folder import BEST, HEADER
 from wavesweep.program.spec import Spec
 from wavesweep.program.spec.writing import as_toml

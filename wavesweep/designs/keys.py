@@ -12,11 +12,11 @@ from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
 from wavesweep.engine.drawing.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Mistakes, Rejected, apart, check, show
-from wavesweep.engine.keys.key import BAND_EDGES, Key, Names, by_path, number, whole
+from wavesweep.engine.keys.key import Key, Names, by_path, number, whole
 from wavesweep.engine.keys.places import Leaf, Place
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.reading.axes import Axis
-from wavesweep.program.reading.keys import KEYS, MOST_SEED, VALUE_PATHS
+from wavesweep.program.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS
 from wavesweep.program.reading.sorting import Sorted
 from wavesweep.program.reading.tables import Section, SpecTable, TableValue
 from wavesweep.program.spec.studies import K_VE_SPAN, hardware_of

@@ -199,7 +199,7 @@ class ClosedLoop:
         numbers : dict, optional
             Other values of other numbers: name -> number or array.
         prover : callable, optional
-            Is asked about stretches that doubles leave in doubt: `wavesweep.prove.prover.ball_prover`.
+            Is asked about stretches that doubles leave in doubt; see `wavesweep.engine.search.question.Prover`.
 
         Returns
         -------

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
-from wavesweep.engine.doubts import DOUBTS
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest
@@ -18,6 +17,7 @@ from wavesweep.explain.words import MESSAGES, TERMS
 from wavesweep.program.cli.entry import COMMANDS
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.verbosity import verbosity
+from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.spec import find_key
 from wavesweep.program.spec.describing import EVERY_KEY, SYMBOLS
 from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, all_columns

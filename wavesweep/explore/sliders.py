@@ -7,9 +7,9 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.key import BAND_EDGES, HIGHEST_RATIO
 from wavesweep.haptics.controller_drawings import keys_of_page
 from wavesweep.program.analyses.own_design import FAR, USUAL
+from wavesweep.program.reading.keys import BAND_EDGES, HIGHEST_RATIO
 from wavesweep.program.spec import SYMBOLS, Key, Spec, load
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.spec.studies import K_VE_SPAN

@@ -14,8 +14,7 @@ from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.drawing.drawn_block import DrawnBlock
 from wavesweep.engine.drawing.expressions import Tree, linear
 from wavesweep.engine.drawing.parsing import parse
-from wavesweep.engine.keys.key import MOST_SLOW_STEPS
-from wavesweep.haptics.controllers import WALL
+from wavesweep.haptics.controllers import MOST_SLOW_STEPS, WALL
 
 RATIO = "rates.ratio"
 F_S = "environment.K_VE*{x} + environment.B_VE*{v}"  # the wall's force on a displacement x and a velocity v

@@ -12,6 +12,8 @@ WALL = ("environment.K_VE", "environment.B_VE")
 HAND = ("operator.mass", "operator.damping", "operator.stiffness")
 """The keys of the hand's numbers."""
 
+MOST_SLOW_STEPS = 10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
+
 
 @dataclass(frozen=True, slots=True)
 class Controller:

@@ -1,4 +1,4 @@
-"""Columns of a table, and those of complex numbers."""
+"""Columns of a table, those of complex numbers and of ends of intervals."""
 
 from collections.abc import Iterable, Mapping
 
@@ -33,3 +33,22 @@ def axes_of(columns: Iterable[str], end: str = "along") -> list[str]:
 def whose_column(columns: Columns) -> str:
     """Return the column that says for whom, or of which spec, a row of intervals is, if the table has one."""
     return next((name for name in ("hand", "guarantee", "spec") if name in columns), "")
+
+
+def columns_of_ends(records: np.ndarray, *, set_by: bool) -> Columns:
+    """The omegas of records of intervals as columns and, if `set_by`, what sets each end: a mode, or a gain."""
+    ends = ("low", "high")
+    columns = {f"{end}_omega": np.abs(records[f"{end}_omega"]) for end in ends}
+    for end in ends if set_by else ():
+        omega = records[f"{end}_omega"]
+        cause = np.where(np.signbit(omega), "gain", "mode").astype(object)
+        columns[f"{end}_set_by"] = np.where(np.isnan(omega), "", cause)
+    return columns
+
+
+def open_places(columns: Mapping[str, np.ndarray], row: int) -> dict[str, float] | None:
+    """The open places of a row: how many, where the first begins, where the last ends; None without."""
+    if not columns["open_places"][row]:
+        return None
+    ends = {side: float(columns[f"open_{end}"][row]) for side, end in (("from", "low"), ("to", "high"))}
+    return {"places": int(columns["open_places"][row]), **ends}

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.errors import SpecError, WavesweepError
-from wavesweep.engine.search.interval_records import open_places
 from wavesweep.program.analyses.required_words import required_in_words
-from wavesweep.program.columns import Columns, axes_of, whose_column
+from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.tables.columns import fields_of

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.search.interval_records import open_places
-from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.columns import Columns, axes_of, open_places
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.spec.loading import naming

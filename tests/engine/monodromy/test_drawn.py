@@ -13,6 +13,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops import blocks
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.loops.ports import Ports
+from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
 from wavesweep.engine.monodromy.open_frame import cut_of, open_frame
 from wavesweep.engine.monodromy.periodic import frame_of, in_a_row, then, ticks_of
@@ -44,7 +45,7 @@ def exactly(draw, read, span, damped=""):
     cut = cut_at(draw(1.1), drift_of_drawn(draw(1.1), draw(0.7), watched), watched)
     if cut is None:
         return None, None
-    found = stable_intervals(cut if cut.batch else cut.at(np.newaxis), "K_VE", span, np.zeros((1, 1)))
+    found = stable_intervals(cut if cut.batch else cut.at(np.newaxis), FIRST, span, np.zeros((1, 1)))
     return list(zip(found.low.tolist(), found.high.tolist(), strict=True)), bool(found.certified.all())
 
 
@@ -129,7 +130,7 @@ def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     reads, B = ("av.x_spring", "av.v"), np.array([[0.0, 0.5, 1.0, 3.0]])
     drift = drift_of_drawn(pmw(**changes), pmw(**changes, b=11.0), reads)
     cut = cut_at(pmw(**changes), drift, reads)
-    found, own = stable_intervals(cut.at(np.newaxis), "K_VE", (0, 20000), B), built_in(changes)
+    found, own = stable_intervals(cut.at(np.newaxis), FIRST, (0, 20000), B), built_in(changes)
     table = own.stable_intervals(B_VE=B[0])
     assert found.high == pytest.approx(table["high"].to_numpy(), rel=1e-10)
     closed = pmw(**changes, wall=(500.0, 1.0))

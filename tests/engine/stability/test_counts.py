@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.intervals import cut_of
+from support.intervals import NUMBER, cut_of
 from support.specs import random_values
 
+from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.stability import regions, stable
 from wavesweep.engine.stability.stable import stable_intervals
 
@@ -32,7 +33,7 @@ def test_counts_that_follow_are_those_of_eigenvalues(along, span, fixed, monkeyp
 
     monkeypatch.setattr(regions, "_first_counts", compared)
     for seed in range(24):
-        stable_intervals(cut_of(random_values(seed)), along, span, fixed[None])
+        stable_intervals(cut_of(random_values(seed)), NUMBER[along], span, fixed[None])
     columns, followed = np.sum(seen, axis=0)
     assert followed > 0.5 * columns > 100
 
@@ -40,7 +41,7 @@ def test_counts_that_follow_are_those_of_eigenvalues(along, span, fixed, monkeyp
 def test_a_wrong_growth_is_noticed_and_every_column_is_counted(monkeypatch):
     """One direction turned round in the last column: its count does not fit the first one's, and all are counted."""
     cut = cut_of(random_values(3, "pmw"))
-    right, usual = stable_intervals(cut, "K_VE", (0, 2e4), K_FIXED[None]), stable.crossings
+    right, usual = stable_intervals(cut, FIRST, (0, 2e4), K_FIXED[None]), stable.crossings
 
     def wrong(*arguments):
         found = usual(*arguments)
@@ -55,7 +56,7 @@ def test_a_wrong_growth_is_noticed_and_every_column_is_counted(monkeypatch):
         return first(*arguments)
 
     monkeypatch.setattr(regions, "_first_counts", listening)
-    found = stable_intervals(cut, "K_VE", (0, 2e4), K_FIXED[None])
+    found = stable_intervals(cut, FIRST, (0, 2e4), K_FIXED[None])
     assert counted
     assert counted[0].all()
     assert found.certified.all()
@@ -73,7 +74,7 @@ def test_units_of_the_states_do_not_matter(kind, along):
         cut, E=cut.E * ratio, B=cut.B / column, C=cut.C * units, dE=cut.dE * ratio, dB=cut.dB / column, dC=cut.dC * units
     )
     assert np.abs(other.E).max() > stable.UNEVEN
-    found, same = (stable_intervals(each, along, (0, 2e4), np.array([[0.5, 5.0]])) for each in (other, cut))
+    found, same = (stable_intervals(each, NUMBER[along], (0, 2e4), np.array([[0.5, 5.0]])) for each in (other, cut))
     assert same.certified.all()
     assert found.certified.all()
     np.testing.assert_array_equal(found.count, same.count)

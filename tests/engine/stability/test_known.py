@@ -8,6 +8,7 @@ from support.intervals import intervals_of, pairs
 from support.specs import KINDS, values_of
 
 import wavesweep
+from wavesweep.engine.monodromy.cut import FIRST, SECOND
 from wavesweep.engine.stability.crossings import poles_at_one
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.haptics.controller_drawings import wall_cut
@@ -54,7 +55,7 @@ def test_many_slices_are_the_slices_one_by_one(kind):
     changes = {"b": np.array([20.0, 40.0, 60.0]), "mass": np.array([0.1, 0.2, 0.05]), "Kp": np.array([5.0, 20.0, 1.0])}
     B_VE = np.linspace(0, 15, 7)
     cut = wall_cut(values_of(kind, integration="explicit", delay=7, **changes))
-    together = stable_intervals(cut, "K_VE", (0, 2e4), np.tile(B_VE, (3, 1)))
+    together = stable_intervals(cut, FIRST, (0, 2e4), np.tile(B_VE, (3, 1)))
     for i in range(3):
         alone = values_of(kind, integration="explicit", delay=7, **{name: array[i] for name, array in changes.items()})
         found = intervals_of(alone, fixed=B_VE)
@@ -441,7 +442,7 @@ def test_a_wall_that_reads_nothing_ends_no_interval():
     """Without a division by zero: stable throughout, or nowhere if a stiffness leaves the position's eigenvalue 1."""
     cut = wall_cut(values_of("pmw")).at(np.newaxis)
     blind = replace(cut, C=0 * cut.C, D=0 * cut.D)
-    found = stable_intervals(blind, "B_VE", (0.0, 300.0), np.array([[0.0, 20.0, 300.0]]))
+    found = stable_intervals(blind, SECOND, (0.0, 300.0), np.array([[0.0, 20.0, 300.0]]))
     assert found.count.tolist() == [1, 0, 0]
     assert pairs(found)[:1] == [(0.0, 300.0)]
     assert np.isnan(found.high_omega).all()

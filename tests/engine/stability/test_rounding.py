@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.intervals import cut_of, intervals_of
+from support.intervals import NUMBER, cut_of, intervals_of
 from support.specs import values_of
 
 from wavesweep.engine.monodromy.unit_circle import on_circle
@@ -39,7 +39,7 @@ def test_the_bound_is_that_of_perturbed_entries(kind, along):
     fixed = np.array([1.0 if along == "K_VE" else 200.0])
 
     def end(loop):
-        found = stable_intervals(loop, along, (0.0, 2e3), fixed[None])
+        found = stable_intervals(loop, NUMBER[along], (0.0, 2e3), fixed[None])
         return found.high[0], found.high_omega[:1] * loop.period
 
     value, theta = end(cut)

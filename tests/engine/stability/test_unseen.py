@@ -8,6 +8,7 @@ from support.intervals import cut_of
 from support.specs import values_of
 
 import wavesweep
+from wavesweep.engine.monodromy.cut import SECOND
 from wavesweep.engine.stability.spectrum import count_outside
 from wavesweep.engine.stability.stable import stable_intervals
 
@@ -110,5 +111,5 @@ def test_an_error_beyond_all_numbers_is_no_warning():
     }  # fmt: skip
     values = values_of("pmw-lm") | changes
     fixed = np.array([[0.01021512761873631, 0.010214033488823483, 0.010214033488865843]])
-    found = stable_intervals(cut_of(values), "B_VE", (0.0, 10000.0), fixed)
+    found = stable_intervals(cut_of(values), SECOND, (0.0, 10000.0), fixed)
     assert set(found.column.tolist()) == {0, 1, 2}

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from support import exact
-from support.intervals import cut_of, excess, intervals_of, mislabelled, pairs
+from support.intervals import NUMBER, cut_of, excess, intervals_of, mislabelled, pairs
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
+from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.stability.stable import stable_intervals
 
@@ -29,7 +30,7 @@ def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, fir
     span = K_SPAN if along == "K_VE" else B_SPAN
     for seed in range(first, first + 15):
         cut, fixed = cut_of(random_values(seed)), columns(seed, along)
-        found = stable_intervals(cut, along, span, fixed[None])
+        found = stable_intervals(cut, NUMBER[along], span, fixed[None])
         assert mislabelled(cut, along, span, fixed, found) == [], seed
 
 
@@ -37,7 +38,7 @@ def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, fir
 def test_random_columns_along_the_stiffness_are_all_certified():
     """A fallback that gives up, or a proof that became too timid, shows here."""
     for seed in range(120):
-        found = stable_intervals(cut_of(random_values(seed)), "K_VE", K_SPAN, columns(seed, "K_VE")[None])
+        found = stable_intervals(cut_of(random_values(seed)), FIRST, K_SPAN, columns(seed, "K_VE")[None])
         assert found.certified.all(), seed
 
 
@@ -48,7 +49,7 @@ def test_stable_just_inside_and_unstable_just_outside_of_every_end(along):
     span, seen = (K_SPAN if along == "K_VE" else B_SPAN), 0
     for seed in range(12):
         cut, fixed = cut_of(random_values(seed)), columns(seed, along)
-        found = stable_intervals(cut, along, span, fixed[None])
+        found = stable_intervals(cut, NUMBER[along], span, fixed[None])
         for end, omega, inward in ((found.low, found.low_omega, 1), (found.high, found.high_omega, -1)):
             real = np.flatnonzero(np.isfinite(omega) & (end > span[0]))
             other, at = fixed[found.column[real]], end[real]

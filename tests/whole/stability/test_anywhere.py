@@ -104,12 +104,12 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 @pytest.mark.parametrize("low", [0.0, 3.0])
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
-    from wavesweep.engine.monodromy.cut import close, errors_of_closed
+    from wavesweep.engine.monodromy.cut import FIRST, close, errors_of_closed
     from wavesweep.haptics.controller_drawings import wall_cut
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
     cut, span = wall_cut(values), (low, 20000.0)
-    exact = stable_intervals(cut, "K_VE", span, np.ones((12, 1)))
+    exact = stable_intervals(cut, FIRST, span, np.ones((12, 1)))
 
     def evaluate(column, K):
         return close(cut.at(column), np.where(K == 0, 1e-300, K), 1.0)

@@ -50,6 +50,7 @@ class KeyReader:
         self.source = source
         self.classes = classes
         self.taken: frozenset[str] = frozenset()  # see `Surroundings`
+        self.free = ""  # likewise
         self.axes = axes
         self.own: dict[str, float | int] = {}
         self.mistakes = Mistakes()

@@ -43,13 +43,14 @@ class Surroundings:
 
     axes: paths of keys of blocks that are numbers too, since something varies them. signals: those that are outputs too, by
     name, with the leaf that asks for each. classes: names of types that blocks could have had in addition, for messages.
-    taken: names that no number may have, since columns of tables have them.
+    taken: names that no number may have. free: what a name is that is none of these, in words.
     """
 
     axes: frozenset[str] = frozenset()
     signals: Mapping[str, Leaf] = field(default_factory=dict)
     classes: tuple[str, ...] = ()
     taken: frozenset[str] = frozenset()
+    free: str = ""
 
 
 class ReadDrawing(NamedTuple):
@@ -70,7 +71,9 @@ def read_drawing(
     """
     reader = _TableReader(source, surroundings.axes | {RATE}, surroundings.classes)
     grouped = reader.grouped(leaves)
-    reader.asked, reader.taken = surroundings.signals, surroundings.taken
+    reader.asked = surroundings.signals
+    reader.taken = surroundings.taken
+    reader.free = surroundings.free
     drawing, values = reader.drawing(grouped)
     for path, expected, reason in (*faults(drawing, values), *displaced(drawing, values)):
         leaf = reader.leaf(path)
@@ -203,8 +206,7 @@ class _TableReader(PortReader):
         """Refuse the name of a number, or of one of its keys, that is none. place: of the number."""
         path = path_of(name)
         if name in self.taken:
-            expected = "a name that no column of a table has; `wavesweep keys numbers` lists those"
-            self.refuse(place, path, expected, f"{show(name)}, which one has")
+            self.refuse(place, path, self.free, f"{show(name)}, which one has")
         elif not is_name(name) or name in RESERVED:
             self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
         for key, leaf in keys.items():

@@ -12,19 +12,12 @@ INTEGRATIONS = {
     "trapezoidal": "the spring reads the position after a step with the mean of both velocities",
 }
 AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # share of the new velocity in the position that a spring reads
-VELOCITIES = {
-    "exact": "the velocity itself, as an ideal sensor measures it",
-    "difference": "the last step of the position over the tick, as an encoder gives it",
-}
-BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 RATIO = "ratio"  # unit of a value without one in a column of units, where a bare 1 would be read as a number
 HIGHEST_ORDER = 12
-HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks
 SMALLEST, LARGEST = 1e-60, 1e60  # sizes of numbers other than 0: what a loop makes of several stays within doubles
 VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")  # no names, in any case of letters
 FORMULA = ("=", "+", "-", "@")  # how a text begins that a spreadsheet runs
-MOST_SLOW_STEPS = 10_000  # slow steps in a frame: doubles distinguish fractions with denominators up to this
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +28,8 @@ class Key:
     hold anything.
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
-    allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
-    when a spec is resolved.
+    allowed; `meanings` describes some of them. Limits set by other keys are checked
+    where all values are known.
     """
 
     path: str
@@ -51,7 +44,7 @@ class Key:
     required: bool = False
     meanings: Mapping[str, str] = field(default_factory=dict, repr=False)
     instead: str = ""  # what is meant by a fraction that the key does not take, or, in quotes, by another word
-    shaping: bool = False  # whether the structure of the loop depends on it although it is a number
+    shaping: bool = False  # whether the structure of the loop, or other values and limits, depend on it although it is a number
 
     @property
     def numeric(self) -> bool:
@@ -60,9 +53,8 @@ class Key:
 
     @property
     def structural(self) -> bool:
-        """Whether a change requires the spec to be resolved again, because other values or limits depend on this one."""
-        derived_from = self.path in ("rates.fast_hz", "rates.slow_hz") or self.path.rsplit(".", 1)[-1] in BAND_EDGES
-        return self.type != "number" or derived_from or self.shaping
+        """Whether more than a number of the loop depends on this one: its structure, or other values and limits."""
+        return self.type != "number" or self.shaping
 
 
 def number(path: str, default: float | None, unit: str, description: str, *, positive: bool = False, **limits: Any) -> Key:
@@ -104,7 +96,7 @@ class Names:
     following: frozenset[str] = frozenset()
 
     def find(self, name: str) -> Key | None:
-        """Return the key of a name, which is a symbol (`B_VE`) or a full path (`device.damping`), or None."""
+        """Return the key of a name, which is a symbol (`kp`) or a full path (`numbers.kp`), or None."""
         return self.keys.get(self.symbols.get(name, name))
 
     @property

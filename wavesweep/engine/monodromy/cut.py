@@ -11,7 +11,7 @@ from wavesweep.engine.loops.block import frozen
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.state_space import StateSpace
 
-FIRST, SECOND = "K_VE", "B_VE"  # the two numbers, named as those of a wall
+FIRST, SECOND = "first", "second"  # the two numbers; of a wall, stiffness and damping
 VELOCITY, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
 MATRICES = ("E", "B", "C", "D")
 ERRORS = ("dE", "dB", "dC", "dD")

@@ -1,7 +1,7 @@
 """A bound on a gain of the loop, beside what is required of its modes.
 
-Applies if [sweep] requires one. The other methods find where the loop is stable; within that, the gain is proved to be below
-its bound on panels of the number, by the capability that offers the bound.
+Applies if the region that is asked for has one. The other methods find where the loop is stable; within that, the gain is
+proved to be below its bound on panels of the number, by that region itself.
 """
 
 from dataclasses import replace

@@ -1,8 +1,7 @@
-"""Records of intervals: rows of slices, in the order of a table, before they are columns."""
+"""Records of intervals: rows of slices."""
 
 import traceback
 import warnings
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -42,15 +41,6 @@ def records_of(intervals: Intervals) -> np.ndarray:
     return records
 
 
-def ends_of(records: np.ndarray, *, set_by: bool) -> Mapping[str, np.ndarray]:
-    """The omegas of records as columns and, if `set_by`, what sets each end: a mode, or a gain."""
-    omegas = {end: records[f"{end}_omega"] for end in ("low", "high")}
-    columns = {f"{end}_omega": np.abs(omega) for end, omega in omegas.items()}
-    words = {end: np.where(np.signbit(omega), "gain", "mode").astype(object) for end, omega in omegas.items()}
-    causes = {f"{end}_set_by": np.where(np.isnan(omega), "", words[end]) for end, omega in omegas.items()}
-    return columns | (causes if set_by else {})
-
-
 def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """Records of slice 0 with these ends, or the one record of a slice without intervals; other numbers are missing."""
     records = np.zeros(max(low.size, 1), dtype)
@@ -67,18 +57,10 @@ def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndar
 def unanswered(dtype: np.dtype, number: int, span: tuple[float, float], error: Exception) -> np.ndarray:
     """The record of a slice whose search failed in arithmetic: nothing is known from one end of the range to the other.
 
-    Where it failed is a warning, which --debug shows.
+    Where it failed is a warning.
     """
     warnings.warn("".join(traceback.format_exception(error)), RuntimeWarning, stacklevel=2)
     record = blank_records(np.zeros(0), np.zeros(0), dtype)
     record["slice"] = number
     record["open_places"], record["open_low"], record["open_high"] = 1, *span
     return record
-
-
-def open_places(columns: Mapping[str, np.ndarray], row: int) -> dict[str, float] | None:
-    """The open places of a row: how many, where the first begins, where the last ends; None without."""
-    if not columns["open_places"][row]:
-        return None
-    ends = {side: float(columns[f"open_{end}"][row]) for side, end in (("from", "low"), ("to", "high"))}
-    return {"places": int(columns["open_places"][row]), **ends}

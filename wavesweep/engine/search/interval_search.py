@@ -21,7 +21,7 @@ from wavesweep.engine.search import (
     required_region,
     subloops,
 )
-from wavesweep.engine.search.at_ends import felt_along, felt_at_ends, lines_at_ends, stiffness_at_ends
+from wavesweep.engine.search.at_ends import lines_at_ends, stiffness_at_ends
 from wavesweep.engine.search.interval_records import FAILURES, FELT, LINES, RECORD, records_of, unanswered
 from wavesweep.engine.search.open_loops import Opened, varied_beside
 from wavesweep.engine.search.question import Prover, Question, RequiredRegion, Slices
@@ -150,51 +150,3 @@ class Searches:
             batches = [Searches((replace(search, groups=(tuple(group),)),)).records() for search, *group in groups]
         records = np.concatenate(batches)
         return records[np.argsort(records["slice"], kind="stable")]
-
-
-def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee) -> np.ndarray:
-    """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at their ends.
-
-    parts: (members, loops) pairs. guarantee: it has `records_of` a loop. A loop whose search fails in arithmetic is in doubt
-    everywhere.
-    """
-    by_number = {}
-    for members, loops in parts:
-        for place, number in enumerate(members.tolist()):
-            loop = loops.one(place)
-            try:
-                pieces = loop.pieces(along, span)
-                records = [guarantee.records_of(loop.changed(built), along, piece) for piece, built in pieces]
-                by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
-                if feels(loop.drawing) and records["intervals"][0]:
-                    p, omega = (np.stack([records[name] for name in pair]) for pair in (ENDS, OMEGAS))
-                    felt = felt_at_ends(p, omega, lambda _, values, loop=loop: felt_along(loop, along, values))
-                    records[FELT[0]], records[FELT[1]] = felt
-            except FAILURES as error:
-                by_number[number] = unanswered(guarantee.dtype, number, span, error)
-            by_number[number]["slice"] = number
-    return np.concatenate([by_number[number] for number in sorted(by_number)])
-
-
-def _joined(pieces):
-    """The records of pieces of a range, of which those that meet are one; none is known better than the piece known least."""
-    rows = [row for piece in pieces for row in piece if row["intervals"]]
-    joined = rows[:1]
-    for row in rows[1:]:
-        last = joined[-1]
-        if row["low"] > last["high"]:
-            joined.append(row)
-            continue
-        for name in row.dtype.names:
-            if name.startswith("high") or name == "fails_from":
-                last[name] = row[name]
-            elif row.dtype[name].kind == "U":
-                last[name] = "; ".join(dict.fromkeys(filter(None, (str(last[name]), str(row[name])))))
-    together = np.concatenate(pieces)
-    records = np.array(joined or together[:1])
-    records["intervals"], records["interval"] = len(joined), np.arange(len(records))
-    records["doubt"] = together["doubt"][np.argmin(together["certified"])]
-    for name in records.dtype.names:
-        if records.dtype[name].kind == "b":
-            records[name] = together[name].all()
-    return records

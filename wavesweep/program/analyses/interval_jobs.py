@@ -15,12 +15,14 @@ from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.search.interval_records import FAILURES, RECORD, ends_of
-from wavesweep.engine.search.interval_search import Search, Searches, loop_by_loop
+from wavesweep.engine.loops.ports import feels
+from wavesweep.engine.search.at_ends import felt_along, felt_at_ends
+from wavesweep.engine.search.interval_records import FAILURES, FELT, RECORD, unanswered
+from wavesweep.engine.search.interval_search import ENDS, OMEGAS, Search, Searches
 from wavesweep.engine.search.open_loops import FEW, exact_cut
 from wavesweep.engine.search.question import Prover
 from wavesweep.program.analyses.spec_loops import refuse_singular
-from wavesweep.program.columns import Columns
+from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
 from wavesweep.program.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, frames_per_spec, make_grid, own_loop
@@ -134,11 +136,58 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, **limits: float) -
     return next((module.ball_prover(loops, along, period, **limits) for module in modules("prover")), None)
 
 
+def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guarantee) -> np.ndarray:
+    """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at their ends.
+
+    parts: (members, loops) pairs. A loop whose search fails in arithmetic is in doubt everywhere.
+    """
+    by_number = {}
+    for members, loops in parts:
+        for place, number in enumerate(members.tolist()):
+            loop = loops.one(place)
+            try:
+                pieces = loop.pieces(along, span)
+                records = [guarantee.records_of(loop.changed(built), along, piece) for piece, built in pieces]
+                by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
+                if feels(loop.drawing) and records["intervals"][0]:
+                    p, omega = (np.stack([records[name] for name in pair]) for pair in (ENDS, OMEGAS))
+                    felt = felt_at_ends(p, omega, lambda _, values, loop=loop: felt_along(loop, along, values))
+                    records[FELT[0]], records[FELT[1]] = felt
+            except FAILURES as error:
+                by_number[number] = unanswered(guarantee.dtype, number, span, error)
+            by_number[number]["slice"] = number
+    return np.concatenate([by_number[number] for number in sorted(by_number)])
+
+
+def _joined(pieces):
+    """The records of pieces of a range, of which those that meet are one; none is known better than the piece known least."""
+    rows = [row for piece in pieces for row in piece if row["intervals"]]
+    joined = rows[:1]
+    for row in rows[1:]:
+        last = joined[-1]
+        if row["low"] > last["high"]:
+            joined.append(row)
+            continue
+        for name in row.dtype.names:
+            if name.startswith("high") or name == "fails_from":
+                last[name] = row[name]
+            elif row.dtype[name].kind == "U":
+                last[name] = "; ".join(dict.fromkeys(filter(None, (str(last[name]), str(row[name])))))
+    together = np.concatenate(pieces)
+    records = np.array(joined or together[:1])
+    records["intervals"], records["interval"] = len(joined), np.arange(len(records))
+    records["doubt"] = together["doubt"][np.argmin(together["certified"])]
+    for name in records.dtype.names:
+        if records.dtype[name].kind == "b":
+            records[name] = together[name].all()
+    return records
+
+
 def _columns(job, combination, records):
     """The axes, `along`, and the fields of the records."""
     columns = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
     columns["doubt"] = words(columns["doubt"])
-    columns |= ends_of(records, set_by=bool(job.asked.require and job.asked.require.bound.gain))
+    columns |= columns_of_ends(records, set_by=bool(job.asked.require and job.asked.require.bound.gain))
     along = np.full(records.size, job.asked.axis.name, dtype=object)
     return job.grid.axis_columns(combination) | {"along": along} | columns
 
@@ -302,7 +351,7 @@ def at_points(
     asked, how = IntervalQuery(axis, require=require), {"ties": ties, "felt": felt, "checked": True, "prover": prover}
     records = _searches(spec, asked, points, count, **how).records()
     columns = {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
-    return columns | ends_of(records, set_by=False)
+    return columns | columns_of_ends(records, set_by=False)
 
 
 CUT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"

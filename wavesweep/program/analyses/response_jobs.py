@@ -200,7 +200,7 @@ def _prepared(loops, size, ratio, route) -> list[Prepared]:
 
 
 def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
-    """The word of each row (see `DOUBTS`); errors: bounds on relative errors, NaN if a number is not known.
+    """The word of each row (see `program.doubts`); errors: bounds on relative errors, NaN if a number is not known.
 
     An unstable loop has no steady response, even if its digits are good; one that overflows within a frame has no number.
     marginal: the spectral radius is below 1 by rounding alone, or 1.

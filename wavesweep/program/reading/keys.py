@@ -9,9 +9,7 @@ from types import MappingProxyType
 
 from wavesweep.engine.keys.key import (
     HIGHEST_ORDER,
-    HIGHEST_RATIO,
     INTEGRATIONS,
-    VELOCITIES,
     Key,
     Names,
     by_path,
@@ -24,8 +22,14 @@ from wavesweep.engine.keys.key import (
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.reading.devices import DEVICES
 
+VELOCITIES = {
+    "exact": "the velocity itself, as an ideal sensor measures it",
+    "difference": "the last step of the position over the tick, as an encoder gives it",
+}
+BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 STEPS = {"elapsed": "the time since its last frame, as game engines do", "nominal": "always rates.ratio ticks"}
 SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
+HIGHEST_RATIO = 1000
 FILTERS = ("lp1", "hp", "lp2")
 MOST_SEED = 2**53 - 1  # the largest whole number that every reader of JSON keeps
 SYMBOLS = MappingProxyType(
@@ -44,21 +48,30 @@ SYMBOLS = MappingProxyType(
 
 def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
     prefix = f"filters.{name}"
+    loss = f"largest loss in the passband of {what}"
+    attenuation = f"least attenuation in the stopband of {what}"
     return [
         whole(f"{prefix}.order", order, f"Butterworth order of {what}; 0 for no filter", 0, HIGHEST_ORDER),
         positive(f"{prefix}.cutoff_hz", cutoff_hz, "Hz", f"-3 dB frequency of {what}, below half the fast rate"),
-        positive(f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}"),
-        positive(f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}"),
+        # Order and cutoff follow from the edges.
+        positive(f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}", shaping=True),
+        positive(f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}", shaping=True),
         # 300 dB is as far below 1 as double precision resolves; it keeps powers of ten from overflowing.
-        positive(f"{prefix}.passband_db", None, "dB", f"largest loss in the passband of {what}", high=300.0),
-        positive(f"{prefix}.stopband_db", None, "dB", f"least attenuation in the stopband of {what}", high=300.0),
+        positive(f"{prefix}.passband_db", None, "dB", loss, high=300.0, shaping=True),
+        positive(f"{prefix}.stopband_db", None, "dB", attenuation, high=300.0, shaping=True),
     ]
 
 
 _LOOP = [
-    positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
+    positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop", shaping=True),
     whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", 1, HIGHEST_RATIO, instead="rates.slow_hz"),
-    positive("rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio; need not divide the fast rate"),
+    positive(
+        "rates.slow_hz",
+        None,
+        "Hz",
+        "rate of the slow environment, in place of the ratio; need not divide the fast rate",
+        shaping=True,
+    ),
     word(
         "device.preset",
         None,

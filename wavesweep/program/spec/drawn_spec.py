@@ -23,6 +23,7 @@ COLUMNS = frozenset(
         *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
     )
 )
+FREE = "a name that no column of a table has; `wavesweep keys numbers` lists those"
 # Names of columns of a simulation; an input, output or named signal with one of these has another column, see `run_column`.
 RUN_COLUMNS = frozenset(
     (
@@ -43,7 +44,7 @@ def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
     signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
     asking = (leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves)
     outputs = {name: leaf for leaf in asking for name in names_in_list(leaf)}
-    return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), COLUMNS)
+    return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), COLUMNS, FREE)
 
 
 def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:

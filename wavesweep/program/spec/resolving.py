@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from wavesweep.engine.drawing.block_types import LONGEST_DELAY
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.keys.checking import Mistakes, expectation, show
-from wavesweep.engine.keys.key import BAND_EDGES, HIGHEST_ORDER, HIGHEST_RATIO, LONGEST_FRAME, MOST_SLOW_STEPS
+from wavesweep.engine.keys.key import HIGHEST_ORDER, LONGEST_FRAME
 from wavesweep.engine.keys.places import Leaf, Place
-from wavesweep.haptics.controllers import CONTROLLERS
+from wavesweep.haptics.controllers import CONTROLLERS, MOST_SLOW_STEPS
 from wavesweep.program.reading.devices import DEVICES, HapticDevice
-from wavesweep.program.reading.keys import FILTERS, KEYS, VALUE_PATHS
+from wavesweep.program.reading.keys import BAND_EDGES, FILTERS, HIGHEST_RATIO, KEYS, VALUE_PATHS
 
 DELAY = "environment.delay"
 TWINS = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}  # which displace each other

@@ -11,10 +11,10 @@ from types import MappingProxyType
 from wavesweep.engine.drawing.drawing import RATE, Drawing, path_of
 from wavesweep.engine.errors import Mistake, SpecError, UsageError
 from wavesweep.engine.keys.checking import Mistakes, nearest
-from wavesweep.engine.keys.key import BAND_EDGES, RATIO, TURNED, Names
+from wavesweep.engine.keys.key import RATIO, TURNED, Names
 from wavesweep.engine.keys.places import Leaf, Place, plain
 from wavesweep.program.reading.axes import Axis
-from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
+from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.tables import TableValue, table_at, tables
 from wavesweep.program.spec.resolving import Given, is_frame, resolve, resolve_drawn
 from wavesweep.program.spec.studies import K_VE_SPAN, Studies, axis_fault, fitting, hardware_of, unknown_end

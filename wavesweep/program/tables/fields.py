@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 from wavesweep.capabilities import CAPABILITIES
-from wavesweep.engine.doubts import DOUBTS_OF
+from wavesweep.program.doubts import DOUBTS_OF
 from wavesweep.program.row_kinds import words_of
 
 if TYPE_CHECKING:

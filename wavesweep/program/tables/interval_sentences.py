@@ -5,9 +5,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from wavesweep.capabilities import where_explained
-from wavesweep.engine.doubts import DOUBTS
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
+from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.tables.frame_lengths import lengths_in_words

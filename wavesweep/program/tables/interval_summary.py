@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.doubts import DOUBTS
-from wavesweep.engine.search.interval_records import open_places
 from wavesweep.engine.stability.certificate import FELT_ALIKE
 from wavesweep.program.analyses.required_words import required_in_words
-from wavesweep.program.columns import Columns, axes_of, whose_column
+from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
+from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.reading.tables import members_of
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 from wavesweep.program.spec import find_key
