@@ -131,7 +131,7 @@ def test_a_range_of_numbers_is_refuted_by_those_of_the_table():
     assert "for every J from 0.009 to 0.011?" in text
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("spec", "changes", "said"),

@@ -16,6 +16,7 @@ from wavesweep.engine.search.open_loops import exact_cut
 from wavesweep.haptics.controller_drawings import keys_of_page
 from wavesweep.haptics.controller_page import steps_of
 from wavesweep.program.analyses.interval_jobs import job_of, method
+from wavesweep.program.analyses.plane_columns import seconds_of_curves
 from wavesweep.program.analyses.response_jobs import response_job
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.spec import Spec
@@ -24,6 +25,7 @@ from wavesweep.program.sweep.grid import make_grid, own_loop
 from wavesweep.program.sweep.workers import choose
 
 PATIENCE = 0.2  # s for samples of work whose parts take unlike times, as at several rates
+DRAWING = 1.0  # s to load what draws, and to draw
 MANY = 30_000_000  # rows: some 5 GB of CSV
 
 
@@ -81,10 +83,12 @@ def _interval_lines(spec, command, along, estimated):
     if not estimated:
         return lines
     workers = choose(None, None, None, len(job.chunks), expected)
+    figure = DRAWING + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
         *lines,
         f"    work: {_count(len(job.chunks), 'chunk')}, about {duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    figure: up to about {duration(figure)} more, which --no-plot leaves out",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
         *_advice([job]),
     ]

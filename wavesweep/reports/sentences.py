@@ -82,7 +82,7 @@ def _unit(spec: Spec, axis: Axis) -> str:
 def words_of_spec(spec: Spec) -> str:
     """The first paragraph of the comment that a spec begins with; empty without one."""
     words: list[str] = []
-    for line in (spec.source_place.text or "").splitlines():
+    for line in spec.source_place.text.splitlines():
         text = line.strip()
         if not text.startswith("#") or not text.strip("# "):
             if words or text:

@@ -156,7 +156,7 @@ def test_a_run_goes_on_saying_lines_between_reports_that_are_far_apart(capsys, c
         "at work on margins: 1 of 3 done (33 %) after 40 s",
         "at work on margins: 1 of 3 done (33 %) after 80 s",
         "at work on margins: 2 of 3 done (66 %) after 2 min, about 70 s left",  # at once, since it is more than a minute
-        "at work on margins: all 3 done after 3 min, what follows from them is not yet",
+        "at work on margins: all 3 done after 3 min; what follows from them is still to come",
     ]
 
 

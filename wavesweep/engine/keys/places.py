@@ -16,12 +16,13 @@ class Place:
     """Place of a value: at a path of nested tables.
 
     name: of the source, such as an override as it was typed; empty for a dict. exact: whether the value is as it stands there,
-    so that offsets in it are those of the source.
+    so that offsets in it are those of the source. text: of the source, empty for a dict.
     """
 
     name: str = ""
     path: Path = ()
     exact: bool = True
+    text: str = ""
 
     def location(self, of_key: bool = False) -> str:  # noqa: ARG002 - for places in a text
         """Return the prefix of a mistake's line, for the value here or for its key."""

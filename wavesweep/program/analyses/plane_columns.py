@@ -130,6 +130,18 @@ def curves_of(members: Sequence[Columns], view: View, facts: Mapping[str, Any]) 
     return [different[source.designs.index(key)] for key in source.keys]
 
 
+def seconds_of_curves(spec: Any, axis: Any, axes: Sequence[Any], slice_seconds: float) -> float:
+    """Seconds that further columns may take, at most; axes: of the table, slice_seconds: of one of its slices."""
+    from wavesweep.program.analyses.interval_jobs import Way, cost_of
+    from wavesweep.program.sweep.grid import is_plain
+
+    cost, method = cost_of(spec, axis)
+    if method is Way.CUT or not any(len(swept.values) > 1 and is_plain(spec, swept.path) for swept in axes):
+        return 0.0
+    most_columns = BUDGET / max(cost, DEAR)
+    return most_columns * slice_seconds
+
+
 def columns_of(rows: Columns, places: np.ndarray) -> dict[float, Column]:
     """The intervals at each of the places, in the order of the rows."""
     names = ("low", "high", "low_omega", "high_omega", "certified", "felt_low", "felt_high")

@@ -220,7 +220,7 @@ class Watch:
             return f"still {self._doing or 'at work'} {after}"
         done, total, doing = self._reports[-1][1], self._total, f"{self._doing}: " if self._doing else ""
         if done >= total:
-            return f"{doing}all {total:,} done {after}, what follows from them is not yet"
+            return f"{doing}all {total:,} done {after}; what follows from them is still to come"
         less = f"; {self._less}" if self._less and left > MINUTE else ""
         what = self._figure or f"{done:,} of {total:,} done"
         return f"{doing}{what} ({100 * done // total} %) {after}" + (

@@ -43,8 +43,6 @@ _LONG_KEY = rf"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){{{MOST_NAMES}}}"
 class TomlPlace(Place):
     """Place in a TOML text, whose line is searched for only if it is needed; name: of the file."""
 
-    text: str = ""
-
     def location(self, of_key: bool = False) -> str:
         """Return `file:line:column` of the value here or of its key."""
         line, column = locate(self.text, self.path, of_key)

@@ -50,26 +50,46 @@ SLOW = 2.0  # s of a slice, which its first call does not change by much
 
 
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
-    """Seconds of a processor for the whole job, estimated from a small part of it; longest: for the samples, s."""
+    """Seconds of a processor for the whole job, estimated from a small part of it; longest: for the samples, s.
+
+    A chunk costs so much by itself, and so much for each of its slices. Samples of several slices beside one of a single slice
+    tell both; what slices of a chunk share makes the estimate too large, by up to two times.
+    """
     sample, times = job.kind.sample(job)
-    total_slices, (job, chunks) = job.slices * times, _samples(sample)
-    tasks, slices = [job.task(chunk) for chunk in chunks], 0
+    total_slices = job.slices * times
+    total_chunks = len(job.chunks) * times
+    job, chunks = _samples(sample)
+    single = job.task(replace(chunks[0], loops=chunks[0].loops[:1], points=chunks[0].points[:1]))
+    tasks = [job.task(chunk) for chunk in chunks]
+    done, slices = 0, 0
     with naming_values(job):
-        loops, points, started = chunks[0].loops[:1], chunks[0].points[:1], time.process_time()
-        job.task(replace(chunks[0], loops=loops, points=points))()
-        if (first := time.process_time() - started) > SLOW:
+        first = _seconds_of(single)
+        if first > SLOW:
             return first * total_slices
-        started = time.process_time()  # the first call costs more than it will later
+        one_slice = _seconds_of(single)  # the first call costs more than it will later
+        started = time.process_time()
         for chunk, task in zip(chunks, tasks, strict=True):
             timed(chunk.number, task)
-            seconds, slices = time.process_time() - started, slices + chunk.slices
+            done += 1
+            slices += chunk.slices
+            seconds = time.process_time() - started
             if seconds > longest:
                 break
-    return seconds / slices * total_slices
+    if slices == done:
+        return seconds / slices * total_slices
+    each_slice = max(0.0, seconds - done * one_slice) / (slices - done)
+    each_chunk = max(0.0, one_slice - each_slice)
+    return each_chunk * total_chunks + each_slice * total_slices
+
+
+def _seconds_of(task):
+    started = time.process_time()
+    task()
+    return time.process_time() - started
 
 
 def _samples(job):
-    """The job in small chunks, and some of them, alternately from its ends and its middle."""
+    """The job in small chunks, and some of them, from its middle and its ends."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.points, enough)
@@ -77,7 +97,7 @@ def _samples(job):
     if 2 * len(job.resolved) > chunks.loops:  # nearly every loop is drawn for itself, and few of them show the time
         deep = min(deep, FEW_DRAWN)
     small = cut_otherwise(job, deep=deep, wide=wide)
-    shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
+    shares = np.linspace(0, 1, PROBES)[[3, 0, 5, 1, 4, 2]]  # slices at an end often take longer
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
     return small, [small.chunks[number] for number in numbers]
 
