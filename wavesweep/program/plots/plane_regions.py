@@ -136,9 +136,12 @@ def _at_fold(before: Sequence[Interval], after: Sequence[Interval]) -> tuple[lis
         kept = ends_of_more
         at_middle_of_more = (ends_of_more + ends_of_fewer) / 2
     elif len(fewer) + 1 == len(more):
-        without = [np.delete(ends_of_more, (i, i + 1)) for i in range(ends_of_more.size - 1)]
-        distances = [np.abs(kept - ends_of_fewer).sum() for kept in without]
-        folds = int(np.argmin(distances))
+        real = np.array([(interval.low_real, interval.high_real) for interval in more]).ravel()
+        may_fold = np.flatnonzero(real[:-1] & real[1:])  # an end of the swept range turns nowhere
+        if not may_fold.size:
+            return None
+        without = {int(i): np.delete(ends_of_more, (i, i + 1)) for i in may_fold}
+        folds = min(without, key=lambda i: np.abs(without[i] - ends_of_fewer).sum())
         kept = without[folds]
         tip = ends_of_more[folds : folds + 2].mean()
         at_middle_of_more = np.insert((kept + ends_of_fewer) / 2, folds, (tip, tip))
