@@ -8,16 +8,11 @@ refutes more.
 import statistics
 import time
 
+from cliffs import FIG4
+
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
-FIG4 = {
-    "controller": {"kind": "pmw", "b": 10.0},
-    "environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0},
-    "device": {"velocity": "difference"},
-    "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
-    "sweep": {"K_VE": {"start": 0, "stop": 2000}},
-}
 FOUR = {"rates.ratio": {"values": [16, 20, 25, 33], "varying": True}}
 MASS = {"device.mass": {"start": 0.08, "stop": 0.125}}
 HAND = {"operator.stiffness": {"start": 0, "stop": 1000}}

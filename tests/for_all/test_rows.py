@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 import pandas as pd
 import pytest
+from cliffs import FIG4
 from scipy.linalg import expm
 
 import wavesweep
@@ -29,13 +30,6 @@ PD = {
     "block": {"arm": {"type": "mass", "mass": 0.2}, "pd": {"type": "hold", "every": "n"}},
     "wire": {"pd.u": "-kp*arm.x - kd*arm.v", "arm.f": "pd.y"},
     "sweep": {"along": "kp", "kp": {"start": 0, "stop": 5000}},
-}
-FIG4 = {
-    "controller": {"kind": "pmw", "b": 10.0},
-    "environment": {"integration": "explicit", "delay": 1, "B_VE": 1.0},
-    "device": {"velocity": "difference"},
-    "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
-    "sweep": {"K_VE": {"start": 0, "stop": 2000}},
 }
 
 

@@ -137,35 +137,33 @@ def test_a_lock_dies_with_its_holder(tmp_path):
     assert names(tmp_path) == []
 
 
-@pytest.mark.parametrize("kind", ["link", "link to nothing", "pipe", "folder"])
-@pytest.mark.parametrize("name", [".zwidth.lock", ".zwidth.holder"])
-def test_what_cannot_be_a_file_of_a_lock_is_refused_and_stays(tmp_path, name, kind):
-    path, target = tmp_path / name, tmp_path / "target"
+def put(kind, path):
+    """Put what is no file in the place of one, beside the target of a link."""
+    target = path.with_name("target")
     target.write_text("mine")
     make = {
         "link": lambda: path.symlink_to(target),
-        "link to nothing": lambda: path.symlink_to(tmp_path / "nothing"),
+        "link to nothing": lambda: path.symlink_to(path.with_name("nothing")),
         "pipe": lambda: os.mkfifo(path),
         "folder": path.mkdir,
     }
     make[kind]()
+
+
+@pytest.mark.parametrize("kind", ["link", "link to nothing", "pipe", "folder"])
+@pytest.mark.parametrize("name", [".zwidth.lock", ".zwidth.holder"])
+def test_what_cannot_be_a_file_of_a_lock_is_refused_and_stays(tmp_path, name, kind):
+    put(kind, tmp_path / name)
     with pytest.raises(UsageError, match="expected a lock file"), at_work(["zwidth"], tmp_path):
         pass
     assert names(tmp_path) == [name, "target"]
-    assert target.read_text() == "mine"
+    assert (tmp_path / "target").read_text() == "mine"
 
 
 @pytest.mark.parametrize("kind", ["link", "link to nothing", "pipe"])
 @pytest.mark.parametrize("name", names_of("zwidth"))
 def test_what_stands_in_the_place_of_a_file_of_results_is_not_replaced_unasked(tmp_path, name, kind):
-    path, target = tmp_path / name, tmp_path / "target"
-    target.write_text("mine")
-    make = {
-        "link": lambda: path.symlink_to(target),
-        "link to nothing": lambda: path.symlink_to(tmp_path / "nothing"),
-        "pipe": lambda: os.mkfifo(path),
-    }
-    make[kind]()
+    put(kind, tmp_path / name)
     with pytest.raises(UsageError, match="found results of an unknown origin"):
         refuse_other_spec("zwidth", tmp_path, "0" * 64)
 
