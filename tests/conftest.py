@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,7 @@ workers.PROCESSES = 1  # tests are many processes already: those that are about 
 gc.set_threshold(50_000, 20, 20)  # thousands of tests are objects that stay: to look through them again and again takes a tenth
 
 collect_ignore_glob = ["whole/*", "stress/test_*"] if MISSING else []
+COUNTED = pytest.StashKey[Counter[str]]()  # tests of each folder that were found, whatever their marks
 THOROUGH = {"judged", "quick"}  # fixtures that take many seconds, whichever test asks for them first
 
 
@@ -41,7 +43,7 @@ def pytest_report_header():
     return f"without {', '.join(sorted(MISSING))}: tests of everything together are left out" if MISSING else None
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Tests that read such a fixture are thorough; of parameters that are sampled, the others are no tests.
 
     WAVESWEEP_EACH=5 in the environment leaves each fifth test, and all that run a command.
@@ -60,11 +62,18 @@ def pytest_collection_modifyitems(items):
         kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}
         left_out |= {item for at, item in enumerate(same) if at not in kept}
     items[:] = [item for item in items if item not in left_out]
+    config.stash[COUNTED] = Counter(item.path.parent.relative_to(ROOT).as_posix() for item in items)
     for item in items:
         if item.get_closest_marker("thorough"):
             item.add_marker("slow")
     each = int(os.environ.get("WAVESWEEP_EACH", "1"))
     items[:] = [item for at, item in enumerate(items) if at % each == 0 or "wavesweep" in item.fixturenames]
+
+
+@pytest.fixture
+def counted(request):
+    """How many tests of each folder this run has found, whatever their marks and whichever of them it runs."""
+    return request.config.stash[COUNTED]
 
 
 def pytest_collection_finish():

@@ -19,8 +19,9 @@ LOOPS = {
 }
 NARROW = HandBox((0.05, 0.1), (3.0, 4.0), (300.0, 400.0))
 LOOSE = HandBox((0.0, 0.3), (0.0, 5.0), (0.0, 1000.0))
-BOXES = {"narrow": NARROW, "wide": HOLDING_A_DEVICE, "loose": LOOSE}
-IN_SUITE = ("dc-slow", "narrow"), ("dc-lm", "wide")
+LIGHT = HandBox((0.05, 0.3), (2.0, 6.0), (100.0, 500.0))
+BOXES = {"narrow": NARROW, "light": LIGHT, "wide": HOLDING_A_DEVICE, "loose": LOOSE}
+IN_SUITE = ("dc-slow", "narrow"), ("dc-lm", "light")
 
 
 def sampled(box, count, seed=7):

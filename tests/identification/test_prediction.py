@@ -50,27 +50,27 @@ def covered(log):
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize("kind", ["drift, Coulomb", "hand", "Coulomb", "plain", "drift", "hand, Coulomb"])
-def test_intervals_contain_the_truth_though_more_acts_than_the_log_says(kind):
-    """In nearly all of 6 logs; the script benchmarks/identify_coverage.py counts more."""
-    inside = [covered(log) for log in of_one_mass(kind, 6, 3, 2.0)]
+@pytest.mark.parametrize(("kind", "logs"), [("drift, Coulomb", 3), ("hand, Coulomb", 6)])
+def test_intervals_contain_the_truth_though_more_acts_than_the_log_says(kind, logs):
+    """In nearly all logs; the script benchmarks/identify_coverage.py counts more."""
+    inside = [covered(log) for log in of_one_mass(kind, logs, 3, 2.0)]
     assert np.mean(inside, axis=0).min() >= 0.6
 
 
 @pytest.mark.slow
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(("hand", "seconds"), [(0.0, 0.5), (0.1, 2.0), (0.0, 5.0), (0.1, 5.0)])
+@pytest.mark.parametrize(("hand", "seconds"), [(0.0, 0.5), (0.1, 2.0)])
 def test_two_masses_are_found_from_noise_with_a_drift_too(hand, seconds):
-    """In 3 logs all of mass, load and coupling; the others in nearly all."""
-    inside = []
-    for log in of_two_masses(hand, 3, 0, seconds):
-        fit, _ = identified(Model(load=True), log.force, log.reading, log.period, log.step)
-        truth = log.truth | {name: np.log(log.truth[size]) for size, name in LOGARITHMS.items()}
-        names = zip(fit.model.names, fit.theta, fit.half, strict=True)
-        inside.append([abs(value - truth[name]) <= half for name, value, half in names if name in truth])
-    assert np.mean(inside, axis=0).min() >= 0.6
-    assert np.mean(inside) >= 0.9
+    """All of mass, load and coupling, and nearly all of the others."""
+    (log,) = of_two_masses(hand, 1, 0, seconds)
+    fit, _ = identified(Model(load=True), log.force, log.reading, log.period, log.step)
+    truth = log.truth | {name: np.log(log.truth[size]) for size, name in LOGARITHMS.items()}
+    inside = {
+        name: abs(value - truth[name]) <= half
+        for name, value, half in zip(fit.model.names, fit.theta, fit.half, strict=True)
+        if name in truth
+    }
+    assert all(inside[name] for name in LOGARITHMS.values()), inside
+    assert np.mean(list(inside.values())) >= 0.8
 
 
 @pytest.mark.slow

@@ -28,13 +28,14 @@ def collected() -> Counter[str]:
 
 
 @pytest.mark.slow
-def test_no_folder_has_fewer_tests_than_it_had():
-    found = collected()
+def test_no_folder_has_fewer_tests_than_it_had(counted):
+    with COUNTS.open(encoding="utf-8") as file:
+        before = {row["folder"]: int(row["tests"]) for row in csv.DictReader(file)}
+    found = counted if counted.keys() >= before.keys() else collected()  # where this run was asked for some of them
     if "WAVESWEEP_UPDATE" in os.environ:
         lines = [f"{folder},{found[folder]}" for folder in sorted(found)]
         COUNTS.write_text("\n".join(["folder,tests", *lines, ""]), encoding="utf-8")
-    with COUNTS.open(encoding="utf-8") as file:
-        before = {row["folder"]: int(row["tests"]) for row in csv.DictReader(file)}
+        return
     fewer = {folder: f"{found[folder]} tests, {number} before" for folder, number in before.items() if found[folder] < number}
     assert not fewer, "say so in the commit, and write the numbers anew with WAVESWEEP_UPDATE=1"
     assert not found.keys() - before.keys(), "folders without a number: write them with WAVESWEEP_UPDATE=1"

@@ -7,7 +7,6 @@ from support import together
 import wavesweep
 
 POINTS = 3  # members of a loop that are computed in both ways
-FEW = 6  # loops of each kind
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -45,11 +44,10 @@ def test_a_climb_finds_the_worst_member_of_two_sines_in_a_ring():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", together.KINDS)
 def test_claims_give_way_where_numbers_are_unstable_only_together(name):
-    for seed in range(FEW):
-        loop = together.drawn(name, seed)
-        found = together.judged(loop)
-        assert not found["wrong"], (seed, found, loop.tables)
-        assert found["said"] == "refuted", (seed, found, loop.tables)
+    loop = together.drawn(name, 0)
+    found = together.judged(loop)
+    assert not found["wrong"], (found, loop.tables)
+    assert found["said"] == "refuted", (found, loop.tables)
 
 
 @pytest.mark.thorough
