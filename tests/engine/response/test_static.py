@@ -7,6 +7,7 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
+from wavesweep.engine.response import steady
 from wavesweep.engine.response.static import relative_response
 from wavesweep.engine.response.steady import static_response
 
@@ -145,6 +146,24 @@ def test_a_small_share_of_the_force_is_bounded_or_missing(spec, wanted):
     missing = np.isnan(row.impedance_re) and np.isnan(row.impedance_error)
     assert missing or abs(row.impedance_re / wanted - 1) <= row.impedance_error
     assert row.doubt == "rounding" or row.impedance_error < 1e-6
+
+
+def test_only_loops_whose_limit_has_few_digits_are_asked_at_low_frequencies(monkeypatch):
+    """Two of four, by their wave impedance; all are as they are alone."""
+    soft = [1e-6, 10.0, 2e-6, 5.0]
+    values = values_of("pmw", mass=10.0, ratio=2, fast_hz=1e4, K_VE=500.0)
+    alone = [static_response(loop_of(values | {"controller.b": b})) for b in soft]
+    looked_at, extrapolated = [], steady._from_low_frequencies
+
+    def watched(loop, limits):
+        looked_at.append(loop.port.batch)
+        return extrapolated(loop, limits)
+
+    monkeypatch.setattr(steady, "_from_low_frequencies", watched)
+    together = static_response(loop_of(values | {"controller.b": np.array(soft)}))
+    assert looked_at == [(2,)]
+    np.testing.assert_allclose(together.impedance, [each.impedance for each in alone], rtol=1e-12)
+    np.testing.assert_allclose(together.impedance_error, [each.impedance_error for each in alone], rtol=0.1)
 
 
 @pytest.mark.parametrize(("error", "missing"), [(0.099, False), (0.101, True)])

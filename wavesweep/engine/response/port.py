@@ -82,6 +82,18 @@ class Port:
         """Relative error of sums over a frame."""
         return long_sum(self.kind.size)
 
+    def some(self, index: np.ndarray) -> "Port":
+        """Return the port of some loops of a batch of one axis; index: `(loops,)`, of integers or truth values."""
+
+        def chosen(matrix):
+            if matrix is None or matrix.ndim < 3:
+                return matrix
+            return np.broadcast_to(matrix, (*self.batch, *matrix.shape[-2:]))[index]
+
+        maps = tuple(StateSpace(*map(chosen, tick)) for tick in self.maps)
+        sizes = tuple(StateSpace(*map(chosen, tick)) for tick in self.sizes)
+        return replace(self, maps=maps, sizes=sizes, position=chosen(self.position), moves=chosen(self.moves))
+
     def observable(self) -> "Port":
         """Return the port without the states that no output depends on."""
         reads, shown = np.zeros((self.maps[0].E.shape[-1],) * 2, bool), np.zeros(self.maps[0].E.shape[-1], bool)

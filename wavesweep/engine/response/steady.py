@@ -92,7 +92,11 @@ def static_response(loop: Lifted) -> Response:
         error[1] += np.where(force == 0, 0.0, error[0])
         rough = ~(error <= GOOD).all(0) & ~(rest.going | rest.rigid | loop.lost)
         if rough.any():
-            low = _from_low_frequencies(loop, limits)
+            low = np.full(limits.shape, np.inf)
+            if rough.ndim == 1:
+                low[:, rough] = _from_low_frequencies(Lifted.of(loop.port.some(rough)), limits[:, rough])
+            else:
+                low[...] = _from_low_frequencies(loop, limits)
             error = np.where(rough & (limits != 0), np.fmin(error, low), error)
         error += np.where(limits == 0, 0.0, 4 * np.finfo(float).eps)
         limits = np.where(error < LOST, limits, np.nan)
