@@ -61,6 +61,9 @@ HAPTICS = (
     "pmw",
     "controller_drawings",
     "held_loop",
+    "resting",
+    "resting_frame",
+    "felt",
 )
 HOUSES = {"engine": ENGINE, "haptics": HAPTICS, "program": PROGRAM}
 LAYERS = tuple(f"{house}.{room}" for house, rooms in HOUSES.items() for room in rooms)

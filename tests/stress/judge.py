@@ -56,7 +56,7 @@ def _intervals(question):
     loops = Loops(loop_drawing(question.values), question.values | {other: np.array(question.fixed, float)}).read
     size = len(question.fixed)
     asked = Question(along, question.span)
-    return intervals_of(asked, Slices(loops, size, Opened.of(loops, asked.number, size, felt=False)))
+    return intervals_of(asked, Slices(loops, size, Opened.of(loops, asked.number, size)))
 
 
 def _must_be_numbers(found):

@@ -14,10 +14,11 @@ from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.cut import FIRST, SECOND, LinearFractional, with_batch
-from wavesweep.engine.search.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
+from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN, blank_records
 from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop

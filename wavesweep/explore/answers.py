@@ -14,11 +14,12 @@ from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond
-from wavesweep.engine.search.interval_records import FELT, LINES, OPEN
+from wavesweep.engine.search.interval_records import LINES, OPEN
 from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
 from wavesweep.haptics.controller_drawings import wall_cut
 from wavesweep.haptics.controllers import WALL
+from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over
 from wavesweep.program.analyses.own_design import own_design
 from wavesweep.program.analyses.plane_columns import NARROW, Interval, PlaneCurve, View, curves_of, known_gaps

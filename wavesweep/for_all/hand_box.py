@@ -8,10 +8,11 @@ import numpy as np
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.interval_records import RECORD, blank_records
+from wavesweep.engine.search.interval_records import blank_records
 from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.for_all.unknown import Case, Part, proofs
 from wavesweep.haptics.controllers import HAND
+from wavesweep.haptics.felt import RECORD
 from wavesweep.haptics.held_loop import HeldLoop, held_loop
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis

@@ -72,7 +72,7 @@ def claims_hold(
 
 def _within(rows, loop, along, span):
     """Whether rows lie within the stable intervals of a loop, as far as these are certified."""
-    records = Search(along, span, ((np.zeros(1, int), loop.read),), felt=False, checked=True).records()
+    records = Search(along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True).records()
     if not records["certified"].all():
         return True
     stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
@@ -84,7 +84,7 @@ def nowhere(loops: Sequence[Loops], along: str, span: tuple[float, float]) -> bo
     beyond rounding."""
     common = [span]
     for loop in loops:
-        records = Search(along, span, ((np.zeros(1, int), loop.read),), felt=False, checked=True).records()
+        records = Search(along, span, ((np.zeros(1, int), loop.read),), lines=False, checked=True).records()
         if records["certified"].all():
             stable = [(each["low"], each["high"]) for each in records if each["intervals"]]
             both = [(max(low, a), min(high, b)) for low, high in common for a, b in stable]

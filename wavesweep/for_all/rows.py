@@ -12,7 +12,7 @@ from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.search.interval_records import FELT, FIELDS, LINES, OPEN, blank_records
+from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN, blank_records
 from wavesweep.engine.stability.certificate import CONTRADICTION, NONE, SEARCH
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
@@ -21,6 +21,7 @@ from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere,
 from wavesweep.for_all.members import claims_hold, members, nowhere
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, placed, text_of
+from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.spec.studies import K_VE_SPAN

@@ -205,7 +205,7 @@ class Case:
         """The stable intervals at each point, with whether what lies below and above is known to be unstable."""
         intervals = [[] for _ in points]
         for members, loops in self._built(points):
-            records = Search(self.along, self.span, ((np.arange(members.size), loops),), felt=False, checked=True).records()
+            records = Search(self.along, self.span, ((np.arange(members.size), loops),), lines=False, checked=True).records()
             self.certified &= bool(records["certified"].all())
             for record in records[records["intervals"] > 0]:
                 low, high, *omegas = (float(record[name]) for name in ("low", "high", "low_omega", "high_omega"))

@@ -72,7 +72,7 @@ def pair_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
 def _where_stable(loop, path, span, way):
     """The intervals in which a way is passive, within those of stability by itself, of states that no port sees too."""
     groups = ((np.zeros(1, int), Loops(loop.drawing, loop.values)),)
-    records = Search(path, span, groups, felt=False, checked=True).records()
+    records = Search(path, span, groups, lines=False, checked=True).records()
     stable = [(float(record["low"]), float(record["high"])) for record in records if record["intervals"]]
     return _Ranges(loop, path, span, (way,), stable).answered(bool(records["certified"].all()))
 

@@ -9,11 +9,10 @@ from wavesweep.engine.drawing.drawing import decides, path_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.ports import feels
-from wavesweep.engine.response.at_hand import felt_of
 from wavesweep.engine.search.lines_of_loops import lines_in_loops
 from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
+from wavesweep.haptics.felt import feels, felt_of
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import FAST, Grid, drawn_groups, keys_of, own_loop

@@ -72,7 +72,7 @@ def test_loops_with_other_numbers_of_slices_go_together(opened):
     spec, b, B = wave_line(), np.array([11.0, 11.0, 13.0, 12.0]), np.array([1.0, 2.0, 1.0, 3.0])
     loop = own_loop(spec)
     found = [
-        open_loops.Opened.of(loop.changed({"numbers.b": b[some], "numbers.B": B[some]}), "K", len(some), felt=False)
+        open_loops.Opened.of(loop.changed({"numbers.b": b[some], "numbers.B": B[some]}), "K", len(some))
         for some in ([0, 1, 2, 3], [0], [1], [2], [3])
     ]
     whole, *each = (one_gain.of_cut(part, (0.0, 20000.0)) for part in found)

@@ -10,7 +10,7 @@ import pytest
 from support.chunks import changed, finished_in
 
 from wavesweep.engine.errors import CheckpointError, UsageError
-from wavesweep.engine.search.interval_records import RECORD
+from wavesweep.haptics.felt import RECORD
 from wavesweep.program.store import checkpoint
 from wavesweep.program.sweep import running
 from wavesweep.program.tables.interval_table import intervals

@@ -39,8 +39,3 @@ def axes_of(drawing: Drawing) -> Ports:
     """The signals at the port of a hand with all its axes."""
     further = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
     return Ports(drawing.hand[0], POSITION, others=further)
-
-
-def feels(drawing: Drawing) -> bool:
-    """Whether a loop has a hand that may feel a wall."""
-    return bool(drawing.hand and drawing.wall)

@@ -1,64 +1,25 @@
-"""Batches of loops at their hand, or between an input and an output: ports, responses, the stiffness at rest."""
+"""Batches of loops at their hand, or between an input and an output: ports and responses."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import path_of
-from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.loops.ports import hand_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port, port_between, port_of
-from wavesweep.engine.response.resting import tick_dcgain
 from wavesweep.engine.response.static import Response, dcgain
-from wavesweep.engine.response.steady import GOOD, respond, static_response
+from wavesweep.engine.response.steady import GOOD, respond
 
 Route = tuple[str, str]  # names of an input and an output
-SURE = 1e-6  # relative error up to which a stiffness counts as known
 
 
-def felt_of(loops: Loops, size: int) -> np.ndarray:
-    """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
-    felt = np.full(size, np.nan)
-    try:
-        _fill_felt(felt, loops)
-    except UsageError:  # no plant has the position of the port
-        return felt
-    except IllPosedLoopError:
-        if size == 1:
-            return felt
-        loops = loops.changed({path: np.broadcast_to(v, (size,)) for path, v in loops.values.items() if np.ndim(v)})
-        return np.concatenate([felt_of(loops.some([at]), 1) for at in range(size)])
-    return felt
-
-
-def _fill_felt(felt, loops):
-    """Write what is known of `felt_of` into the array."""
-    ports, size, drawn, drift = hand_of(loops.drawing), felt.size, loops.drawn(), loops.drift_at_hand()
-    if not (drift.constant or drift.varying):
-        with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
-            felt[:] = tick_dcgain(drawn, ports).stiffness(np.arange(size), np.zeros(size))
-    unknown = np.flatnonzero(np.isnan(felt))
-    rates = _rates(loops)
-    if drift.varying and rates:  # what drifts may depend on the rate: the loops of each one by themselves
-        first, of = distinct_rows({path: rate[unknown] for path, rate in rates.items()}, unknown.size)
-        for number, at in enumerate(unknown[first].tolist()):
-            members, values = unknown[of == number], {path: rate[at].item() for path, rate in rates.items()}
-            felt[members] = felt_of(loops.some(members).changed(values), members.size)
-    elif unknown.size:
-        drawn_unknown = drawn if unknown.size == size else loops.some(unknown).drawn()
-        with drawn.naming_blocks():
-            response = static_response(Lifted.of(port_of(drawn_unknown, ports, drift)))
-        felt[unknown] = np.where(response.impedance_error <= SURE, response.impedance.real, np.nan)
-
-
-def _rates(loops) -> dict[str, np.ndarray]:
+def varied_rates(loops: Loops) -> dict[str, np.ndarray]:
     """The numbers that the rate of the tick follows from, of those that vary."""
     paths = [path_of(name) for name in loops.drawing.rating]
     return {path: loops.values[path] for path in paths if np.ndim(loops.values[path])}
@@ -70,7 +31,7 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
     The ports are the hand's or, if a route names an input and an output, those between them.
     """
     loops.refuse_unsuitable()
-    rates = _rates(loops)
+    rates = varied_rates(loops)
     first, of = distinct_rows(rates, size)
     for number, at in enumerate(first.tolist()):
         members = np.flatnonzero(of == number)

@@ -13,7 +13,7 @@ from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.loops.dead_time import structure, timing
-from wavesweep.engine.search.interval_records import records_of
+from wavesweep.engine.search.interval_records import RECORD, records_of
 from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.intervals import Intervals, by_slice, joined, without_seams
 
@@ -53,7 +53,7 @@ def about(question: Question, loop: Loops, value: float, work: float, rest: Rest
         piece = ends[place : place + 2]
         pieces.append(_in_piece(question, piece, loop, loop, 1, rest))
         work -= LEAST_WORK + len(loop.changed(_built(question, piece, loop)).drift().states) ** 2
-        records = records_of(without_seams(joined(pieces)))
+        records = records_of(without_seams(joined(pieces)), RECORD)
         inside = records[(records["low"] <= value) & (value <= records["high"])]
         low, high = np.fmin(inside["low"], inside["open_low"]), np.fmax(inside["high"], inside["open_high"])
         below = value - ends[first - 1] if first and (low == ends[first]).all() else np.inf

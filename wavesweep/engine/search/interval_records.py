@@ -20,18 +20,23 @@ FIELDS = (
     ("residual", "<f8"),
     ("doubt", "i1"),
 )
-FELT = ("felt_low", "felt_high")
 LINES = ("low_hz", "high_hz")
 OPEN = (("open_places", "<i4"), ("open_low", "<f8"), ("open_high", "<f8"))
-RECORD = np.dtype([*FIELDS, *((name, "<f8") for name in (*FELT, *LINES)), *OPEN])
+RECORD = np.dtype([*FIELDS, *((name, "<f8") for name in LINES), *OPEN])
 
 FAILURES = (ArithmeticError, np.linalg.LinAlgError, IndexError)  # what numerics raise where they have no answer
 
 
-def records_of(intervals: Intervals) -> np.ndarray:
-    """The intervals as records, sorted by slice (numbered from 0 in the chunk); see `in_rows`."""
+def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
+    """The intervals as records, sorted by slice (numbered from 0 in the chunk); see `in_rows`.
+
+    dtype: of the records, with the fields of RECORD; other numbers are missing.
+    """
     rows, open_ = in_rows(intervals)
-    records = np.zeros(rows.column.size, RECORD)
+    records = np.zeros(rows.column.size, dtype)
+    for name in dtype.names:
+        if dtype[name].kind == "f":
+            records[name] = np.nan
     records["slice"] = rows.column
     records["intervals"], records["interval"] = rows.count, np.maximum(rows.index, 0)
     for name in ("low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"):

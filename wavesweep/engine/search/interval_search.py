@@ -12,7 +12,6 @@ from types import ModuleType
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.ports import feels
 from wavesweep.engine.search import (
     dead_time_pieces,
     dominance,
@@ -21,8 +20,8 @@ from wavesweep.engine.search import (
     required_region,
     subloops,
 )
-from wavesweep.engine.search.at_ends import lines_at_ends, stiffness_at_ends
-from wavesweep.engine.search.interval_records import FAILURES, FELT, LINES, RECORD, records_of, unanswered
+from wavesweep.engine.search.at_ends import AtPort, lines_at_ends
+from wavesweep.engine.search.interval_records import FAILURES, LINES, RECORD, records_of, unanswered
 from wavesweep.engine.search.open_loops import Opened, varied_beside
 from wavesweep.engine.search.question import Prover, Question, RequiredRegion, Slices
 from wavesweep.engine.stability.intervals import Intervals, by_slice
@@ -44,57 +43,66 @@ def intervals_of(question: Question, slices: Slices, methods: Sequence[ModuleTyp
 class Search:
     """A search for the stable intervals of loops of one drawing along the number `along` within span = (low, high).
 
-    groups: of the loops, which the members of all of them number. felt: give the stiffness that a hand feels at the ends too,
-    and the lines of a spectrum. checked: whether the numbers are known to make loops. prover, bound: see `Question`.
+    groups: of the loops, which the members of all of them number. lines: whether to give the lines of a spectrum at the ends.
+    checked: whether the numbers are known to make loops. prover, bound: see `Question`. at_port: what is computed of a port at
+    the ends. dtype: of the records, with the fields of RECORD and those of at_port.
     """
 
     along: str
     span: tuple[float, float]
     groups: Groups
-    felt: bool = True
+    lines: bool = True
     checked: bool = False
     prover: Prover | None = None
     bound: RequiredRegion | None = None
+    at_port: AtPort | None = None
+    dtype: np.dtype = RECORD
 
     @property
     def question(self) -> Question:
         """What is asked of the loops."""
-        return Question(self.along, self.span, self.prover, self.bound)
+        return Question(self.along, self.span, self.prover, self.bound, self.at_port and self.at_port.find_port)
 
     def records(self) -> np.ndarray:
-        """The intervals as records, with the stiffness that a hand feels."""
+        """The intervals as records, with what is asked at their ends."""
         question, groups, batches = self.question, self.opened_groups(), []
         for members, slices in groups:
             intervals = intervals_of(question, slices)
             batches.append(replace(intervals, column=members[intervals.column]))
-        records = records_of(by_slice(batches))
-        for name in (*FELT, *LINES):
-            records[name] = np.nan
-        for members, slices in groups if self.felt else ():  # curves leave out what is felt, and these lines
+        records = records_of(by_slice(batches), self.dtype)
+        passes = []
+        if self.at_port:
+            passes.append((self.at_port.fields, self.at_port.values))
+        if self.lines:
+            passes.append((LINES, lines_at_ends))
+        for members, slices in groups if passes else ():
             rows = np.flatnonzero(records["intervals"] > 0)
             if len(groups) > 1:
                 rows = rows[np.isin(records["slice"][rows], members)]
             place = np.searchsorted(members, records["slice"][rows])
-            p, omega = (np.stack([records[name][rows] for name in pair]) for pair in (ENDS, OMEGAS))
-            passes = [(FELT, stiffness_at_ends)] * feels(slices.loops.drawing) + [(LINES, lines_at_ends)]
-            for names, pass_over in passes:
-                values = pass_over(question, slices.loops, slices.opened, place, p, omega)
-                for name, column in zip(names, values, strict=True):
+            p = np.stack([records[name][rows] for name in ENDS])
+            omega = np.stack([records[name][rows] for name in OMEGAS])
+            for fields, values_at in passes:
+                values = values_at(question, slices.loops, slices.opened, place, p, omega)
+                for name, column in zip(fields, values, strict=True):
                     records[name][rows] = column
         return records
 
     def opened_groups(self) -> list[tuple[np.ndarray, Slices]]:
         """The members and the slices of each group; groups that may have a loop without the number in common are one."""
-        groups, number = self.groups, self.question.number
+        groups, question = self.groups, self.question
         for _, loops in () if self.checked else groups:
             loops.refuse_unsuitable()
         if (merged := self._with_zeros()) is not None:
             members, loops = merged
-            opened = Opened.of(loops, number, members.size, felt=self.felt)
+            opened = Opened.of(loops, question.number, members.size, find_port=question.find_port)
             if opened and opened.loops.second:
                 return [(members, Slices(loops, members.size, opened))]
-        of_groups = [(members, loops, Opened.of(loops, number, members.size, felt=self.felt)) for members, loops in groups]
-        return [(members, Slices(loops, members.size, opened)) for members, loops, opened in of_groups]
+        of_groups = []
+        for members, loops in groups:
+            opened = Opened.of(loops, question.number, members.size, find_port=question.find_port)
+            of_groups.append((members, Slices(loops, members.size, opened)))
+        return of_groups
 
     def _with_zeros(self):
         """Two groups as one, that are apart since a number which loops may be without is 0 in one of them; else None."""
@@ -144,7 +152,7 @@ class Searches:
             if len(groups) == 1:
                 ((search, members, loops),) = groups
                 if members.size == 1:
-                    return unanswered(RECORD, int(members[0]), search.span, error)
+                    return unanswered(search.dtype, int(members[0]), search.span, error)
                 halves = np.array_split(np.arange(members.size), 2)
                 groups = [(search, members[half], loops.some(half)) for half in halves]
             batches = [Searches((replace(search, groups=(tuple(group),)),)).records() for search, *group in groups]

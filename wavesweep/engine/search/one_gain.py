@@ -34,7 +34,8 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     for alike in by_zeros(loops, doubtful):
         columns = doubtful[alike]
         few = loops.some(columns)
-        alone = Slices(few, columns.size, Opened.of_each(few, question.number, columns.size, felt=bool(opened.loops.hand)))
+        find_port = question.find_port if opened.loops.port else None
+        alone = Slices(few, columns.size, Opened.of_each(few, question.number, columns.size, find_port=find_port))
         answer = find(question, alone, rest) if applies(question, alone) else rest(question, alone)
         intervals = in_place(intervals, columns, answer)
     return intervals

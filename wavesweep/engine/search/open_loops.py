@@ -1,26 +1,28 @@
 """Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
 
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.algebraic import WORST_CONDITION
 from wavesweep.engine.loops.batch import distinct, distinct_rows
-from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, seen_by_hand, shares_wire
+from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, shares_wire
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import Ports, feels, hand_of
+from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
 
-if TYPE_CHECKING:
-    from wavesweep.engine.response.resting import DcGain
+# From the blocks of loops without some numbers, their drawing, these numbers, and the signals of theirs that the frame is
+# opened at, to a port that the frame is to show as well; None for none.
+FindPort = Callable[[MultirateLoop, Drawing, tuple[str, ...], tuple[str, ...]], Ports | None]
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
@@ -35,18 +37,26 @@ def exact_cut(loops: Loops, number: str) -> LinearFractional | None:
 
 @dataclass(frozen=True, eq=False)
 class OpenLoops:
-    """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force.
+    """Loops without a number that is one scalar gain of their frame.
 
-    second: another number of the same wire, that they are without as well (see `shares_wire`), or empty. conserved: whether a
-    combination of states drifts in the loops with the number.
+    port: whose input the frame has as well, and whose reaction it shows. second: another number of the same wire, that they are
+    without as well (see `shares_wire`), or empty. conserved: whether a combination of states drifts in the loops with the
+    number.
     """
 
     drawn: MultirateLoop
     frame: OpenFrame
     drift: MarginalModes
-    hand: Ports | None = None
+    port: Ports | None = None
     second: str = ""
     conserved: bool = False
+    memo: dict = field(default_factory=dict, init=False, repr=False)  # see `remembered`
+
+    def remembered(self, name: str, make: Callable[[], Any]) -> Any:
+        """What was made of these loops under that name, or is made now."""
+        if name not in self.memo:
+            self.memo[name] = make()
+        return self.memo[name]
 
     @cached_property
     def cut(self) -> LinearFractional | None:
@@ -57,19 +67,14 @@ class OpenLoops:
         """The cut as a batch of `size` loops."""
         return self.cut.remembered(("batch", size), lambda: with_batch(self.cut, size))
 
-    @cached_property
-    def at_rest(self) -> "DcGain | None":
-        """The loops as their hand feels them at rest; None without a hand, or if the frame does not show it."""
-        from wavesweep.engine.response.resting_frame import frame_dcgain
 
-        return self.hand and frame_dcgain(self.drawn, self.hand, self.frame, self.drift)
-
-
-def open_loops(loops: Loops, number: str, second: str = "", *, felt: bool = False, per_loop: bool = False) -> OpenLoops | None:
+def open_loops(
+    loops: Loops, number: str, second: str = "", *, find_port: FindPort | None = None, per_loop: bool = False
+) -> OpenLoops | None:
     """The loops without a number that is one scalar gain of a frame; None if it is not one.
 
     second: another number of the same wire, without which they are as well; None if they drift in another way without it.
-    felt: whether to see their hand. per_loop: see `product_with_errors`.
+    find_port: of a port that the frame is to show. per_loop: see `product_with_errors`.
     """
     drawing = loops.drawing
     if not scalar_place(drawing, number):
@@ -86,23 +91,19 @@ def open_loops(loops: Loops, number: str, second: str = "", *, felt: bool = Fals
     conserved = bool(closed.varying)
     if conserved and len(closed.constant) + len(closed.varying) != len(drift.constant):
         return None
-    drawn, hand, ports = loops.drawn(number, second), None, ("", ())
-    if felt and feels(drawing) and not any(seen_by_hand(drawing, name) for name in (number, second)):
-        from wavesweep.engine.response.resting_frame import shows_at_rest
-
-        if shows_at_rest(drawn, hand_of(drawing), read):
-            hand = hand_of(drawing)
-            ports = hand.force, (hand.reaction,)
+    drawn = loops.drawn(number, second)
+    port = find_port(drawn, drawing, (number, second), read) if find_port else None
+    shown = (port.force, (port.reaction,)) if port else ("", ())
     with drawn.naming_blocks(), np.errstate(all="ignore"):
-        frame = open_frame(drawn, drift, PRODUCT, read, *ports, per_loop=per_loop)
-    return frame and OpenLoops(drawn, frame, drift, hand, second, conserved)
+        frame = open_frame(drawn, drift, PRODUCT, read, *shown, per_loop=per_loop)
+    return frame and OpenLoops(drawn, frame, drift, port, second, conserved)
 
 
 @lru_cache(maxsize=8)  # compiled loops are asked again and again
-def remembered_loops(drawing, items, number, second, felt):
+def remembered_loops(drawing, items, number, second, find_port):
     """`open_loops` of a single loop or of few; items: their numbers, in tuples over the loops."""
     values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
-    return open_loops(Loops(drawing, values), number, second, felt=felt)
+    return open_loops(Loops(drawing, values), number, second, find_port=find_port)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,17 +121,17 @@ class Opened:
     alone: bool = False
 
     @staticmethod
-    def of(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
+    def of(loops: Loops, number: str, size: int, *, find_port: FindPort | None = None) -> "Opened | None":
         """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
 
         loops: those of the slices. Slices that differ in another number of the same wire alone have one loop, which is without
-        that number as well; of several such numbers one that is varied. felt: see `open_loops`.
+        that number as well; of several such numbers one that is varied. find_port: see `open_loops`.
         Errors: IllPosedLoopError if the loops have no solution without the number.
         """
         path = varied_beside(loops, number)
         for swapped in (False, True) if path else ():
             with suppress(IllPosedLoopError):
-                opened = _without(loops, number, size, path, swapped, felt=felt)
+                opened = _without(loops, number, size, path, swapped, find_port=find_port)
                 if opened and opened.loops.cut:
                     # Loops of direct terms that the second number closes have to have solutions.
                     direct = opened.loops.frame.D[..., int(not swapped), 0]
@@ -138,17 +139,12 @@ class Opened:
                     through = opened.second * direct
                     if (1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all():
                         return opened
-        return _without(loops, number, size, felt=felt)
+        return _without(loops, number, size, find_port=find_port)
 
     @staticmethod
-    def of_each(loops: Loops, number: str, size: int, *, felt: bool) -> "Opened | None":
+    def of_each(loops: Loops, number: str, size: int, *, find_port: FindPort | None = None) -> "Opened | None":
         """`of` slices that have a loop each, with bounds on rounding of its own."""
-        return _without(loops, number, size, alone=True, felt=felt)
-
-    def stiffness(self, at, p) -> np.ndarray:
-        """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all; NaN if the frame hides it."""
-        pair = p, self.second[at]
-        return self.loops.at_rest.stiffness(self.loop_of[at], *(pair[::-1] if self.swapped else pair))
+        return _without(loops, number, size, alone=True, find_port=find_port)
 
 
 def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
@@ -162,7 +158,7 @@ def varied_beside(loops: Loops, number: str) -> str:
     return paths[-1] if paths else ""
 
 
-def _without(loops, number, size, path="", swapped=False, *, alone=False, felt):
+def _without(loops, number, size, path="", swapped=False, *, alone=False, find_port):
     """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
     loop_of, second, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
     numbers = numbers[::-1] if swapped else numbers
@@ -174,7 +170,7 @@ def _without(loops, number, size, path="", swapped=False, *, alone=False, felt):
     elif size == 1 and not alone:
         loops = loops.one(0)
     if alone or max(map(np.size, loops.values.values()), default=1) > FEW:
-        without = open_loops(loops, *numbers, felt=felt, per_loop=alone)
+        without = open_loops(loops, *numbers, find_port=find_port, per_loop=alone)
     else:
-        without = remembered_loops(loops.drawing, loops.items, *numbers, felt)
+        without = remembered_loops(loops.drawing, loops.items, *numbers, find_port)
     return without and Opened(without, loop_of, second, swapped, alone)

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.open_loops import Opened
+from wavesweep.engine.search.open_loops import FindPort, Opened
 from wavesweep.engine.stability.intervals import Intervals
 
 
@@ -60,13 +60,15 @@ Prover = Callable[[Loops, str, np.ndarray], Callable | None]
 class Question:
     """Where along the number with the path `along`, within span = (low, high), loops are stable.
 
-    prover: is asked about columns in doubt. bound: on the eigenvalues of a frame, in place of the unit circle.
+    prover: is asked about columns in doubt. bound: on the eigenvalues of a frame, in place of the unit circle. find_port: of a
+    port that loops without the number are to show, see `open_loops`.
     """
 
     along: str
     span: tuple[float, float]
     prover: Prover | None = None
     bound: RequiredRegion | None = None
+    find_port: FindPort | None = None
 
     @property
     def number(self) -> str:

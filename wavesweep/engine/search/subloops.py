@@ -40,7 +40,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
         of_subloop = replace(question, bound=bound.over(ticks // subloop.drawn().ticks)) if bound else question
         opened = None
         with suppress(IllPosedLoopError):  # it may have no solution at 0 of the number, which may be beyond the range
-            opened = Opened.of(subloop, question.number, slices.size, felt=False)
+            opened = Opened.of(subloop, question.number, slices.size)
         answers.append(rest(of_subloop, Slices(subloop, slices.size, opened)))
     return common(answers)
 

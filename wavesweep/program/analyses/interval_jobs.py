@@ -15,12 +15,11 @@ from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.loops.ports import feels
-from wavesweep.engine.search.at_ends import felt_along, felt_at_ends
-from wavesweep.engine.search.interval_records import FAILURES, FELT, RECORD, unanswered
+from wavesweep.engine.search.interval_records import FAILURES, unanswered
 from wavesweep.engine.search.interval_search import ENDS, OMEGAS, Search, Searches
 from wavesweep.engine.search.open_loops import FEW, exact_cut
 from wavesweep.engine.search.question import Prover
+from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, columns_of_ends
 from wavesweep.program.reading.tables import TableValue
@@ -215,7 +214,7 @@ def _searches(
     """The searches for the intervals of `size` loops of the spec.
 
     changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
-    factors of it. felt, checked, prover: see `Search`.
+    factors of it. felt: whether to give what is felt at the ends and the lines of a spectrum. checked, prover: see `Search`.
     """
     by_bound: dict = {}
     path, require = asked.axis.path, asked.require
@@ -226,7 +225,9 @@ def _searches(
     for (drawing, bound), alike in by_bound.items():
         drawn = drawing.tied(path, ties) if ties else drawing
         groups = tuple((members, Loops(drawn, loops.values)) for members, loops in alike)
-        searches.append(Search(path, asked.span, groups, felt, checked or not spec.drawing, prover, bound))
+        at_port = FELT_AT_ENDS if felt else None
+        known = checked or not spec.drawing
+        searches.append(Search(path, asked.span, groups, felt, known, prover, bound, at_port, RECORD))
     return Searches(tuple(searches))
 
 

@@ -132,7 +132,7 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
 
 def _finished(block, stage, stages, hands) -> Columns:
     """The block, with a column that says whose its rows are if there are several kinds, and the columns of all."""
-    from wavesweep.engine.search.interval_records import RECORD
+    from wavesweep.haptics.felt import RECORD
 
     if len(stages) == 1:
         return block

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.response import resting_frame
 from wavesweep.engine.search import open_loops
+from wavesweep.haptics import felt as haptics
 from wavesweep.program.sweep.grid import own_loop
 
 TABLES = {
@@ -71,8 +71,8 @@ def test_what_is_felt_at_an_end_is_the_response_at_0_hz(drawn, seed, monkeypatch
     tables = TABLES | {"block": {"device": DEVICE, **blocks}}
     device = "hand - (" + force + ")" if drawn is not wave_line else " - ".join(["hand", *force.split(" + ")])
     loop = wavesweep.compile(tables | {"wire": {**wires, "device.f": device}, "ports": _ports(force)})
-    used, asked = [], resting_frame.frame_dcgain
-    monkeypatch.setattr(resting_frame, "frame_dcgain", lambda *given: used.append(asked(*given)) or used[-1])
+    used, asked = [], haptics.frame_dcgain
+    monkeypatch.setattr(haptics, "frame_dcgain", lambda *given: used.append(asked(*given)) or used[-1])
     waves = [10.0, 25.0, 60.0]
     table = loop.stable_intervals("K", b=waves)
     assert [each is not None for each in used] == [True]
@@ -97,8 +97,9 @@ def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
     blocks = {"device": DEVICE, "h": {"type": "hold", "every": 10}, "wall": {"type": "gain", "k": "K"}}
     wires = {"h.u": "device.v", "wall.u": "h.y", "device.f": "hand - wall.y - B*device.v - b*device.v"}
     loop = wavesweep.compile(TABLES | {"block": blocks, "wire": wires, "ports": _ports("wall.y")})
-    opened = open_loops.open_loops(own_loop(loop.spec), "K", felt=True)
-    assert np.isnan(opened.at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
+    opened = open_loops.open_loops(own_loop(loop.spec), "K", find_port=haptics.hand_in_frame)
+    at_rest = haptics.frame_dcgain(opened.drawn, opened.port, opened.frame, opened.drift)
+    assert np.isnan(at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
     assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
 
 

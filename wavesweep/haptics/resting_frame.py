@@ -14,7 +14,7 @@ from wavesweep.engine.monodromy.drift import MarginalModes, relative_row
 from wavesweep.engine.monodromy.open_frame import OpenFrame
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.response.linear_systems import solved
-from wavesweep.engine.response.resting import DcGain
+from wavesweep.haptics.resting import DcGain
 
 SURELY = 2  # a sum below so many bounds on its rounding counts as 0
 

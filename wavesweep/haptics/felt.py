@@ -1,0 +1,196 @@
+"""The stiffness that a hand feels at rest: of loops, and at the ends of their stable intervals."""
+
+from collections.abc import Callable
+from contextlib import suppress
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import Drawing, name_of
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.loops.batch import distinct_rows
+from wavesweep.engine.loops.dead_time import timing
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
+from wavesweep.engine.loops.multirate import MultirateLoop
+from wavesweep.engine.loops.ports import Ports, hand_of
+from wavesweep.engine.rows import different
+from wavesweep.engine.search.at_ends import AtPort, buildable
+from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN
+from wavesweep.engine.search.open_loops import Opened, by_zeros
+from wavesweep.engine.search.question import Question
+from wavesweep.haptics.resting import DcGain, tick_dcgain
+from wavesweep.haptics.resting_frame import frame_dcgain, shows_at_rest
+
+FELT = ("felt_low", "felt_high")
+RECORD = np.dtype([*FIELDS, *((name, "<f8") for name in (*FELT, *LINES)), *OPEN])
+"""Records of intervals with the stiffness that is felt at their ends."""
+BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
+AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides
+SURE = 1e-6  # relative error up to which a stiffness counts as known
+
+
+def feels(drawing: Drawing) -> bool:
+    """Whether a loop has a hand that may feel a wall."""
+    return bool(drawing.hand and drawing.wall)
+
+
+def felt_of(loops: Loops, size: int) -> np.ndarray:
+    """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
+    felt = np.full(size, np.nan)
+    try:
+        _fill_felt(felt, loops)
+    except UsageError:  # no plant has the position of the port
+        return felt
+    except IllPosedLoopError:
+        if size == 1:
+            return felt
+        arrays = {path: np.broadcast_to(v, (size,)) for path, v in loops.values.items() if np.ndim(v)}
+        loops = loops.changed(arrays)
+        return np.concatenate([felt_of(loops.some([at]), 1) for at in range(size)])
+    return felt
+
+
+def _fill_felt(felt, loops):
+    """Write what is known of `felt_of` into the array."""
+    ports = hand_of(loops.drawing)
+    size = felt.size
+    drawn = loops.drawn()
+    drift = loops.drift_at_hand()
+    if not (drift.constant or drift.varying):
+        with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
+            felt[:] = tick_dcgain(drawn, ports).stiffness(np.arange(size), np.zeros(size))
+    unknown = np.flatnonzero(np.isnan(felt))
+    if not unknown.size:
+        return
+    from wavesweep.engine.response.at_hand import varied_rates
+
+    rates = varied_rates(loops)
+    if drift.varying and rates:  # what drifts may depend on the rate: the loops of each one by themselves
+        of_unknown = {path: rate[unknown] for path, rate in rates.items()}
+        first, of = distinct_rows(of_unknown, unknown.size)
+        for number, at in enumerate(unknown[first].tolist()):
+            members = unknown[of == number]
+            values = {path: rate[at].item() for path, rate in rates.items()}
+            felt[members] = felt_of(loops.some(members).changed(values), members.size)
+        return
+    from wavesweep.engine.response.lifted import Lifted
+    from wavesweep.engine.response.port import port_of
+    from wavesweep.engine.response.steady import static_response
+
+    if unknown.size < size:
+        drawn = loops.some(unknown).drawn()
+    with drawn.naming_blocks():
+        response = static_response(Lifted.of(port_of(drawn, ports, drift)))
+    felt[unknown] = np.where(response.impedance_error <= SURE, response.impedance.real, np.nan)
+
+
+def hand_in_frame(drawn: MultirateLoop, drawing: Drawing, numbers: tuple[str, ...], read: tuple[str, ...]) -> Ports | None:
+    """The hand, if its loops may feel a wall, and a frame without the numbers shows the force against it; see `FindPort`."""
+    if not feels(drawing) or any(seen_by_hand(drawing, number) for number in numbers):
+        return None
+    hand = hand_of(drawing)
+    return hand if shows_at_rest(drawn, hand, read) else None
+
+
+def stiffness_at_ends(question: Question, loops: Loops, opened: Opened | None, place, p, omega) -> np.ndarray:
+    """The stiffness (N/m) felt at both ends of intervals, `(2, n)`; see `lines_at_ends`."""
+    if not feels(loops.drawing):
+        return np.full(p.shape, np.nan)
+    felt = _known_at_ends(question, loops, opened, place, p)
+    unknown = np.flatnonzero(np.isnan(felt).any(0))
+    if not unknown.size:
+        return felt
+    in_pieces = name_of(question.along) in timing(loops.drawing)
+    at_any_value = buildable(loops, question.along)
+    place = place[unknown]
+
+    def stiffness(rows, values):
+        """Of loops that are built as they are at the values, which in pieces of a range is another way for each."""
+        columns = place[rows]
+        batches = np.arange(values.size)[:, None] if in_pieces else by_zeros(loops, columns)
+        result = np.empty(values.size)
+        for alike in batches:
+            result[alike] = felt_along(at_any_value.some(columns[alike]), question.along, values[alike])
+        return result
+
+    felt[:, unknown] = felt_at_ends(p[:, unknown], omega[:, unknown], stiffness)
+    return felt
+
+
+FELT_AT_ENDS = AtPort(FELT, hand_in_frame, stiffness_at_ends)
+
+
+def felt_along(loops: Loops, along: str, p: np.ndarray) -> np.ndarray:
+    """The stiffness (N/m) felt at rest in loops at values p of a number, `(n,)`."""
+    return felt_of(loops.changed({along: p}), p.size)
+
+
+def felt_at_ends(p: np.ndarray, omega: np.ndarray, stiffness: Callable) -> np.ndarray:
+    """The stiffness felt at both ends of intervals along a number that is no wall, `(2, n)`.
+
+    stiffness(rows, values): that of the loops of these pairs of ends, at these values of the number. A 0 takes a branch out of
+    the loop, so ends at 0 are computed apart. At a crossing of z = 1 a frame does not determine the state at rest, since a mode
+    that alternates from tick to tick repeats in it; the stiffness is smooth there, and follows from both sides.
+    """
+    shape, row = p.shape, np.tile(np.arange(p.shape[1]), 2)
+    p, omega, felt = p.ravel(), omega.ravel(), np.empty(p.size)
+    with np.errstate(all="ignore"):
+        for ends in (np.flatnonzero(p == 0), np.flatnonzero(p != 0)):
+            if ends.size:
+                felt[ends] = stiffness(row[ends], p[ends])
+        ends = np.flatnonzero((omega == 0) & (p != 0))
+        if ends.size:
+            sides = np.multiply.outer([1 - BESIDE, 1 + BESIDE, 1 - 2 * BESIDE, 1 + 2 * BESIDE], p[ends])
+            moved = stiffness(np.tile(row[ends], 4), sides.ravel()).reshape(4, -1)
+            near, far = moved[0] + moved[1], moved[2] + moved[3]
+            felt[ends] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
+    return felt.reshape(shape)
+
+
+def _known_at_ends(question, loops, opened, place, p):
+    """The stiffness at both ends of loops whose number is one scalar gain, `(2, n)`; NaN where it is not known by that."""
+    ends = p.ravel()
+    twice = np.tile(place, 2)
+    at_rest = opened and _frame_at_rest(opened)
+    if not at_rest:
+        of_tick = _tick_at_rest(question, loops)
+        return of_tick.stiffness(twice, ends).reshape(p.shape) if of_tick else np.full(p.shape, np.nan)
+    felt = _of_slices(opened, at_rest, twice, ends)
+    hidden = np.flatnonzero(np.isnan(felt) & ~np.isnan(ends))
+    if hidden.size and opened.loops.second:
+        columns = different(twice[hidden])
+        for alike in by_zeros(loops, columns):
+            few = columns[alike]
+            alone = Opened.of_each(loops.some(few), question.number, few.size, find_port=hand_in_frame)
+            alone_at_rest = alone and _frame_at_rest(alone)
+            if alone_at_rest:
+                rows = hidden[np.isin(twice[hidden], few)]
+                felt[rows] = _of_slices(alone, alone_at_rest, np.searchsorted(few, twice[rows]), ends[rows])
+    return felt.reshape(p.shape)
+
+
+def _frame_at_rest(opened: Opened) -> DcGain | None:
+    """The loops without their number as the hand feels them at rest; None if their frame does not show it."""
+    loops = opened.loops
+    if not loops.port:
+        return None
+    return loops.remembered("at rest", lambda: frame_dcgain(loops.drawn, loops.port, loops.frame, loops.drift))
+
+
+def _tick_at_rest(question, loops) -> DcGain | None:
+    """The loops at rest from a tick, if the number is one scalar gain of them."""
+    if not scalar_place(loops.drawing, question.number) or seen_by_hand(loops.drawing, question.number):
+        return None
+    with suppress(IllPosedLoopError):
+        drift = loops.changed({question.along: np.array(question.span)}).drift_at_hand()
+        if not (drift.constant or drift.varying):
+            drawn = loops.changed({question.along: 1.0}).drawn(question.number)
+            return tick_dcgain(drawn, hand_of(loops.drawing), PRODUCT, FACTOR)
+    return None
+
+
+def _of_slices(opened: Opened, at_rest: DcGain, at, p) -> np.ndarray:
+    """The stiffness that is felt of the slices `at` if their number is p, `(n,)` all; NaN if the frame hides it."""
+    second = opened.second[at]
+    first, other = (second, p) if opened.swapped else (p, second)
+    return at_rest.stiffness(opened.loop_of[at], first, other)
