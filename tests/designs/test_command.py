@@ -87,28 +87,6 @@ def test_the_front_is_that_of_the_other_commands(run):
 
 @pytest.mark.thorough
 @pytest.mark.slow
-def test_every_design_of_the_front_can_be_taken_to_the_other_commands(run, capfd):
-    code, _, results = run("--no-plot")
-    assert code == 0
-    rows = read(results / "design.csv")
-    names = sorted((results / "best").glob("*.toml"))
-    assert len(names) > 1
-    for name in names:
-        for command in ("bode", "passivity"):
-            assert main([command, str(name), "--no-plot"]) == 0
-        found = wavesweep.zwidth(name)
-        worst = found.loc[found.high.idxmin()]
-        assert worst.high == pytest.approx(rows["z_width"][int(name.stem[-2:]) - 1], rel=1e-12)
-        for factor, unstable in ((0.99, False), (1.01, True)):
-            capfd.readouterr()
-            point = {"K_VE": worst.high * factor, "B_VE": worst.B_VE, "device.mass": worst["device.mass"]}
-            flags = [flag for key, value in point.items() for flag in ("--set", f"{key}={float(value)!r}")]
-            assert main(["simulate", str(name), "--no-plot", *flags]) == 0
-            assert ("unstable" in "".join(capfd.readouterr())) == unstable, (name, point)
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
 def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, monkeypatch):
     # Two tasks a generation.
     (tmp_path / "mine.toml").write_text(SPEC.replace("population = 16", "population = 64"), encoding="utf-8")

@@ -5,7 +5,6 @@ import re
 import shutil
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +14,8 @@ from tests.explore.conftest import ARM, DRIVE, HOLE
 from wavesweep.explore.explorer_page import saved_page
 from wavesweep.program.spec import load
 
-ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.slow
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-FIRST_PAINT = "performance.getEntriesByName('first-contentful-paint')[0].startTime"
 
 
 @pytest.fixture(scope="module")

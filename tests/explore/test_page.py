@@ -247,16 +247,6 @@ def test_a_saved_page_has_the_sweep_in_it():
     assert data["designs"][0]["ranges"][0]["certified"]
 
 
-@pytest.mark.thorough
-@pytest.mark.sample(1)
-@pytest.mark.slow
-@pytest.mark.parametrize("source", [ARM, UNEVEN], ids=["drawn", "uneven"])
-def test_a_saved_page_of_other_loops(source):
-    data = data_of(saved_page(load(source)))
-    assert data["designs"][0]["plane"]["how"] == "certified"
-    assert [table["kind"] for table in data["report"]] == ["zwidth", "bode"]
-
-
 @pytest.mark.slow
 def test_a_saved_page_says_which_table_cannot_be_had_and_why():
     drawn = tomllib.loads(ARM_TEXT)

@@ -130,18 +130,6 @@ def test_patterns_grow_as_in_a_march_in_plain_numpy(elapsed):
         assert growth(family.at(K), word) == pytest.approx(expected, rel=0.03)
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_the_pattern_that_is_found_grows_and_what_is_proved_does_not():
-    found = bracket(family := frames_of_controller(fig4(), FramesInAnyOrder(LENGTHS)), 20.0, (0.0, 5000.0))
-    pattern = [(family.symbols[i].ticks, 1) for i in found.words[1]]
-    assert marched(fig4(), 1.02 * found.fails_from, pattern, 600) > 1
-    rng, K = np.random.default_rng(1), found.high
-    lasting = [(int(ticks), 1) for ticks in rng.choice(LENGTHS, 300)]
-    assert marched(fig4(), K, lasting, 2) < 1
-    assert marched(fig4(), K, pattern, 600) < 1
-
-
 def test_results_that_are_lost_hold_the_last_one_and_not_too_many_in_a_row():
     family = frames_of_controller(fig4(), FramesInAnyOrder((20,), (1,), lost=2))
     kinds = [(each.delay, each.lost) for each in family.symbols]

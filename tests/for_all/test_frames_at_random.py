@@ -171,25 +171,6 @@ def test_walls_end_where_the_moments_of_a_march_begin_to_grow(kind, march, share
     assert radius(march(found.high / 2), LENGTHS, shares) < 1
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("seed", range(10))
-def test_random_walls_end_where_the_moments_of_a_march_begin_to_grow(seed):
-    rng = np.random.default_rng(seed)
-    lengths = rng.choice(np.arange(2, 40), rng.integers(2, 5), replace=False).tolist()
-    shares = rng.integers(0, 9, len(lengths)) + 1 if seed % 2 else rng.integers(0, 9, (len(lengths),) * 2) + 1
-    kind, march = (("pmw", pmw), ("dc-slow", dc_slow))[seed % 4 // 2]
-    found = found_of(built_in(kind, lengths, **{"shares" if seed % 2 else "next": shares.tolist()}), "environment.K_VE")
-    for each in found:
-        assert radius(march((each.low + each.high) / 2), lengths, shares) < 1
-        assert radius(march(each.high), lengths, shares) < 1
-        if each.fails_from == each.fails_from:
-            assert radius(march(each.fails_from), lengths, shares) > 1
-        if each.fails_below == each.fails_below:
-            assert radius(march(each.fails_below), lengths, shares) > 1
-    inside = [K for K in np.linspace(1, 1999, 60) if radius(march(K), lengths, shares) < 1]
-    assert all(any(each.low <= K <= each.high for each in found) for K in inside)
-
-
 @pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(7, 207))

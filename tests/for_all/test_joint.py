@@ -129,20 +129,6 @@ def test_an_order_that_is_forbidden_may_be_what_grows():
     assert decide(Affine.of(matrices, follows=alternating)).verdict == PROVED
 
 
-@pytest.mark.sample(1)
-@pytest.mark.thorough
-@pytest.mark.parametrize("seed", range(6))
-def test_no_short_word_grows_where_decay_is_proved(seed):
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(int(rng.integers(2, 4)), int(rng.integers(2, 5)), 1)) * 0 + 1
-    A = rng.normal(size=(len(A), A.shape[1], A.shape[1]))
-    found = bracket(scaled(A), 0.01 / np.abs(A).max(), (0.0, 10.0))
-    radius = largest_of_words(A, 6 if len(A) == 2 else 4)
-    assert found.settled
-    assert found.high * radius < 1
-    assert found.fails_from * radius == pytest.approx(1, rel=0.02)
-
-
 @pytest.mark.slow
 def test_stretches_of_a_proof_join_and_hold_between_their_ends():
     A, B = (np.random.default_rng(seed).normal(size=(2, 3, 3)) for seed in (7, 8))

@@ -201,27 +201,6 @@ def test_frames_over_a_box_enclose_those_of_a_march_at_each_of_its_hands(kind):
             assert np.abs(np.linalg.eigvals(own)).max() == pytest.approx(growth([other], [0]), abs=1e-4)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    ("kind", "box"),
-    [
-        ("pmw", [(0, 0.02), (0, 0.2), (0, 10)]),
-        pytest.param("dc-slow", [(0.39, 0.4), (2.5, 2.6), (0, 5)], marks=pytest.mark.thorough),
-    ],
-)
-def test_no_hand_of_the_box_and_no_order_of_frames_breaks_what_is_proved(kind, box):
-    lengths = (18, 22)
-    table = intervals(load(spec_of(kind, lengths, box)), jobs=1, along="K_VE").columns
-    row = {name: column[1] for name, column in table.items()}
-    assert row["certified"]
-    assert row["settled"]
-    assert attacked(kind, lengths, box, row["low"], row["high"], 500) < 1
-    *numbers, pattern = row["counterexample"].split(", frames ")
-    hand = [float(each.split(" = ")[1]) for each in numbers[0].split(", ")]
-    word = [lengths.index(int(each)) for each in pattern.split(", ")]
-    assert growth(marched_frames(kind, 1.0001 * row["fails_from"], hand, lengths), word) > 1
-
-
 def test_a_frame_that_may_not_follow_itself_need_not_shrink_alone():
     """As that of a message that may not be lost twice in a row: what it holds is kept."""
     A = np.array([[[0.5, 0.1], [0.0, 0.4]], [[1.0, 0.2], [0.0, 1.0 + 1e-12]]])

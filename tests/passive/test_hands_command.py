@@ -43,26 +43,6 @@ def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp
     assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN)
 
 
-@pytest.mark.sample(1)
-@pytest.mark.thorough
-@pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
-def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, held, tmp_path):
-    code, out, err = wavesweep(kind, held, "--for-hands", "passive", "--for-hands", "port")
-    assert (code, out) == (0, "")
-    folder = tmp_path / "results/held"
-    assert (folder / f"{kind}-hands.csv").read_text().startswith(WITH_HANDS)
-    assert (folder / f"{kind}-hands.png").stat().st_size > 5000
-    assert not list(folder.glob(".*"))
-    for name in ("csv", "parquet"):
-        table = results.read(folder / f"{kind}-hands.{name}")
-        assert list(dict.fromkeys(table["hand"].tolist())) == ["free", "operator", "passive", "port"]
-        assert table["high"][table["hand"] == "passive"] == pytest.approx([6000, 4000], rel=1e-6)
-    assert "stable with every passive hand (passive): largest stable K_VE: 6000 N/m at B_VE = 0 N*s/m (the edge" in err
-    assert "hand's port passive, forces held over a tick (port): largest passive K_VE: " in err
-    package = json.loads((folder / f"{kind}-hands.datapackage.json").read_text())
-    assert set(package["wavesweep"]["methods"]) == {"free", "operator", "passive", "port"}
-
-
 @pytest.mark.slow
 def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     code, _, err = wavesweep("zwidth", held, "--for-hands", "box:mass=0.1..0.4, stiffness=100..100")

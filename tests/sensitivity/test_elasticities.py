@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.derivatives import PATHS, elasticity, felt_elasticity
-from support.drawn import CORNER, JOINT, NETWORK, PD, as_blocks, random_tables
+from support.drawn import CORNER, JOINT, NETWORK, PD, random_tables
 from support.specs import nested, random_values, values_of
 
 import wavesweep
@@ -129,14 +129,6 @@ def test_limits_of_random_specs_computed_again(seed):
     compare(nested(values), along, span)
 
 
-@pytest.mark.thorough
-@pytest.mark.slow
-def test_limits_of_random_drawings_computed_again():
-    spans = {"k": (0.0, 200.0), "d": (0.0, 100.0), "m0": (0.01, 2.0)}
-    seeds = (0, 2, 13, 37)  # most others are stable everywhere, or nowhere
-    assert sum(compare(random_tables(seed), along, span) for seed in seeds for along, span in spans.items()) > 25
-
-
 def of(table, end, *names):
     rows = table[(table.side == end) & (table.quantity == "end")].set_index("number")
     return rows.elasticity[list(names)].tolist()
@@ -154,19 +146,6 @@ def test_closed_forms():
     table = wavesweep.compile(tomllib.loads(NETWORK)).sensitivity()
     assert set(table.number) == {"d", "rates.tick_hz"}  # not k, a number of ticks
     assert of(table, "high", "d", "rates.tick_hz") == pytest.approx([1, 1])
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_a_controller_as_blocks_has_the_same_derivatives():
-    values = load({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit"}}).values
-    drawn, built = (wavesweep.compile(each).sensitivity("K_VE", (0, 20000)) for each in (as_blocks(values), nested(values)))
-    for quantity in ("end", "felt"):
-        one, other = (each[(each.quantity == quantity) & (each.side == "high")].set_index("number") for each in (drawn, built))
-        names = [name for name in one.index if name in other.index and name != "rates.tick_hz"]
-        assert {"b", "Kp", "B_VE", "K_LM"} <= set(names)
-        np.testing.assert_allclose(one.elasticity[names], other.elasticity[names], rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(drawn.damping_ratio.iloc[-1], built.damping_ratio.iloc[-1], rtol=1e-8)
 
 
 @pytest.mark.parametrize(("apart", "corner"), [(1e-8, True), (-1e-8, True), (1e-5, False)])

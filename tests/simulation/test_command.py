@@ -56,16 +56,6 @@ def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
         np.testing.assert_allclose(columns[name], columns[f"linear_{name}"], rtol=1e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_other_forces_have_no_response_and_leave_none_behind(simulate):
-    simulate(plot=True)
-    code, _, err = simulate("input=step")
-    assert code == 0
-    assert "replaced the results of this spec; changed: simulate.input sine -> step" in err
-    assert files("there") == {f"simulate{suffix}" for suffix in SUFFIXES} - {"simulate.png"}
-
-
 def test_equal_runs_give_equal_bytes(simulate):
     settings = ("input=noise", "jitter=0.2", "late=4", "dropped=0.1", "seed=7", "wall=0.0")
     first, again = ([simulate(*settings, out=out, device="omni"), Path(out, "simulate.parquet").read_bytes()] for out in "ab")

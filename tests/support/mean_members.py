@@ -125,6 +125,3 @@ def mean_margins(rng):
         return radius_of(loop.at_rates(K * q.at(place := q.q(rng)) * factor, *every)), {"q": place, "margin": name}
 
     return Claim(tables, "K", "", member, f"mean margins {q.text}", rows_of=rows_of)
-
-
-MEAN = (mean_alone, mean_hands, mean_range, mean_margins)

@@ -6,7 +6,6 @@ import pytest
 from support.drawn import random_tables
 
 import wavesweep
-from wavesweep.engine.response.gain import Gain
 from wavesweep.engine.response.steady import respond
 from wavesweep.program.analyses.spec_loops import loop_at_hand
 from wavesweep.program.spec import load
@@ -42,17 +41,6 @@ def test_a_held_loop_has_the_gain_of_its_impulses_in_time():
     np.testing.assert_allclose(table.worst_gain, over_impulses(LOOP, FREQUENCY, 12, 300), rtol=1e-11)
     assert table.worst_gain_error.max() < 1e-10
     assert (table.doubt == "").all()
-
-
-@pytest.mark.thorough
-@pytest.mark.slow
-@pytest.mark.parametrize("ticks", [96])
-def test_a_long_frame_has_the_gain_of_its_impulses_in_time(ticks):
-    """Lanczos' process on a frame whose parts are kept apart."""
-    tables = LOOP | {"block": LOOP["block"] | {"net": {"type": "delay", "every": ticks}}}
-    frequency = np.array([0.3, 5.0, 41.0])
-    wanted = over_impulses(tables, frequency, ticks, 40)
-    np.testing.assert_allclose(Gain(loop_at_hand(load(tables)))(frequency)[0], wanted, rtol=1e-9)
 
 
 DRIFTING = {  # with a damping from differences of the velocity

@@ -134,22 +134,6 @@ def test_so_they_are_with_delay_lines():
     assert wrong == 0
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("part", range(1))
-def test_so_they_are_with_delay_lines_at_many_places(part):
-    looked, wrong = look(range(10_000 + 100 * part, 10_100 + 100 * part), 12, late_family)
-    assert looked > 5_000
-    assert wrong == 0
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("part", range(1))
-def test_so_they_are_at_a_million_places(part):
-    looked, wrong = look(range(10_000 + 400 * part, 10_400 + 400 * part), 12)
-    assert looked > 20_000
-    assert wrong == 0
-
-
 @pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("spoilt", [lambda h: np.inf + 0 * h, lambda h: h * (1 + 1e-6), lambda h: h + 1e-4, lambda h: -h])

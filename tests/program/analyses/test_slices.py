@@ -69,12 +69,6 @@ def differences(tables, parts):
     return found
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("path", RECIPES, ids=lambda path: path.stem)
-def test_every_slice_of_a_recipe_is_what_it_is_alone(path):
-    assert not differences(tomllib.loads(path.read_text()), ())
-
-
 @pytest.mark.sample(2)
 @pytest.mark.whole
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-from pathlib import Path
 
 import pyarrow.parquet
 import pytest
@@ -204,23 +203,6 @@ def test_a_page_does_not_replace_its_spec(wavesweep, spec):
     code, _, err = wavesweep("explore", spec, "--save", spec, "--overwrite")
     assert (code, spec.read_text()) == (2, before)
     assert "which is read" in err
-
-
-@pytest.mark.thorough
-@pytest.mark.whole
-@pytest.mark.sample(1)
-@pytest.mark.parametrize("command", ["zwidth", "bode", "why", "check --plot"])
-def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, monkeypatch, command):
-    """A dollar sign begins a formula in the program that draws."""
-    monkeypatch.chdir(tmp_path)
-    name, *rest = command.split()
-    recipe = Path(__file__).parents[3] / "sweeps" / "recipes" / "two-rate-wall.toml"
-    (tmp_path / "x$b_{y$.toml").write_text(recipe.read_text().replace('unit = "N/m"', 'unit = "$N_{$m"'))
-    (tmp_path / "y$1 and $2.toml").write_text(recipe.read_text())
-    specs = ["x$b_{y$.toml", "y$1 and $2.toml"] if name in ("zwidth", "bode") else ["x$b_{y$.toml"]
-    code, _, err = wavesweep(name, *specs, *rest, "--out", "made")
-    assert code == 0, err
-    assert list((tmp_path / "made").glob("*.png"))
 
 
 @pytest.mark.whole

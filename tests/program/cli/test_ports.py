@@ -6,7 +6,6 @@ import pytest
 from support.drawn import DRIVE, NETWORK, WALL
 
 from wavesweep.program.cli import main
-from wavesweep.program.results import read
 
 
 @pytest.fixture
@@ -20,22 +19,6 @@ def run(tmp_path, monkeypatch, capfd):
         return main([*arguments]), "".join(capfd.readouterr()), tmp_path / "results" / "drive"
 
     return run
-
-
-@pytest.mark.slow
-@pytest.mark.thorough
-def test_bode_writes_the_responses_of_all_pairs_and_replaces_those_of_the_hand(run):
-    code, text, results = run("bode", "drive.toml", "--set", "bode.frequency_hz=[1, 20]", "--out", "results/drive")
-    assert (code, "8 curves of 2 frequencies" in text) == (0, True)
-    assert sorted(path.suffix for path in results.glob("bode-ports.*")) == [".csv", ".json", ".parquet", ".png"]
-    columns = read(results / "bode-ports.csv")
-    assert columns["unit"][columns["to_output"] == "twice"].tolist() == [""] * 4
-    other = ("--set", "bode.frequency_hz=[1, 30]", "--set", "bode.to=speed", "--out", "results/drive")
-    code, text, _ = run("bode", "drive.toml", *other, "--no-plot")
-    assert (code, "changed: bode.to all -> speed" in text.replace('"', "")) == (0, True), text
-    assert {*read(results / "bode-ports.csv")["to_output"]} == {"speed"}
-    code, text, _ = run("verify", str(results))
-    assert code == 0, text
 
 
 @pytest.mark.slow

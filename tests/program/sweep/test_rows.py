@@ -5,7 +5,6 @@ import pytest
 
 from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.columns import joined
-from wavesweep.program.spec import load
 from wavesweep.program.store.checkpoint import MemoryCheckpoint
 from wavesweep.program.sweep import running
 from wavesweep.program.sweep.job import Chunks, cut_otherwise, cut_up
@@ -34,22 +33,6 @@ def whole(mixed):
 @pytest.mark.parametrize(("deep", "wide"), SIZES)
 def test_borders_of_chunks_leave_no_trace(mixed, whole, same, deep, wide):
     same(table_of(cut_otherwise(job_of(mixed), deep=deep, wide=wide)), whole)
-
-
-@pytest.mark.sample(1)
-@pytest.mark.thorough
-@pytest.mark.parametrize("along", ["b", "Kp", "B_VE", "device.mass"])
-def test_they_leave_none_along_other_axes(same, along):
-    spec = load({
-        "controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
-        "sweep": {
-            "along": along, along: {"start": 0.05, "stop": 40}, "K_VE": [100.0, 900.0], "device.damping": [0.5, 1.0, 2.0],
-        },
-    })  # fmt: skip
-    job = job_of(spec)
-    table = table_of(job)
-    for deep, wide in ((1, 2), (1, 1), (2, 2)):
-        same(table_of(cut_otherwise(job, deep=deep, wide=wide)), table, rtol=1e-11)
 
 
 def test_borders_of_blocks_leave_no_trace(mixed, whole, same, monkeypatch):

@@ -96,24 +96,6 @@ def test_frequencies_that_nobody_gives_end_at_half_the_rate_of_the_ticks(hz, sto
     assert load(slower.tables()).frequency_hz[-1] == min(stop, hz / 8)
 
 
-@pytest.mark.thorough
-def test_a_run_of_a_drawn_loop_and_its_figures(run):
-    short = ("--set", "simulate.duration_s=3", "--set", "ports.hand.reaction=kp*net.y")
-    code, text, results = run("simulate", "arm.toml", "--plot", *short)
-    assert code == 0
-    assert "drawn, force of the hand sine: 30000 ticks, 3 s" in text
-    assert "J, the force against it took " in text
-    assert "response at 1 frequency: differs from the linear loop by at most" in text
-    rows = read(results / "arm" / "simulate.csv")
-    assert np.isfinite(rows["f_m"]).all()
-    assert np.array_equal(rows["frame"] * 20 + rows["phase"], rows["tick"])
-    assert (results / "arm" / "simulate-response.png").stat().st_size > 5000
-    assert main(["verify", "results/arm"]) == 0
-    code, text, _ = run("simulate", "arm.toml", "--set", "c=20", "--out", "wild", "--plot")
-    assert (code, "UNSTABLE: the linear loop diverges (spectral radius 1.15172 per frame)" in text) == (0, True)
-    assert "stopped after tick 2060" in text
-
-
 @pytest.mark.slow
 def test_check_draws_the_loop_and_says_where(run):
     code, text, _ = run("check", "arm.toml", "--plot", "--out", "loop.svg")

@@ -15,9 +15,7 @@ from wavesweep.program.spec import load
 
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "sweeps" / "paper" / "README.md").read_text(encoding="utf-8")
-COMMANDS = re.findall(r"^    (wavesweep .*)$", README, flags=re.MULTILINE)
 SECTIONS = dict(re.findall(r"^## Figure (\d)\n(.*?)(?=^## |\Z)", README, flags=re.MULTILINE | re.DOTALL))
-TABLES = {"bode": "bode", "zwidth": "zwidth"}
 
 
 def test_each_figure_has_a_section_with_its_picture():
