@@ -13,7 +13,6 @@ import numpy as np
 
 import wavesweep
 from bench.measuring import Patience, interleaved
-from wavesweep.engine.monodromy.cut import close
 from wavesweep.haptics.controller_drawings import wall_cut
 
 PAPER = Path(__file__).parents[1] / "sweeps" / "paper"
@@ -37,7 +36,7 @@ def main() -> int:
             return loop.stable_intervals(span=(0, 20000), B_VE=DAMPING)
 
         def grid(cut=cut):
-            return np.abs(1 + np.linalg.eigvals(close(cut.at((None, None)), STIFFNESS[:, None], DAMPING))).max(-1) < 1
+            return np.abs(1 + np.linalg.eigvals(cut.at((None, None)).closed(STIFFNESS[:, None], DAMPING))).max(-1) < 1
 
         table, _ = exact(), grid()
         pair = interleaved(grid, exact, Patience(0.0, 15, 15))

@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import close, with_batch
 from wavesweep.haptics.controller_drawings import wall_cut
 from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.spec import load
@@ -90,7 +89,7 @@ def ratio(job):
     for start in range(0, count, 50):  # in the cache, as a careful user would
         part = {path: v[start : start + 50] if np.ndim(v) else v for path, v in values.items()}
         B = wall_values[start : start + 50]
-        E = close(with_batch(wall_cut(part), B.size).at((slice(None), None)), K, B[:, None])
+        E = wall_cut(part).as_batch(B.size).at((slice(None), None)).closed(K, B[:, None])
         np.abs(1 + np.linalg.eigvals(E)).max(-1) < 1  # noqa: B015 - for its time
     dense = (time.thread_time() - started) / count * job.slices
     number = len(job.chunks) // 2

@@ -19,7 +19,7 @@ import numpy as np
 import wavesweep
 from wavesweep import Spec, WavesweepError
 from wavesweep.engine.loops.batch import distinct_rows, selected
-from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.haptics.controller_drawings import keys_of_page, wall_cut
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.sweep.grid import groups, make_grid
@@ -130,7 +130,7 @@ def bundles(spec: Spec) -> tuple[Bundle, ...]:
     for members, values in groups(spec, changes, grid.loops):
         others = {path: v for path, v in values.items() if np.ndim(v) and path != "environment.B_VE"}
         first, owner = distinct_rows(others, members.size)
-        cut = with_batch(wall_cut(selected(values, first)), first.size)
+        cut = wall_cut(selected(values, first)).as_batch(first.size)
         found.append(Bundle(column[members], cut, owner, B[members]))
     return tuple(found)
 

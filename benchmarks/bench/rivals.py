@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.problems import Bundle, Intervals, bundles
 from wavesweep import Spec
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, LinearFractional, close, open_in
+from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, LinearFractional
 from wavesweep.engine.monodromy.unit_circle import on_circle
 
 _STEPS = 30  # of the secant at the most; six or seven are usual
@@ -28,7 +28,7 @@ def grid_of(spec: Spec, points: int) -> np.ndarray:
 def batched(spec: Spec, points: int) -> Intervals:
     """numpy: the eigenvalues of all points of a grid in one call."""
     K = grid_of(spec, points)
-    return stable_runs(K, [(part, is_stable(close(_across(part), K, part.B_VE[:, None]))) for part in bundles(spec)])
+    return stable_runs(K, [(part, is_stable(_across(part).closed(K, part.B_VE[:, None]))) for part in bundles(spec)])
 
 
 def is_stable(E: np.ndarray) -> np.ndarray:
@@ -69,7 +69,7 @@ def _one_by_one(spec, points, prepare):
 
 def _plant(part, row):
     """`(A, B, C, D)` from the wall's force to the displacement and the velocity that it reads, the position a state."""
-    (E, B, x, through_x), (*_, v, through_v) = (open_in(part.cut.at(row), along, np.asarray(0.0)) for along in ("K_VE", "B_VE"))
+    (E, B, x, through_x), (*_, v, through_v) = (part.cut.at(row).open_in(along, np.asarray(0.0)) for along in ("K_VE", "B_VE"))
     return E + np.eye(len(E)), B, np.vstack([x, v]), np.vstack([through_x, through_v])
 
 
@@ -102,7 +102,7 @@ def _interconnect_test(part, row):
     import control
 
     one = part.cut.at(row)
-    E, B, x, _ = open_in(one, "K_VE", part.B_VE[row])
+    E, B, x, _ = one.open_in("K_VE", part.B_VE[row])
     period = float(one.period)
     plant = control.ss(E + np.eye(len(E)), B, x, 0, period, inputs=["F"], outputs=["x"], name="plant")
 
@@ -147,7 +147,7 @@ def _largest(spec, tolerance, one_by_one):
         for some in np.split(rows, rows.size) if one_by_one else [rows]:
             cut, B = part.cut.at(some), part.B_VE[some]
             low, high = np.zeros(some.size), np.full(some.size, stop)
-            low = np.where(is_stable(close(cut, high, B)), high, low)
+            low = np.where(is_stable(cut.closed(high, B)), high, low)
             ends.append(_narrowed(cut, B, low, high, tolerance * stop))
             columns.append(part.column[some])
     high = np.concatenate(ends)
@@ -158,7 +158,7 @@ def _narrowed(cut, B, stable, unstable, width):
     """Halve the brackets down to the tolerance, and return their middles."""
     while np.abs(unstable - stable).max(initial=0) > width:
         middle = (stable + unstable) / 2
-        inside = is_stable(close(cut, middle, B))
+        inside = is_stable(cut.closed(middle, B))
         stable, unstable = np.where(inside, middle, stable), np.where(inside, unstable, middle)
     return (stable + unstable) / 2
 
@@ -185,7 +185,7 @@ def refined(spec: Spec, setting: tuple[int, float]) -> Intervals:
     K = grid_of(spec, points)
     answers = []
     for part in bundles(spec):
-        stable = is_stable(close(part.cut.at((slice(None), None)), K, part.B_VE[:, None]))
+        stable = is_stable(part.cut.at((slice(None), None)).closed(K, part.B_VE[:, None]))
         row, at = np.nonzero(stable[:, 1:] != stable[:, :-1])
         inside, outside = np.where(stable[row, at], K[at], K[at + 1]), np.where(stable[row, at], K[at + 1], K[at])
         ends = _narrowed(part.cut.at(row), part.B_VE[row], inside, outside, tolerance * K[-1])
@@ -276,7 +276,7 @@ def _labelled(part: Bundle, stop: float, row, value) -> tuple[np.ndarray, np.nda
     rows, marks = rows[order], marks[order]
     of = rows[1:][np.diff(rows) == 0]
     low, high = marks[:-1][np.diff(rows) == 0], marks[1:][np.diff(rows) == 0]
-    stable = is_stable(close(part.loops.at(part.owner[of]), (low + high) / 2, part.B_VE[of]))
+    stable = is_stable(part.loops.at(part.owner[of]).closed((low + high) / 2, part.B_VE[of]))
     joined = stable[1:] & stable[:-1] & (np.diff(of) == 0)
     first, last = stable & ~np.append(False, joined), stable & ~np.append(joined, False)
     return part.column[of[first]], low[first], high[last]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.monodromy.cut import FIRST, SECOND, close
+from wavesweep.engine.monodromy.cut import FIRST, SECOND
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.explore.plane import plane_curve, plane_lines, quick_columns, refined_curve
 from wavesweep.haptics.controller_drawings import wall_cut
@@ -36,7 +36,7 @@ def test_a_wall_on_the_curve_has_an_eigenvalue_at_its_angle(name):
     walls = plane_curve(cut, theta)
     moderate = np.isfinite(walls).all(0) & (np.abs(walls[0]) < 1e5) & (np.abs(walls[1]) < 1e3)
     assert moderate.sum() > 50
-    z = 1 + np.linalg.eigvals(close(cut, *walls[:, moderate]))
+    z = 1 + np.linalg.eigvals(cut.closed(*walls[:, moderate]))
     # A wall of a large number moves its eigenvalue by more than a rounding.
     assert np.abs(z - np.exp(1j * theta[moderate])[:, None]).min(-1).max() < 1e-8
 
@@ -50,7 +50,7 @@ def test_a_wall_on_a_straight_part_has_an_eigenvalue_at_one_of_the_real_points(n
             B = np.array([0.5, 2.0, 9.0])
             K = (one - v * B) / x
             if np.all(K):  # nothing reads the scene's position at K = 0, which `close` sets aside
-                assert np.abs(1 + np.linalg.eigvals(close(cut, K, B)) - z).min(-1).max() < 1e-9
+                assert np.abs(1 + np.linalg.eigvals(cut.closed(K, B)) - z).min(-1).max() < 1e-9
                 seen += 1
     assert seen or name == "direct"
 

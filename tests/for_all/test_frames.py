@@ -10,8 +10,8 @@ from support.specs import INTEGRATIONS, values_of
 import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.cut import FIRST, with_batch
-from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.engine.monodromy.cut import FIRST
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.for_all.frame_families import FRAME, LOST, FramesInAnyOrder
 from wavesweep.for_all.joint import bracket, nearest_refuted
@@ -54,7 +54,7 @@ def test_one_length_for_ever_is_the_loop_of_that_ratio(kind, integration, ticks,
     alone = values | {"rates.ratio": ticks, "environment.delay": ticks if delay == FRAME else delay, "environment.K_VE": 35.0}
     drawing = loop_drawing(alone)
     read = {path: alone[path] for path in alone if path in drawing.reads}
-    E = closed_frame(Loops(drawing, read).drawn(), drift_of_drawn(*Loops(drawing, read).twins()))
+    E = MarginalModes.of(*Loops(drawing, read).twins()).closed_frame(Loops(drawing, read).drawn())
     expected, found = (large(np.linalg.eigvals(each)) for each in (np.eye(len(E)) + E, frames.at(35.0)[0]))
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
@@ -220,7 +220,7 @@ def test_periods_of_blocks_that_run_after_the_sample_are_those_of_the_frame_befo
 
 def test_one_length_alone_is_the_interval_of_today():
     values = fig4(**{"environment.delay": 1})
-    today = stable_intervals(with_batch(wall_cut(values), 1), FIRST, (0.0, 5000.0), np.array([[1.0]]))
+    today = stable_intervals(wall_cut(values).as_batch(1), FIRST, (0.0, 5000.0), np.array([[1.0]]))
     found = bracket(frames_of_controller(values, FramesInAnyOrder((20,))), 20.0, (0.0, 5000.0), 1e-6)
     assert found.high == pytest.approx(today.high[0], rel=1e-6)
     assert found.low == pytest.approx(today.low[0], abs=1e-6)

@@ -7,8 +7,8 @@ from support.drawings import pmw, random_drawing
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.drift import MarginalModes
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import port_of
 from wavesweep.engine.response.steady import respond
@@ -19,7 +19,7 @@ from wavesweep.simulation.record import components
 
 def by_matrices(drawn, force, signals):
     """The same signals from the connected ticks."""
-    ticks = ticks_of(drawn, signals)
+    ticks = Ticks.of(drawn, signals)
     x, rows, w = np.zeros(len(ticks.states)), [], drawn.inputs.index("hand")
     for tick, f in enumerate(force):
         each = ticks.maps[ticks.kind[tick % drawn.ticks]]
@@ -57,7 +57,7 @@ def test_blocks_that_depend_on_each_other_at_once_are_solved_together(changes):
 
 def settling(drawn):
     """Ticks after which a transient is 1e-15 of what it was; infinite if the loop is unstable."""
-    radius = np.abs(1 + np.linalg.eigvals(closed_frame(drawn, drift_of_drawn(drawn, drawn)))).max()
+    radius = np.abs(1 + np.linalg.eigvals(MarginalModes.of(drawn, drawn).closed_frame(drawn))).max()
     return -15 * np.log(10) / np.log(radius) * drawn.ticks if radius < 1 else np.inf
 
 
@@ -79,7 +79,7 @@ def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):
     signals = {"f_h": force, "x": seen["m.x"], "f_device": seen["m.f"]}
     f, x, reaction = components(signals, tone, 1 / drawn.period, drawn.ticks)
     ports = Ports("hand", "m.x", "m.f")
-    linear = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ("m.x", "m.f")))), [frequency])
+    linear = respond(Lifted.of(port_of(drawn, ports, MarginalModes.of(drawn, drawn, ("m.x", "m.f")))), [frequency])
     assert abs(x / f - linear.admittance[0]) <= 1e-9 * abs(linear.admittance[0])
     assert abs(reaction / x - linear.impedance[0]) <= 1e-9 * abs(linear.impedance[0])
 

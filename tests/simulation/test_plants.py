@@ -7,7 +7,7 @@ from support.plants import bodies, joint
 
 import wavesweep
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.program.spec import load
 
 
@@ -40,7 +40,7 @@ def test_the_simulation_is_the_march_of_the_frames(seed):
     spec = load(many)
     force = np.random.default_rng(seed).normal(size=400)
     drawn = Loops(spec.drawing, spec.values).drawn()
-    (each,) = (ticks := ticks_of(drawn, ("ports.hand.displacement",))).maps
+    (each,) = (ticks := Ticks.of(drawn, ("ports.hand.displacement",))).maps
     x, expected = np.zeros(len(ticks.states)), []
     for f in force:
         expected.append(each.C[0] @ x)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.monodromy.cut import FIRST, SECOND, close
+from wavesweep.engine.monodromy.cut import FIRST, SECOND
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.haptics.controller_drawings import wall_cut
 
@@ -34,7 +34,7 @@ def pairs(found, column=0):
 def excess(cut, along, fixed, value):
     """Largest `|z|^2 - 1` of the closed loop, without cancellation for slow poles; arrays broadcast."""
     walls = (value, fixed) if along == "K_VE" else (fixed, value)
-    delta = np.linalg.eigvals(close(cut, *np.broadcast_arrays(*walls)))
+    delta = np.linalg.eigvals(cut.closed(*np.broadcast_arrays(*walls)))
     return (2 * delta.real + delta.real**2 + delta.imag**2).max(-1)
 
 

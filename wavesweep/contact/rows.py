@@ -13,7 +13,7 @@ from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.cut import FIRST, SECOND, LinearFractional, with_batch
+from wavesweep.engine.monodromy.cut import FIRST, SECOND, LinearFractional
 from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN, blank_records
 from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.engine.stability.certificate import NONE, SEARCH
@@ -105,7 +105,7 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
         return _recorded([], span, none=False)
     if whole.unstable:  # as it is for the wall that is never touched
         return _recorded([], span, none=True)
-    linear = stable_intervals(with_batch(cut, 1), (FIRST, SECOND)[index], span, np.array([[fixed]]))
+    linear = stable_intervals(cut.as_batch(1), (FIRST, SECOND)[index], span, np.array([[fixed]]))
     line = Line.of(WallsAlong(whole, index, fixed))
     ends = np.stack([linear.low, linear.high], axis=1)
     intervals = ends[linear.index >= 0].tolist()

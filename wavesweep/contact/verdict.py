@@ -10,7 +10,7 @@ from wavesweep.engine.drawing.drawing import Drawing, path_of
 from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.cut import LinearFractional, close
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.engine.stability.spectrum import radius_of
 from wavesweep.program.spec import Spec
@@ -65,7 +65,7 @@ def _verdict(cut: LinearFractional | None, K, B, linear, free) -> dict[str, str]
     line = Line.of(WallsAlong(loop, 0, B))
     if line.proved(K, K):
         return {"verdict": "proved", "counterexample": ""}
-    if radius_of(close(cut, K, B)) > 1:
+    if radius_of(cut.closed(K, B)) > 1:
         return {"verdict": "refuted", "counterexample": linear}
     motion = motion_at(line.walls, K)
     found = str(motion) if motion else ""

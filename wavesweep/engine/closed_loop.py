@@ -20,7 +20,7 @@ from wavesweep.engine.keys.key import Key, Names
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.batch import distinct
 from wavesweep.engine.loops.from_drawing import OUTPUT
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port
@@ -437,7 +437,7 @@ class ClosedLoop:
         """
         drawn = self._single(numbers).drawn()
         with drawn.naming_blocks():
-            ticks = ticks_of(drawn, tuple(OUTPUT + name for name in self.outputs))
+            ticks = Ticks.of(drawn, tuple(OUTPUT + name for name in self.outputs))
         columns = [ticks.maps[0].inputs.index(signal) for _, signal, _ in self.drawing.inputs]
         maps = [(tick_map.E, tick_map.B[..., columns], tick_map.C, tick_map.D[..., columns]) for tick_map in ticks.maps]
         lifted = TickMaps.of(maps, ticks.kind, ()).lifted(measured=False)

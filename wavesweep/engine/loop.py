@@ -13,8 +13,8 @@ from wavesweep.engine.loops.batch import distinct, items_of, selected
 from wavesweep.engine.loops.common_tick import with_common_tick
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import hand_of
-from wavesweep.engine.monodromy.drift import MarginalModes, closed_frame, drift_of_drawn, frame_with_reliability
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.drift import MarginalModes
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.stability.spectrum import radius_of
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -144,7 +144,7 @@ class Loops(NamedTuple):
         """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; NaN where rounding leaves nothing of them."""
         drawn = self.drawn()
         with drawn.naming_blocks(), np.errstate(all="ignore"):
-            return closed_frame(drawn, drift)
+            return drift.closed_frame(drawn)
 
     def frames_with_reliability(self, drift: MarginalModes, drawn: MultirateLoop | None = None) -> tuple[Floats, Bools]:
         """`frames`, and whether rounding hides their spectral radius, `(...)`.
@@ -153,7 +153,7 @@ class Loops(NamedTuple):
         """
         drawn = drawn or self.drawn()
         with drawn.naming_blocks(), np.errstate(all="ignore"):
-            return frame_with_reliability(drawn, drift)
+            return drift.frame_with_reliability(drawn)
 
     def radii(self, size: int = 1) -> Floats:
         """Spectral radius per frame of each of `size` loops, `(size,)`, without drift.
@@ -172,7 +172,7 @@ class Loops(NamedTuple):
         return _blocks_without_solution(self.drawing, self.items)
 
 
-_drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
+_drift = lru_cache(maxsize=256)(MarginalModes.of)  # twins of the same numbers are the same objects
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
@@ -183,7 +183,7 @@ def _blocks_without_solution(drawing: Drawing, items: tuple[tuple[str, Any], ...
         return [block.name for plant in drawing.plants for block in plant.members]
     try:
         with drawn.naming_blocks():
-            ticks_of(drawn, alone=True)
+            Ticks.of(drawn, alone=True)
     except IllPosedLoopError:
         return drawn.direct_blocks()
     return None

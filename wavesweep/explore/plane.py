@@ -10,7 +10,7 @@ At z = 1 and z = -1 all three terms are real, and the boundary is a straight lin
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import LinearFractional, close
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.boundary import terms_of, times
 from wavesweep.engine.stability.spectrum import is_stable
@@ -94,7 +94,7 @@ def quick_columns(
     steps = np.flatnonzero(np.diff(column) == 0)
     middle = (value[steps] + value[steps + 1]) / 2
     pair = (middle, fixed[column[steps]]) if solved == 0 else (fixed[column[steps]], middle)
-    stable = is_stable(close(cut, *pair)) & (value[steps + 1] > value[steps])
+    stable = is_stable(cut.closed(*pair)) & (value[steps + 1] > value[steps])
     intervals: list[list[tuple[float, float]]] = [[] for _ in every]
     for at in steps[stable].tolist():
         own_intervals, low, high = intervals[column[at]], float(value[at]), float(value[at + 1])

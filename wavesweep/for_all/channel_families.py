@@ -20,8 +20,8 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
-from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
+from wavesweep.engine.monodromy.drift import MarginalModes
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import ORDER, FramesOver, TickPlace, inside_of
@@ -142,9 +142,9 @@ def frames_with_messages(drawing: Drawing, values: Mapping[str, object], number:
     assembled_loop = Loops(drawing, values | dict.fromkeys(varied, 0.0)).drawn(name_of(number) if number else "")
     steps = list(_steps(channels, assembled_loop))
     rows, ticks = _ticks(assembled_loop, channels, steps, pair[0].held(), number)
-    drift = drift_of_drawn(*pair)
+    drift = MarginalModes.of(*pair)
     _refuse_moved(ticks, drift)
-    ticks, _ = relative_ticks(ticks, drift)
+    ticks, _ = drift.relative_ticks(ticks)
     follows = np.array([[after in sources for _, _, _, sources in steps] for _, _, after, _ in steps])
     symbols = tuple(symbol for _, symbol, *_ in steps)
     return LoopFrames.of(ticks, drift.remaining, [row[:-1] for row in rows], [row[-1] for row in rows], symbols, follows)
@@ -156,12 +156,12 @@ def messages_over(drawing: Drawing, values: Mapping[str, object], sides: Sequenc
     inside = inside_of(box)
     numbers = {side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}
     pair = [_in_time(twin, channels) for twin in Loops(drawing, values | numbers).twins()]
-    held, drift = pair[0].held(), drift_of_drawn(*pair)
+    held, drift = pair[0].held(), MarginalModes.of(*pair)
     loop = Loops(drawing, values | numbers).drawn()
     steps = list(_steps(channels, loop))
     rows, ticks = _ticks(loop, channels, steps, held)
     _refuse_moved(ticks, drift)
-    _, groups = relative_ticks(ticks, drift)
+    _, groups = drift.relative_ticks(ticks)
     enclosed = EnclosedLoop(drawing, values, sides, ORDER)
     names = frozenset(channel.name for channel in channels)
     kinds = dict.fromkeys(kind for row, *_ in steps for kind in row)
@@ -180,12 +180,12 @@ def members_with_messages(drawing: Drawing, values: Mapping[str, object], paths:
         return values | {path: points[:, at].copy() for at, path in enumerate(paths)}
 
     pair = [_in_time(twin, channels) for twin in Loops(drawing, with_numbers(inside_of(box))).twins()]
-    held, drift = pair[0].held(), drift_of_drawn(*pair)
+    held, drift = pair[0].held(), MarginalModes.of(*pair)
     steps = list(_steps(channels, Loops(drawing, values).drawn()))
 
     def frames_at(points):
         rows, ticks = _ticks(Loops(drawing, with_numbers(points)).drawn(), channels, steps, held)
-        ticks, _ = relative_ticks(ticks, drift)
+        ticks, _ = drift.relative_ticks(ticks)
         return frames_of_ticks(ticks, drift, [row[:-1] for row in rows], [row[-1] for row in rows])
 
     follows = np.array([[after in sources for *_, sources in steps] for _, _, after, _ in steps])
@@ -206,7 +206,7 @@ def _ticks(own: MultirateLoop, channels, steps, held, number: str = "") -> tuple
     maps = []
     for tick, arrivals in kinds:
         loop = _at(own, tick, channels, arrivals)
-        ticks = ticks_of(loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True)
+        ticks = Ticks.of(loop, (FACTOR,) if number else (), True, PRODUCT if number else "", held, terms=True)
         maps.append(ticks.maps[ticks.kind[0]])
     index = {kind: i for i, kind in enumerate(kinds)}
     return [[index[kind] for kind in row] for row, *_ in steps], Ticks(tuple(maps), np.arange(len(maps)))

@@ -13,8 +13,8 @@ import numpy as np
 
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.drift import MarginalModes
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.engine.sets.taylor_models import UNIT, Polynomials, TaylorModel, UnresolvedError, monomials
 from wavesweep.for_all.folded import lasting
@@ -169,12 +169,12 @@ def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray, most: i
     running, kind = drawn.schedule()
     held = drawn.held()
     places = [TickPlace(drawn, int(np.argmax(kind == index)), held) for index in range(len(running))]
-    drift = drift_of_drawn(*Loops(loop.drawing, values).twins())
+    drift = MarginalModes.of(*Loops(loop.drawing, values).twins())
 
     def ticks_at(points):
         columns = {side.path: side.number(points[:, at]) for at, side in enumerate(sides)}
-        ticks = ticks_of(Loops(loop.drawing, {**loop.values, **columns}).drawn(), alone=True, terms=True)
-        return relative_ticks(ticks, drift)
+        ticks = Ticks.of(Loops(loop.drawing, {**loop.values, **columns}).drawn(), alone=True, terms=True)
+        return drift.relative_ticks(ticks)
 
     _, groups = ticks_at(inside)
     copies = groups[len(drift.constant) :]

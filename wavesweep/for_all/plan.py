@@ -11,9 +11,9 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, relative_ticks
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
-from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
@@ -100,13 +100,13 @@ class Plan:
             at_step = self.schedule.with_period(self.drawing, step)
             whole = self.schedule.scheduled(Loops(at_step, self.values | varied).drawn())
             if not number:
-                return ticks_of(whole, alone=True, terms=True)
+                return Ticks.of(whole, alone=True, terms=True)
             cut_open = Loops(at_step, self.values | dict.fromkeys(varied, 0.0)).drawn(name_of(number))
             return OpenTicks.of(self.schedule.scheduled(cut_open), whole, PRODUCT, FACTOR).ticks
 
         maps, _, index = self._kinds(ticks_at)
         drift = self._drift(varied)
-        ticks, _ = relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
+        ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
         return LoopFrames.of(ticks, drift.remaining, *self.written(index), drift if drift.varying else None)
 
     def over(self, sides: Sequence[Side], box: np.ndarray) -> FramesOver:
@@ -122,7 +122,7 @@ class Plan:
 
         def ticks_at(step, points=inside, places=None):
             loop = Loops(drawn_at(step), with_numbers(points)).drawn()
-            return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
+            return Ticks.of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
         _, picked, index = self._kinds(ticks_at)
         drift = self._drift(with_numbers(inside))
@@ -132,7 +132,7 @@ class Plan:
             for step, some in groupby(picked, lambda each: each[0]):
                 ticks = ticks_at(step, points, [place for _, place in some])
                 maps += [ticks.maps[kind] for kind in ticks.kind]
-            return relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
+            return drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
 
         ticks = []
         for step, some in groupby(picked, lambda each: each[0]):
@@ -154,7 +154,7 @@ class Plan:
 
         def ticks_at(step, points=inside, places=None):
             loop = Loops(self.schedule.with_period(self.drawing, step), with_numbers(points)).drawn()
-            return ticks_of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
+            return Ticks.of(self.schedule.scheduled(loop), alone=True, terms=True, places=places)
 
         _, picked, index = self._kinds(ticks_at)
         drift = self._drift(with_numbers(inside))
@@ -165,7 +165,7 @@ class Plan:
             for step, some in groupby(picked, lambda each: each[0]):
                 ticks = ticks_at(step, points, [place for _, place in some])
                 maps += [ticks.maps[kind] for kind in ticks.kind]
-            ticks, _ = relative_ticks(Ticks(tuple(maps), np.arange(len(maps))), drift)
+            ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
             return frames_of_ticks(ticks, drift, rows, samples)
 
         return Members(frames_at, len(drift.remaining), symbols, follows)
@@ -191,7 +191,7 @@ class Plan:
 
     def _drift(self, varied) -> MarginalModes:
         both_loops = Loops(self.schedule.with_period(self.drawing, self.schedule.nominal), self.values | varied).twins()
-        return drift_of_drawn(*map(self.schedule.scheduled, both_loops))
+        return MarginalModes.of(*map(self.schedule.scheduled, both_loops))
 
     def written(self, index):
         """The rows and samples of the symbols as indices of kinds, the symbols, and which may follow which."""

@@ -15,7 +15,7 @@ from wavesweep.engine.loops.from_drawing import assembled, twins
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.loops.values import values_of
-from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.response.port import Port, port_of
 from wavesweep.haptics.controllers import HAND
 
@@ -79,7 +79,7 @@ class HeldLoop:
         return {port: 1.0 - later, f"{port}{AT}{name}": later}
 
     def drift(self, watched=()) -> MarginalModes:
-        """Return the drift of the loops; watched: see `drift_of_drawn`."""
+        """Return the drift of the loops; watched: see `MarginalModes.of`."""
         with np.errstate(all="ignore"):
             return _drift(*twins(self.drawing, self.values), tuple(watched))
 
@@ -98,7 +98,7 @@ def held_loop(loops: Loops) -> HeldLoop:
     return HeldLoop(*loops.read)
 
 
-_drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
+_drift = lru_cache(maxsize=256)(MarginalModes.of)  # twins of the same numbers are the same objects
 
 
 @lru_cache(maxsize=256)

@@ -17,7 +17,7 @@ import numpy as np
 from wavesweep.engine.energy.hinf import SOFT, START
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, reached, read
 from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
-from wavesweep.engine.monodromy.drift import MarginalModes, errors_of_closed, filled, without_drift
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.along_any import stable_along_any
@@ -146,11 +146,11 @@ class LiftedLoop:
         """Return the frames of the loop with the number k, `(n,)`, real or complex."""
         E, pivot, condition = self.ticks.frames(np.zeros(k.size, int), k)
         pivot, condition = (np.broadcast_to(array, k.shape) for array in (pivot, condition))
-        return Frames(filled(without_drift(E, self.drift)), pivot[:, None], condition)
+        return Frames(self.drift.removed_from(E), pivot[:, None], condition)
 
     def errors(self, k) -> tuple[np.ndarray, np.ndarray]:
         """Return the same frames, and bounds on the errors of their entries."""
-        return errors_of_closed(self.ticks.closed(np.zeros(k.size, int), k, terms=True), self.drift)
+        return self.drift.frames_with_errors(self.ticks.closed(np.zeros(k.size, int), k, terms=True))
 
     def along_gain(self, span):
         """Return the stable intervals along real k."""

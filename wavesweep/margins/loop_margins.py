@@ -1,7 +1,7 @@
 """How far a loop that is broken at one signal is from instability: gain, phase, delay and disk margins, peak sensitivities."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.engine.energy.hinf import SOFT, START, Peak, angles, with_middles
 from wavesweep.engine.energy.lifted_map import TickMaps
 from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
-from wavesweep.engine.monodromy.cut import ERRORS, FIRST, MATRICES, LinearFractional, open_in, with_batch
+from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
 from wavesweep.engine.stability.stable import stable_intervals
@@ -61,13 +61,12 @@ class BrokenLoop:
     @cached_property
     def parts(self) -> tuple[np.ndarray, ...]:
         """E, B, C and D."""
-        return open_in(self.cut, FIRST, np.zeros(()))
+        return self.cut.open_in(FIRST, np.zeros(()))
 
     @cached_property
     def errors(self) -> tuple[np.ndarray, ...]:
         """Bounds on the errors of their entries."""
-        errors = {name: getattr(self.cut, error) for name, error in zip(MATRICES, ERRORS, strict=True)}
-        errors = open_in(replace(self.cut, **errors), FIRST, np.zeros(()))
+        errors = self.cut.of_errors().open_in(FIRST, np.zeros(()))
         if self.cut.integrates:  # which is read with a factor of exactly 1
             errors[2][..., -1] = 0.0
         return errors
@@ -151,7 +150,7 @@ def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
 def _gains(loop):
     """The gain margins, none if the loop is not known to be stable, and the doubt about its interval."""
     for most in SPANS:
-        intervals = stable_intervals(with_batch(loop.cut, 1), FIRST, (0.0, most), np.zeros((1, 1)))
+        intervals = stable_intervals(loop.cut.as_batch(1), FIRST, (0.0, most), np.zeros((1, 1)))
         own_interval = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
         if not own_interval.low.size or own_interval.high[0] < most:
             break

@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, damping_peak, read
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.unit_circle import solve
 from wavesweep.engine.response.linear_systems import solved
 from wavesweep.engine.stability.spectrum import is_stable
@@ -97,7 +97,7 @@ def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, lis
         sums[port] = {(move := f"move.{port}"): root}
         moves.append(move)
     outputs = tuple(f"{REACTION}.{port}" for port in steps)
-    ticks = ticks_of(replace(drawn, placed=placed, sums=sums, inputs=(*drawn.inputs, *moves), exact=None), outputs)
+    ticks = Ticks.of(replace(drawn, placed=placed, sums=sums, inputs=(*drawn.inputs, *moves), exact=None), outputs)
     at = [ticks.maps[0].inputs.index(move) for move in moves]
     maps = [(tick_map.E, tick_map.B[..., at], tick_map.C, tick_map.D[..., at]) for tick_map in ticks.maps]
     reached = np.flatnonzero(read(maps))

@@ -13,7 +13,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.haptics.controller_drawings import loop_drawing
 
 MOST_ENTRIES = 100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
@@ -75,7 +75,7 @@ def channel_of(drawing: Drawing, values) -> WaveChannel | None:
     types = {block.name: block.type for block in drawing.blocks}
     drawn = _cut_at_ends(Loops(drawing, values).drawn(), types)
     ends = [placed_block.block.name for placed_block in drawn.placed if types[placed_block.block.name] in WAVE_ENDS]
-    ticks = ticks_of(drawn, tuple(f"{name}.in" for name in ends))
+    ticks = Ticks.of(drawn, tuple(f"{name}.in" for name in ends))
     runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in ends_of_run] for ends_of_run in drawn.schedule()[0]]
     periods = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
     frame = np.asarray(np.real(drawn.period) * drawn.ticks)

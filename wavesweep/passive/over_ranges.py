@@ -21,8 +21,7 @@ from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import axes_of
-from wavesweep.engine.monodromy.open_ticks import facts_of
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine.response.port import port_of
@@ -128,7 +127,7 @@ def remembered(maps: Maps) -> Maps:
 
 def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndarray:
     """What has a zero where the maps are not analytic in the number, `(*shape, k)`."""
-    pivot, _ = facts_of(ticks_of(drawn, alone=True).maps)
+    pivot, _ = Ticks.of(drawn, alone=True).facts
     pivots = np.broadcast_to(np.asarray(pivot)[..., None], (*shape, 1))
     guards = Loops(loop.drawing, loop.values).guards_at(path, shape)
     return np.concatenate([pivots, guards], axis=-1)

@@ -15,7 +15,7 @@ from wavesweep.capabilities import library_names, of_library
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.loops.multirate import MultirateLoop, first_of
-from wavesweep.engine.monodromy.drift import drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.program.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
@@ -74,7 +74,7 @@ def compile(source: Source | MultirateLoop) -> Loop | DrawnLoop:
     if isinstance(source, MultirateLoop):
         source.refuse_wrong_names()
         refuse_infinite(source)
-        return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
+        return DrawnLoop(source, MarginalModes.of(first_of(source), first_of(source, -1)))
     spec = spec_of(source)
     refuse_singular(spec, own_loop(spec).drawing)
     return Loop(spec, keys_of(spec))

@@ -12,7 +12,7 @@ from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.drift import MarginalModes, drift_of_drawn, frame_with_reliability
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import port_of
 from wavesweep.engine.response.steady import respond
@@ -47,7 +47,7 @@ class DrawnLoop:
             Of the shape of the batch. It is infinite after overflow, and NaN if rounding hides it.
         """
         with self.drawn.naming_blocks():
-            return radius_of(*frame_with_reliability(self.drawn, self.drift))
+            return radius_of(*self.drift.frame_with_reliability(self.drawn))
 
     def response(self, frequency_hz: ArrayLike, force: str, position: str, reaction: str = "") -> DataFrame:
         """Admittance and impedance at a port.
@@ -92,7 +92,7 @@ class DrawnLoop:
         if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in signals]:
             raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
         ports = Ports(force, position, reaction)
-        response = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
+        response = respond(Lifted.of(port_of(drawn, ports, MarginalModes.of(drawn, drawn, ports.signals))), frequency)
         return DataFrame({"frequency_hz": frequency, **response._asdict()})
 
 

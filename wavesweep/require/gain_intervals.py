@@ -32,8 +32,7 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.open_ticks import facts_of
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.rounding import ROUNDING
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine.response.bounded_sums import plus, times
@@ -143,7 +142,7 @@ def _port(loops, along, drift, route, number, p):
     at = loops.some(number).changed({along: p})
     with np.errstate(all="ignore"):
         drawn = at.drawn()
-        port, (pivot, _) = port_between(drawn, *route, drift), facts_of(ticks_of(drawn, alone=True).maps)
+        port, (pivot, _) = port_between(drawn, *route, drift), Ticks.of(drawn, alone=True).facts
     pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
     return port, np.concatenate([pivot, at.guards_at(along, p.shape).reshape(p.size, -1)], -1)
 

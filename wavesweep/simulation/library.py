@@ -9,7 +9,6 @@ import numpy as np
 
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.monodromy.drift import closed_frame
 from wavesweep.program import api, drawn_loop
 from wavesweep.program.analyses.asked import Numbers
 from wavesweep.program.api import Source, figure_from, spec_of
@@ -115,7 +114,7 @@ class DrawnLoopSimulation(drawn_loop.DrawnLoop):
         if len(rows) < len(arrays) or len(set(map(len, rows.values()))) > 1:
             raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
         with drawn.naming_blocks():
-            closed_frame(drawn, self.drift)
+            self.drift.closed_frame(drawn)
         marched = run_drawn(drawn, rows, tuple(signals))
         count = len(next(iter(marched.values()), ()))
         return DataFrame({"time_s": np.arange(count) * float(np.asarray(drawn.period))} | marched)

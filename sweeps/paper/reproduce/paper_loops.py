@@ -11,7 +11,7 @@ from reproduce.felt_responses import CONTROLLERS, FeltResponse, estimated, respo
 from reproduce.readings import Reading
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.engine.monodromy.cut import FIRST, with_batch
+from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.haptics.controller_drawings import keys_of_page, loop_drawing, wall_cut
 from wavesweep.passive.channel import ChannelNorm, channel_norm
@@ -124,7 +124,7 @@ class PaperLoops:
         return tuple(sorted((path, value) for path, value in {**changed, **typed}.items() if base[path] != value))
 
     def _stable_walls(self, values: Mapping, size: int) -> Iterator[Spans]:
-        cut = with_batch(wall_cut(values), size)
+        cut = wall_cut(values).as_batch(size)
         damping = np.broadcast_to(np.asarray(values["environment.B_VE"], float), (size,))
         found = stable_intervals(cut, FIRST, K_VE_SPAN, damping[:, None])
         self.uncertified += int(np.count_nonzero(~found.certified))

@@ -15,7 +15,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops import blocks
 from wavesweep.engine.loops.integrator_modes import decimal, shifts, value_in_fractions
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks, frame_of
 from wavesweep.program.spec import load
 
 
@@ -67,7 +67,7 @@ def test_no_tick_changes_what_a_shift_moves(seed):
 
 def _unchanged(spec):
     drift, drawn = Loops(spec.drawing, spec.values).drift(), Loops(spec.drawing, spec.values).twins()[0]
-    E = frame_of(ticks_of(drawn, alone=True))
+    E = frame_of(Ticks.of(drawn, alone=True))
     for lead, others in drift.constant:
         shift = np.zeros(len(drift.states))
         shift[[lead, *(state for state, _ in others)]] = [1.0, *(factor for _, factor in others)]

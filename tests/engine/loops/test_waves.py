@@ -6,7 +6,7 @@ from support.specs import INTEGRATIONS, random_values
 
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.blocks import defined
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.haptics.controller_drawings import loop_drawing
 
 
@@ -20,7 +20,7 @@ def test_the_encoder_conserves_power(seed, kind):
     """`f_m v_hat = u_m^2/2 - v_m^2/2`, whatever the state and the held signals are."""
     values = random_values(seed, kind)
     drawn = Loops(loop_drawing(values), values).read.drawn()
-    ticks = ticks_of(drawn, ("encoder.force", "encoder.v", "encoder.out", "encoder.in"))
+    ticks = Ticks.of(drawn, ("encoder.force", "encoder.v", "encoder.out", "encoder.in"))
     fast = ticks.maps[ticks.kind[0]]
     x, w = random_row(seed, len(fast.states)), random_row(seed + 99, len(fast.inputs))
     f_m, v_hat, u, v = fast.C @ x + fast.D @ w

@@ -5,8 +5,7 @@ import pytest
 from support.intervals import intervals_of, pairs
 from support.specs import INTEGRATIONS, nested, random_values, values_of
 
-from wavesweep.engine.monodromy.drift import errors_of_closed
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.haptics.controller_drawings import wall_cut
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
@@ -39,7 +38,7 @@ def test_bounds_hold_what_rounding_leaves_of_a_shift_that_depends_on_numbers():
         loops, b = loops_of(spec, spec.values), spec.values["controller.b"]
         drift = loops.changed({"controller.b": np.array([0.5, 2.0]) * b}).drift()
         near = loops.changed({"controller.b": b * (1 + eps * np.arange(32))})
-        E, dE = errors_of_closed(ticks_of(near.drawn(), alone=True, terms=True), drift)
+        E, dE = drift.frames_with_errors(Ticks.of(near.drawn(), alone=True, terms=True))
         found += bool(drift.varying)
         assert (np.ptp(E, axis=0) <= 2 * dE.max(0) + 64 * eps * np.abs(E).max(0)).all()
     assert found

@@ -5,7 +5,7 @@ import pytest
 from support import exact
 from support.specs import KINDS, random_values, values_of
 
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, close
+from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY
 from wavesweep.haptics.controller_drawings import wall_cut
 
 SPECS = [(kind, seed) for kind in KINDS for seed in (range(2) if kind == "dc" else range(5))]
@@ -38,7 +38,7 @@ def test_the_spectral_radius_is_that_of_50_digits(kind, seed):
     """A simple eigenvalue of these matrices is good to 1e-10; pure delays are far inside and do not decide."""
     values = random_values(seed, kind)
     cut = wall_cut(values)
-    found = np.abs(1 + np.linalg.eigvals(close(cut, values["environment.K_VE"], values["environment.B_VE"]))).max()
+    found = np.abs(1 + np.linalg.eigvals(cut.closed(values["environment.K_VE"], values["environment.B_VE"]))).max()
     assert found == pytest.approx(float(exact.spectral_radius(values)), rel=1e-10)
 
 
@@ -51,7 +51,7 @@ def test_drifts_together_leave_no_eigenvalue_at_one(stiffness, Kp, K_LM):
     """A local model without stiffness drifts by itself, beside or instead of hand and avatar."""
     values = values_of("pmw-lm", stiffness=stiffness, Kp=Kp, K_LM=K_LM)
     cut = wall_cut(values)
-    found = 1 + np.linalg.eigvals(close(cut, 500.0, 1.0))
+    found = 1 + np.linalg.eigvals(cut.closed(500.0, 1.0))
     assert np.abs(found - 1).min() > 1e-4
     assert np.abs(found).max() == pytest.approx(float(exact.spectral_radius(values)), abs=1e-11)
 
@@ -60,13 +60,13 @@ def test_without_a_wall_the_scene_drifts_and_is_set_aside():
     """At K_VE = 0 nothing reads where the scene is."""
     cut = wall_cut(values_of("dc-slow"))
     assert cut.integrates
-    assert np.abs(1 + np.linalg.eigvals(close(cut, 0.0, 1.0))).max() < 1
+    assert np.abs(1 + np.linalg.eigvals(cut.closed(0.0, 1.0))).max() < 1
 
 
 def test_slow_filters_are_not_taken_for_drift():
     """6th order at 3 Hz: a loose rank decision moves the radius from 0.9871 to 0.9903."""
     cut = wall_cut(values_of("pmw", lp1_order=6, lp1_cutoff_hz=3.0))
-    radius = np.abs(1 + np.linalg.eigvals(close(cut, 500.0, 1.0))).max()
+    radius = np.abs(1 + np.linalg.eigvals(cut.closed(500.0, 1.0))).max()
     assert radius == pytest.approx(0.9871066800216373, rel=1e-10)
 
 

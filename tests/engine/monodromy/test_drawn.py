@@ -14,9 +14,9 @@ from wavesweep.engine.loops import blocks
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.monodromy.drift import closed_frame, drift_of_drawn
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import cut_of, open_frame
-from wavesweep.engine.monodromy.periodic import frame_of, in_a_row, then, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks, frame_of, in_a_row, then
 from wavesweep.engine.monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
 from wavesweep.engine.monodromy.rounding import ENTRIES
 from wavesweep.engine.response.lifted import Lifted
@@ -28,9 +28,9 @@ from wavesweep.engine.stability.stable import stable_intervals
 
 def along_any(draw, span):
     """The stable intervals along p by eigenvalues, and whether they are certified."""
-    drift, first = drift_of_drawn(draw(7.3), draw(8.9)), draw(7.3)
+    drift, first = MarginalModes.of(draw(7.3), draw(8.9)), draw(7.3)
     period = np.array([float(first.period) * first.ticks])
-    found = stable_along_any(lambda _, p: closed_frame(draw(p), drift), span, 1, period)
+    found = stable_along_any(lambda _, p: drift.closed_frame(draw(p)), span, 1, period)
     return list(zip(found.low.tolist(), found.high.tolist(), strict=True)), bool(found.certified.all())
 
 
@@ -42,7 +42,7 @@ def cut_at(drawn, drift, read):
 def exactly(draw, read, span, damped=""):
     """The same along a number that is cut out: `draw(other)` has its product as the input "w"."""
     watched = (read, damped) if damped else (read,)
-    cut = cut_at(draw(1.1), drift_of_drawn(draw(1.1), draw(0.7), watched), watched)
+    cut = cut_at(draw(1.1), MarginalModes.of(draw(1.1), draw(0.7), watched), watched)
     if cut is None:
         return None, None
     found = stable_intervals(cut if cut.batch else cut.at(np.newaxis), FIRST, span, np.zeros((1, 1)))
@@ -128,17 +128,17 @@ def built_in(changes):
 def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     """Its walls exactly, its radius, its response and its port."""
     reads, B = ("av.x_spring", "av.v"), np.array([[0.0, 0.5, 1.0, 3.0]])
-    drift = drift_of_drawn(pmw(**changes), pmw(**changes, b=11.0), reads)
+    drift = MarginalModes.of(pmw(**changes), pmw(**changes, b=11.0), reads)
     cut = cut_at(pmw(**changes), drift, reads)
     found, own = stable_intervals(cut.at(np.newaxis), FIRST, (0, 20000), B), built_in(changes)
     table = own.stable_intervals(B_VE=B[0])
     assert found.high == pytest.approx(table["high"].to_numpy(), rel=1e-10)
     closed = pmw(**changes, wall=(500.0, 1.0))
-    drift = drift_of_drawn(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)))
-    radius = np.abs(1 + np.linalg.eigvals(closed_frame(closed, drift))).max()
+    drift = MarginalModes.of(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)))
+    radius = np.abs(1 + np.linalg.eigvals(drift.closed_frame(closed))).max()
     assert radius == pytest.approx(float(own.spectral_radius()), rel=1e-12)
     ports = Ports("hand", "m.x", "f_m")
-    port = port_of(closed, ports, drift_of_drawn(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)), ("m.x", "f_m")))
+    port = port_of(closed, ports, MarginalModes.of(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)), ("m.x", "f_m")))
     frequency = np.array([1e-2, 1.0, 49.9, 50.0, 123.0])
     seen, rows = respond(Lifted.of(port), frequency), own.response(frequency)
     assert seen.admittance == pytest.approx((rows["admittance_re"] + 1j * rows["admittance_im"]).to_numpy(), rel=1e-10)
@@ -149,7 +149,7 @@ def test_waves_written_as_blocks_are_the_built_in_loop(changes):
 @pytest.mark.parametrize("seed", range(40))
 def test_a_frame_is_the_product_of_its_ticks(seed):
     drawn = random_drawing(seed)
-    ticks = ticks_of(drawn)
+    ticks = Ticks.of(drawn)
     whole = np.eye(len(ticks.states))
     for kind in ticks.kind:
         whole = (np.eye(len(whole)) + ticks.maps[kind].E) @ whole

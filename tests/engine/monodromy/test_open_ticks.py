@@ -6,7 +6,7 @@ import pytest
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
 from wavesweep.engine.monodromy import open_ticks
-from wavesweep.engine.monodromy.open_ticks import OpenTicks, facts_of
+from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import frame_of
 from wavesweep.program.spec import load
 
@@ -44,7 +44,7 @@ def test_closed_in_the_frame_as_in_every_tick(readings, direct):
     whole = ticks.closed(np.arange(3)[:, None], p)
     expected = frame_of(whole)
     np.testing.assert_allclose(E, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
-    for found, each in zip(facts, facts_of(whole.maps), strict=True):
+    for found, each in zip(facts, whole.facts, strict=True):
         assert np.array_equal(*np.broadcast_arrays(found, each))
 
 

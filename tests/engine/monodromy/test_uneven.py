@@ -10,7 +10,6 @@ from scipy.signal import butter, tf2ss
 import wavesweep
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
-from wavesweep.engine.monodromy.drift import closed
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.haptics.controllers import CONTROLLERS, WALL
 from wavesweep.program.spec import load
@@ -139,6 +138,6 @@ def test_ticks_cut_at_the_wall_and_closed_again_are_those_with_the_wall(kind, de
     some = loop.changed({"device.mass": mass, path: 1.0})
     ticks = OpenTicks.of(some.drawn(path), some.drawn(), PRODUCT, FACTOR)
     drift = loop.changed({path: np.array([0.5, 2.0])}).drift()
-    found = closed(ticks.closed(np.arange(3)[:, None], p), drift)
+    found = drift.frames_of(ticks.closed(np.arange(3)[:, None], p))
     whole = loop.changed({"device.mass": mass[:, None], path: p}).frames(drift)
     np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12 * np.abs(whole).max())

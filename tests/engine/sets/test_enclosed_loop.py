@@ -8,7 +8,7 @@ import pytest
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops import dead_time
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
 from wavesweep.engine.sets.taylor_models import UnresolvedError
 from wavesweep.program.spec import load
@@ -56,7 +56,7 @@ def enclosed(path, order=4, wide=WIDE):
 
     def at(s):
         numbers = dict(zip(paths, (centre + half * s).tolist(), strict=True))
-        return [block.E for block in ticks_of(Loops(drawing, values | numbers).drawn(), alone=True).maps]
+        return [block.E for block in Ticks.of(Loops(drawing, values | numbers).drawn(), alone=True).maps]
 
     return ticks, at, np.random.default_rng(0).uniform(-1, 1, (4, len(paths)))
 

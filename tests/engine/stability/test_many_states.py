@@ -7,7 +7,7 @@ import pytest
 import wavesweep
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy import triangular
-from wavesweep.engine.monodromy.cut import FIRST, close
+from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.monodromy.resolvent import ManyStates
 from wavesweep.engine.monodromy.triangular import TriangularForm
 from wavesweep.engine.monodromy.unit_circle import on_circle
@@ -52,7 +52,7 @@ def test_loops_of_20_states_and_more_are_certified_in_doubles(masses, damping, d
     assert table.certified.all()
     assert table.low[0] == 1.0
     ends = table.high[0] * np.array([1 - 1e-7, 1 + 1e-7])
-    radii = np.abs(1 + np.linalg.eigvals(close(cut.at((0, None)), ends, np.zeros(2)))).max(-1)
+    radii = np.abs(1 + np.linalg.eigvals(cut.at((0, None)).closed(ends, np.zeros(2)))).max(-1)
     assert radii[0] < 1 < radii[1]
 
 

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 import wavesweep
 from wavesweep import SpecError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 from wavesweep.simulation.export.source import exported
@@ -141,7 +141,7 @@ def test_a_simulation_goes_from_instant_to_instant_of_a_tick(tau):
     """Two programs, which share no discretisation."""
     spec = load(ARM).with_values({"numbers.tau": tau})
     force = np.random.default_rng(0).normal(size=400)
-    (each,) = (ticks := ticks_of(Loops(spec.drawing, spec.values).drawn(), ("ports.hand.displacement",))).maps
+    (each,) = (ticks := Ticks.of(Loops(spec.drawing, spec.values).drawn(), ("ports.hand.displacement",))).maps
     x, expected = np.zeros(len(ticks.states)), []
     for f in force:
         expected.append(each.C[0] @ x)

@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep import UsageError, load
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks, frame_of
 from wavesweep.simulation.from_spec import simulated
 
 METHODS = "explicit", "implicit", "trapezoidal"
@@ -88,7 +88,7 @@ def test_every_type_is_tried():
 def test_frames_and_the_simulation_move_a_mass_alike(kind, keys):
     spec = load(tables_of(kind, keys))
     push = np.random.default_rng(3).normal(size=90)
-    ticks, x, rows = ticks_of(Loops(spec.drawing, spec.values).drawn(), ("m.x",)), 0.0, []
+    ticks, x, rows = Ticks.of(Loops(spec.drawing, spec.values).drawn(), ("m.x",)), 0.0, []
     state = np.zeros(len(ticks.states))
     for k, f in enumerate(push):
         each = ticks.maps[ticks.kind[k % ticks.kind.size]]
@@ -103,7 +103,7 @@ def test_frames_and_the_simulation_move_a_mass_alike(kind, keys):
 def test_frames_in_doubles_and_in_balls_have_the_same_eigenvalues(kind, keys):
     """By the traces of their powers, whatever their states are."""
     spec = load(tables_of(kind, keys))
-    doubles = frame_of(ticks_of(Loops(spec.drawing, spec.values).drawn(), alone=True))
+    doubles = frame_of(Ticks.of(Loops(spec.drawing, spec.values).drawn(), alone=True))
     doubles = doubles + np.eye(len(doubles))
     ticks = pytest.importorskip("wavesweep.prove.ticks")
     frame, _ = ticks.BallLoop(spec.drawing, spec.values, "numbers.g").frame(arb(0.8))

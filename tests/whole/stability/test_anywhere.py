@@ -82,7 +82,6 @@ def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(a
 
 def test_along_the_wall_it_finds_what_the_exact_way_finds():
     """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
-    from wavesweep.engine.monodromy.cut import close
     from wavesweep.haptics.controller_drawings import wall_cut
 
     spec = {
@@ -93,7 +92,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
     loop = wavesweep.compile(spec)
     cut = wall_cut(loop.spec.values).at(np.newaxis)
     exact = loop.stable_intervals(span=(1.0, 20000.0))
-    found = stable_along_any(lambda column, K: close(cut.at(column), K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
+    found = stable_along_any(lambda column, K: cut.at(column).closed(K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
     assert found.certified.all()
     np.testing.assert_allclose(found.low, exact.low, rtol=1e-9)
     np.testing.assert_allclose(found.high, exact.high, rtol=1e-9)
@@ -104,7 +103,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 @pytest.mark.parametrize("low", [0.0, 3.0])
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
-    from wavesweep.engine.monodromy.cut import FIRST, close, errors_of_closed
+    from wavesweep.engine.monodromy.cut import FIRST
     from wavesweep.haptics.controller_drawings import wall_cut
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
@@ -112,10 +111,10 @@ def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     exact = stable_intervals(cut, FIRST, span, np.ones((12, 1)))
 
     def evaluate(column, K):
-        return close(cut.at(column), np.where(K == 0, 1e-300, K), 1.0)
+        return cut.at(column).closed(np.where(K == 0, 1e-300, K), 1.0)
 
     def errors(column, K):
-        return evaluate(column, K), errors_of_closed(cut.at(column), K, 1.0)
+        return evaluate(column, K), cut.at(column).errors_of_closed(K, 1.0)
 
     found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), (-np.inf, np.inf), variable=BENT, errors=errors)
     assert found.certified.all() or low == 0  # next to which doubles alone do not tell what leaves z = 1

@@ -17,6 +17,15 @@ MATRICES = ("E", "B", "C", "D")
 ERRORS = ("dE", "dB", "dC", "dD")
 
 
+class SignalRows(NamedTuple):
+    """E and B, and the rows of the two signals without their direct terms: x of the first number, v of the second."""
+
+    E: np.ndarray
+    B: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearFractional:
     """Everything but the numbers, once a frame, in delta form (`w = z - 1`).
@@ -82,80 +91,71 @@ class LinearFractional:
         uncontrolled = tuple(pick(block, 2) for block in self.uncontrolled)
         return replace(self, **matrices, period=pick(self.period, 0), uncontrolled=uncontrolled)
 
+    def as_batch(self, size: int) -> "LinearFractional":
+        """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
+        if self.batch:
+            return self.at(slice(None))
+        return self.at(np.newaxis) if size == 1 else self.at(np.newaxis).at(np.zeros(size, int))
 
-def with_batch(cut: LinearFractional, size: int) -> LinearFractional:
-    """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
-    if cut.batch:
-        return cut.at(slice(None))
-    return cut.at(np.newaxis) if size == 1 else cut.at(np.newaxis).at(np.zeros(size, int))
+    def open_in(self, along: str, fixed) -> StateSpace:
+        """Return the loop with one number closed and the other open, from the open number's product to its factor.
 
+        along: the open number, FIRST or SECOND; fixed: value of the other one, an array that broadcasts with the batch.
+        """
+        A, B, x, v = self.with_integrator()
+        of_x, of_v = self.D[..., OFFSET, 0], self.D[..., VELOCITY, 0]
+        closed, through, open_, direct = (x, of_x, v, of_v) if along == SECOND else (v, of_v, x, of_x)
+        left = (1 - fixed * through)[..., None, None]
+        gain, direct = fixed[..., None, None] / left, direct[..., None, None]
+        return StateSpace(A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left)
 
-def open_in(cut: LinearFractional, along: str, fixed) -> StateSpace:
-    """Return the loop with one number closed and the other open, from the open number's product to its factor.
+    def with_integrator(self) -> SignalRows:
+        """Return the loop with the integrator as the last state."""
+        x, v = self.C[..., OFFSET : OFFSET + 1, :], self.C[..., VELOCITY : VELOCITY + 1, :]
+        if not self.integrates:
+            return SignalRows(self.E, self.B, x, v)
+        unit = np.ones((*self.batch, 1, 1))
+        A = np.concatenate([self.E, self.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+        A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
+        B = np.concatenate([self.B, self.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+        return SignalRows(
+            A, B, np.concatenate([x + 0 * unit, unit], axis=-1), np.concatenate([v + 0 * unit, 0 * unit], axis=-1)
+        )
 
-    along: the open number, FIRST or SECOND; fixed: value of the other one, an array that broadcasts with the batch.
-    """
-    A, B, x, v = with_integrator(cut)
-    of_x, of_v = cut.D[..., OFFSET, 0], cut.D[..., VELOCITY, 0]
-    closed, through, open_, direct = (x, of_x, v, of_v) if along == SECOND else (v, of_v, x, of_x)
-    left = (1 - fixed * through)[..., None, None]
-    gain, direct = fixed[..., None, None] / left, direct[..., None, None]
-    return StateSpace(A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left)
+    def of_errors(self) -> "LinearFractional":
+        """Return the cut with bounds on the errors of the entries in place of the entries."""
+        return replace(self, E=self.dE, B=self.dB, C=self.dC, D=self.dD)
 
+    def errors_with_integrator(self) -> SignalRows:
+        """Return bounds on the errors of the entries of `with_integrator`."""
+        errors = self.of_errors().with_integrator()
+        if not self.integrates:
+            return errors
+        return errors._replace(x=np.concatenate([errors.x[..., :-1], 0 * errors.x[..., -1:]], axis=-1))
 
-class SignalRows(NamedTuple):
-    """E and B, and the rows of the two signals without their direct terms: x of the first number, v of the second."""
+    def closed(self, K, F) -> np.ndarray:
+        """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
 
-    E: np.ndarray
-    B: np.ndarray
-    x: np.ndarray
-    v: np.ndarray
+        K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator;
+        its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
+        """
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
+            K, F = np.asarray(K)[..., None, None], np.asarray(F)[..., None, None]
+            E, B, x, v = self.with_integrator()
+            of_x, of_v = self.D[..., OFFSET : OFFSET + 1, :], self.D[..., VELOCITY : VELOCITY + 1, :]
+            A = E + B * ((K * x + F * v) / (1 - K * of_x - F * of_v))
+            if self.integrates:
+                A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
+        return A
 
-
-def with_integrator(cut: LinearFractional) -> SignalRows:
-    """Return the loop with the integrator as the last state."""
-    x, v = cut.C[..., OFFSET : OFFSET + 1, :], cut.C[..., VELOCITY : VELOCITY + 1, :]
-    if not cut.integrates:
-        return SignalRows(cut.E, cut.B, x, v)
-    unit = np.ones((*cut.batch, 1, 1))
-    A = np.concatenate([cut.E, cut.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
-    A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
-    B = np.concatenate([cut.B, cut.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
-    return SignalRows(A, B, np.concatenate([x + 0 * unit, unit], axis=-1), np.concatenate([v + 0 * unit, 0 * unit], axis=-1))
-
-
-def errors_with_integrator(cut: LinearFractional) -> SignalRows:
-    """Return bounds on the errors of the entries of `with_integrator`."""
-    errors = with_integrator(replace(cut, E=cut.dE, B=cut.dB, C=cut.dC, D=cut.dD))
-    if not cut.integrates:
-        return errors
-    return errors._replace(x=np.concatenate([errors.x[..., :-1], 0 * errors.x[..., -1:]], axis=-1))
-
-
-def close(cut: LinearFractional, K, F) -> np.ndarray:
-    """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
-
-    K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator; its
-    eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
-    """
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
-        K, F = np.asarray(K)[..., None, None], np.asarray(F)[..., None, None]
-        E, B, x, v = with_integrator(cut)
-        of_x, of_v = cut.D[..., OFFSET : OFFSET + 1, :], cut.D[..., VELOCITY : VELOCITY + 1, :]
-        A = E + B * ((K * x + F * v) / (1 - K * of_x - F * of_v))
-        if cut.integrates:
-            A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
-    return A
-
-
-def errors_of_closed(cut: LinearFractional, K, F) -> np.ndarray:
-    """Return bounds on the errors of the entries of `close`, `(..., order, order)`, to first order."""
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        K, F = (np.asarray(value, float)[..., None, None] for value in (K, F))
-        through = np.abs(1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., VELOCITY : VELOCITY + 1, :])
-        K, F = np.abs(K), np.abs(F)
-        size = replace(cut, **{name: np.abs(getattr(cut, name)) for name in MATRICES})
-        (_, B, x, v), (dE, dB, dx, dv) = with_integrator(size), errors_with_integrator(cut)
-        off = K * cut.dD[..., OFFSET : OFFSET + 1, :] + F * cut.dD[..., VELOCITY : VELOCITY + 1, :]
-        read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through
-        return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))
+    def errors_of_closed(self, K, F) -> np.ndarray:
+        """Return bounds on the errors of the entries of `closed`, `(..., order, order)`, to first order."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            K, F = (np.asarray(value, float)[..., None, None] for value in (K, F))
+            through = np.abs(1 - K * self.D[..., OFFSET : OFFSET + 1, :] - F * self.D[..., VELOCITY : VELOCITY + 1, :])
+            K, F = np.abs(K), np.abs(F)
+            size = replace(self, **{name: np.abs(getattr(self, name)) for name in MATRICES})
+            (_, B, x, v), (dE, dB, dx, dv) = size.with_integrator(), self.errors_with_integrator()
+            off = K * self.dD[..., OFFSET : OFFSET + 1, :] + F * self.dD[..., VELOCITY : VELOCITY + 1, :]
+            read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through
+            return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))

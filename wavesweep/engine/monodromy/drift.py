@@ -9,7 +9,7 @@ from wavesweep.engine.loops.from_drawing import POSITION, REACTION
 from wavesweep.engine.loops.integrator_modes import shifts
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.batches import MANY
-from wavesweep.engine.monodromy.periodic import Ticks, frame_of, known_frames, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks, frame_of, known_frames
 from wavesweep.engine.monodromy.product import (
     product_with_errors,
     product_with_norm_of_errors,
@@ -51,29 +51,94 @@ class MarginalModes:
         gone = {*self.leads, *self.varying, *self.unobserved}
         return [index for index in range(len(self.states)) if index not in gone]
 
+    @staticmethod
+    def of(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> "MarginalModes":
+        """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
 
-def drift_of_drawn(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> MarginalModes:
-    """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
+        watched: the outputs with which `Ticks.of` will be called, since these determine which outputs are states that hold.
 
-    watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
+        A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). If
+        numbers are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
+        """
+        held, alive, names, idle = drawn.held(watched), _alive(drawn, watched), [], []
+        for scheduled in drawn.placed:
+            block = scheduled.block
+            names += [f"{block.name}.{name}" for name in (*block.states, *(f"{port} held" for port in held[block.name]))]
+            if block.name not in alive:
+                idle += [f"{block.name}.{state}" for state in _idle(block)]
+        at, constant, varying = {name: i for i, name in enumerate(names)}, [], []
+        for shift, other_shift in _shifts_of_both(drawn, twin, alive):
+            lead, *rest = shift
+            if shift.keys() == other_shift.keys() and all(_alike(shift[name], other_shift[name]) for name in shift):
+                constant.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
+            else:
+                varying.append(at[lead])
+        return MarginalModes(tuple(names), tuple(constant), tuple(varying), tuple(map(at.get, idle)))
 
-    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). If numbers
-    are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
-    """
-    held, alive, names, idle = drawn.held(watched), _alive(drawn, watched), [], []
-    for scheduled in drawn.placed:
-        block = scheduled.block
-        names += [f"{block.name}.{name}" for name in (*block.states, *(f"{port} held" for port in held[block.name]))]
-        if block.name not in alive:
-            idle += [f"{block.name}.{state}" for state in _idle(block)]
-    at, constant, varying = {name: i for i, name in enumerate(names)}, [], []
-    for shift, other_shift in _shifts_of_both(drawn, twin, alive):
-        lead, *rest = shift
-        if shift.keys() == other_shift.keys() and all(_alike(shift[name], other_shift[name]) for name in shift):
-            constant.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
+    def relative_ticks(self, ticks: Ticks) -> tuple[Ticks, tuple]:
+        """Return the ticks with states relative to others: those that a drift moves to its lead, and copies to their source;
+        and which are relative to which, as `MarginalModes.constant`.
+
+        A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does.
+        If both were kept, what they have in common would be cancelled in every tick, and its digits with it.
+        """
+        drifting = {state for lead, followers in self.constant for state in (lead, *(index for index, _ in followers))}
+        copies = [
+            (source, tuple((state, 1.0) for state in states if state not in drifting))
+            for source, states in _copies(ticks).items()
+        ]
+        copies = [(source, followers) for source, followers in copies if followers]
+        groups = (*self.constant, *copies)
+        if not groups:
+            return ticks, groups
+        return replace(
+            ticks, maps=tuple(_relative_block(block, groups, self.leads, dict(copies)) for block in ticks.maps)
+        ), groups
+
+    def closed_frame(self, drawn: MultirateLoop) -> np.ndarray:
+        """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where rounding leaves nothing of
+        it.
+
+        Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
+        """
+        ticks = Ticks.of(drawn, alone=True)
+        E, growth = measured_frame(ticks.kind, [block.E for block in ticks.maps])
+        return known_frames(self.removed_from(E), growth)
+
+    def frame_with_reliability(self, drawn: MultirateLoop) -> tuple[np.ndarray, np.ndarray]:
+        """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
+        ticks = Ticks.of(drawn, alone=True, terms=True)
+        if len(ticks.states) >= MANY and not (self.leads or self.varying):
+            E, bound = _with_norm_of_errors(ticks, self)
+            if (bound <= ROUGH).all():
+                return E, np.zeros(bound.shape, bool)
+        E, dE = self.frames_with_errors(ticks)
+        finite = np.isfinite(E).all((-1, -2))
+        flat, errors = (np.where(finite[..., None, None], frames, 0.0).reshape(-1, *E.shape[-2:]) for frames in (E, dE))
+        units = balance(flat)[1]
+        rough = (errors * (units[:, None, :] / units[:, :, None]) > ROUGH).any((-1, -2)) & finite.reshape(-1)
+        rough[rough] = radius_hidden(flat[rough], errors[rough])
+        return E, rough.reshape(finite.shape)
+
+    def frames_of(self, ticks: Ticks) -> np.ndarray:
+        """`closed_frame` for ticks that are connected already, whatever rounding leaves."""
+        return filled(without_drift(frame_of(ticks), self))
+
+    def frames_with_errors(self, ticks: Ticks, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Return `frames_of`, and bounds on the errors of its entries; ticks: with the sizes of their terms.
+
+        tight: whether the bounds are those of `product_with_tight_errors`.
+        """
+        changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
+        if tight:
+            E, dE = product_with_tight_errors(ticks.kind, changes, sizes)
         else:
-            varying.append(at[lead])
-    return MarginalModes(tuple(names), tuple(constant), tuple(varying), tuple(map(at.get, idle)))
+            E, dE = product_with_errors(ticks.kind, changes, sizes, per_loop=True)
+        return self.removed_from(E), filled(without_drift(E, self, dE), 0.0)
+
+    def removed_from(self, E: np.ndarray) -> np.ndarray:
+        """Return frames less identity without the modes, see `without_drift`, filled up to two states, see `filled`."""
+        return filled(without_drift(E, self))
 
 
 def _shifts_of_both(drawn, twin, alive):
@@ -113,24 +178,6 @@ def _idle(block):
     while idle := [i for i in busy if not any(read[j, i] for j in busy)]:
         busy = [i for i in busy if i not in idle]
     return [state for i, state in enumerate(block.states) if i not in busy]
-
-
-def relative_ticks(ticks: Ticks, drift: MarginalModes) -> tuple[Ticks, tuple]:
-    """Return the ticks with states relative to others: those that a drift moves to its lead, and copies to their source; and
-    which are relative to which, as `MarginalModes.constant`.
-
-    A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does. If
-    both were kept, what they have in common would be cancelled in every tick, and its digits with it.
-    """
-    drifting = {state for lead, followers in drift.constant for state in (lead, *(index for index, _ in followers))}
-    copies = [
-        (source, tuple((state, 1.0) for state in states if state not in drifting)) for source, states in _copies(ticks).items()
-    ]
-    copies = [(source, followers) for source, followers in copies if followers]
-    groups = (*drift.constant, *copies)
-    if not groups:
-        return ticks, groups
-    return replace(ticks, maps=tuple(_relative_block(block, groups, drift.leads, dict(copies)) for block in ticks.maps)), groups
 
 
 def relative_row(row, groups):
@@ -272,34 +319,11 @@ def consistent_solution(A, b) -> np.ndarray:
     return np.where(finite, x, np.nan)
 
 
-def closed_frame(drawn: MultirateLoop, drift: MarginalModes) -> np.ndarray:
-    """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where rounding leaves nothing of it.
-
-    Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
-    """
-    ticks = ticks_of(drawn, alone=True)
-    E, growth = measured_frame(ticks.kind, [block.E for block in ticks.maps])
-    return known_frames(filled(without_drift(E, drift)), growth)
-
-
-def frame_with_reliability(drawn: MultirateLoop, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
-    ticks = ticks_of(drawn, alone=True, terms=True)
-    if len(ticks.states) >= MANY and not (drift.leads or drift.varying):
-        E, bound = _with_norm_of_errors(ticks, drift)
-        if (bound <= ROUGH).all():
-            return E, np.zeros(bound.shape, bool)
-    E, dE = errors_of_closed(ticks, drift)
-    finite = np.isfinite(E).all((-1, -2))
-    flat, errors = (np.where(finite[..., None, None], frames, 0.0).reshape(-1, *E.shape[-2:]) for frames in (E, dE))
-    units = balance(flat)[1]
-    rough = (errors * (units[:, None, :] / units[:, :, None]) > ROUGH).any((-1, -2)) & finite.reshape(-1)
-    rough[rough] = radius_hidden(flat[rough], errors[rough])
-    return E, rough.reshape(finite.shape)
-
-
 def _with_norm_of_errors(ticks, drift):
-    """`closed`, and bounds on the errors of its entries in units that give its rows and columns similar sizes, `(...)`."""
+    """`MarginalModes.frames_of`, and bounds on the errors of its entries, `(...)`.
+
+    The bounds are in units that give its rows and columns similar sizes.
+    """
     changes = [block.E for block in ticks.maps]
     largest = [np.abs(E).max(tuple(range(E.ndim - 2))) for E in changes]
     units = balance(np.max(largest, axis=0)[None])[1][0]
@@ -308,24 +332,6 @@ def _with_norm_of_errors(ticks, drift):
     of_frames = balance(np.nan_to_num(E).reshape(-1, *E.shape[-2:]))[1]
     change = (of_frames / units[drift.remaining]).reshape(E.shape[:-1])
     return E, norm * change.max(-1) / change.min(-1)
-
-
-def closed(ticks: Ticks, drift: MarginalModes) -> np.ndarray:
-    """`closed_frame` for ticks that are connected already, whatever rounding leaves."""
-    return filled(without_drift(frame_of(ticks), drift))
-
-
-def errors_of_closed(ticks: Ticks, drift: MarginalModes, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms.
-
-    tight: whether the bounds are those of `product_with_tight_errors`.
-    """
-    changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
-    if tight:
-        E, dE = product_with_tight_errors(ticks.kind, changes, sizes)
-    else:
-        E, dE = product_with_errors(ticks.kind, changes, sizes, per_loop=True)
-    return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
 
 
 def filled(E: np.ndarray, diagonal: float = -1.0) -> np.ndarray:

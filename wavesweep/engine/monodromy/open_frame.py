@@ -7,8 +7,8 @@ import numpy as np
 from wavesweep.engine.loops.block import concatenated
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, LinearFractional
-from wavesweep.engine.monodromy.drift import MarginalModes, relative_ticks
-from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
+from wavesweep.engine.monodromy.drift import MarginalModes
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.product import blocks_of, product_with_errors
 from wavesweep.engine.monodromy.rounding import ALIKE, ENTRIES
 from wavesweep.engine.monodromy.unit_circle import inverse
@@ -56,14 +56,14 @@ def open_frame(
     single one and is held in between. hand: another input. shown: more signals, which need no state that would hold them.
     per_loop: see `product_with_errors`.
     """
-    ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
+    ticks = Ticks.of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
     at = _only_tick(_showing(ticks, len(read)) if shown else ticks, w)
     if at is None:
         return None
     if ticks.states != drift.states:
         raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
-    ticks, groups = relative_ticks(replace(ticks, kind=np.roll(ticks.kind, -at)), drift)  # the frame begins with that tick
+    ticks, groups = drift.relative_ticks(replace(ticks, kind=np.roll(ticks.kind, -at)))  # the frame begins with that tick
     inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
     changes = [concatenated((block.E, _with_moment(block.B[..., inputs])), -1) for block in ticks.maps]

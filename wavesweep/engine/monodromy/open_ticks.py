@@ -9,11 +9,10 @@ from wavesweep.engine.loops.algebraic import WORST_CONDITION
 from wavesweep.engine.loops.block import concatenated
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.batches import in_parts
-from wavesweep.engine.monodromy.periodic import Ticks, frame_of, in_a_row, size_of, then, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks, frame_of, in_a_row, size_of, then
 
 MOST_READINGS = 8  # of the number in a frame, up to which it is closed there
 CANCELS = 16.0  # times the frame: size of the terms of its closure, from which on it is closed in the ticks instead
-FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products over their kinds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +34,7 @@ class OpenTicks:
         are held.
         Errors: IllPosedLoopError for an algebraic loop without a solution.
         """
-        ticks = ticks_of(drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True)
+        ticks = Ticks.of(drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True)
         readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
         with np.errstate(all="ignore"):
             return OpenTicks(ticks, _OpenFrame.of(ticks) if readings <= MOST_READINGS else None)
@@ -53,7 +52,7 @@ class OpenTicks:
         with np.errstate(all="ignore"):
             if self.frame is None:
                 ticks = self.closed(at, p)
-                return frame_of(ticks), *facts_of(ticks.maps)
+                return frame_of(ticks), *ticks.facts
             at, p = np.broadcast_arrays(at, p)
             closures = [_closure(block, at, p) for block in self.ticks.maps]
             read = [closures[kind][0] for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
@@ -68,11 +67,6 @@ class OpenTicks:
         if lost.any():
             E[lost] = frame_of(self.closed(at[lost], p[lost]))
         return E
-
-
-def facts_of(maps) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pivot and the condition of a frame of connected ticks; see `Block`."""
-    return tuple(reduce(np.multiply, (getattr(block, fact) for block in maps)) for fact in FACTS)
 
 
 def _closure(block, at, p):

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from itertools import pairwise
 
 import numpy as np
@@ -29,33 +29,39 @@ class Ticks:
         """Names of the states."""
         return self.maps[0].states
 
+    @property
+    def facts(self) -> tuple[np.ndarray, np.ndarray]:
+        """The pivot and the condition of the frame, the products of those of its kinds of ticks; see `Block`."""
+        pivots, conditions = ([getattr(block, fact) for block in self.maps] for fact in ("pivot", "condition"))
+        return reduce(np.multiply, pivots), reduce(np.multiply, conditions)
 
-def ticks_of(
-    drawn: MultirateLoop, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False, places=None
-) -> Ticks:
-    """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
+    @staticmethod
+    def of(
+        drawn: MultirateLoop, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False, places=None
+    ) -> "Ticks":
+        """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
 
-    outputs: signals that every tick gives. alone: without the inputs. through: the only input that remains, in the ticks that
-    it reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are read in
-    the drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
-    Errors: IllPosedLoopError for an algebraic loop without a solution.
-    """
-    sets, kind = drawn.schedule()
-    if places is not None:
-        used, kind = np.unique(kind[places], return_inverse=True)
-        sets = [sets[index] for index in used]
-    held = drawn.held(outputs) if held is None else held
-    blocks = [scheduled.block for scheduled in drawn.placed]
-    sums = all_sums(blocks, drawn.sums)
-    silent = sums | {name: {} for name in drawn.inputs}
-    open_, maps = {name: sources for name, sources in silent.items() if name != through}, []
-    for runs in map(set, sets):
-        inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
-        if through:
-            inputs, shown, wires = ((through,), outputs, open_) if _reaches(drawn, runs, through) else ((), (), silent)
-        in_tick = [_in_tick(block, index in runs, held[block.name]) for index, block in enumerate(blocks)]
-        maps.append(connect("tick", in_tick, wires, inputs, tuple(shown), terms))
-    return Ticks(tuple(maps), kind)
+        outputs: signals that every tick gives. alone: without the inputs. through: the only input that remains, in the ticks
+        that it reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are
+        read in the drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
+        Errors: IllPosedLoopError for an algebraic loop without a solution.
+        """
+        sets, kind = drawn.schedule()
+        if places is not None:
+            used, kind = np.unique(kind[places], return_inverse=True)
+            sets = [sets[index] for index in used]
+        held = drawn.held(outputs) if held is None else held
+        blocks = [scheduled.block for scheduled in drawn.placed]
+        sums = all_sums(blocks, drawn.sums)
+        silent = sums | {name: {} for name in drawn.inputs}
+        open_, maps = {name: sources for name, sources in silent.items() if name != through}, []
+        for runs in map(set, sets):
+            inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
+            if through:
+                inputs, shown, wires = ((through,), outputs, open_) if _reaches(drawn, runs, through) else ((), (), silent)
+            in_tick = [_in_tick(block, index in runs, held[block.name]) for index, block in enumerate(blocks)]
+            maps.append(connect("tick", in_tick, wires, inputs, tuple(shown), terms))
+        return Ticks(tuple(maps), kind)
 
 
 def _reaches(drawn, runs, signal):

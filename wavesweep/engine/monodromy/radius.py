@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ADVANCE, LinearFractional, errors_with_integrator, with_integrator
+from wavesweep.engine.monodromy.cut import ADVANCE, LinearFractional
 from wavesweep.engine.monodromy.rounding import ROUNDING
 
 
@@ -31,7 +31,7 @@ def cut_within(cut: LinearFractional, radius) -> LinearFractional:
 
     An integrator, whose eigenvalue 1 is outside of the circle, becomes an ordinary state.
     """
-    (E, B, x, v), (dE, dB, dx, dv) = with_integrator(cut), errors_with_integrator(cut)
+    (E, B, x, v), (dE, dB, dx, dv) = cut.with_integrator(), cut.errors_with_integrator()
     r, D, dD = np.asarray(radius)[..., None, None], cut.D.copy(), cut.dD.copy()
     D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
     with np.errstate(over="ignore", invalid="ignore"):

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.periodic import in_a_row, then, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks, in_a_row, then
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING, both
 from wavesweep.engine.monodromy.unit_circle import solve
 from wavesweep.engine.response.bordered import Bordered
@@ -321,7 +321,7 @@ def held_over_frame(drawn: MultirateLoop, inputs: Sequence[str], signals: tuple[
 
     inputs: from outside, each held over the whole frame. signals: as the first tick of a frame shows them.
     """
-    ticks = ticks_of(drawn, signals)
+    ticks = Ticks.of(drawn, signals)
     columns = [ticks.maps[0].inputs.index(name) for name in inputs]
     n, first = len(ticks.states), ticks.maps[ticks.kind[0]]
     A, B = np.eye(n), np.zeros((n, len(columns)))

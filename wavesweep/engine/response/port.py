@@ -9,7 +9,7 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.periodic import Ticks, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.engine.response.bounded_sums import long_sum
 from wavesweep.engine.response.encoder import with_displacements
@@ -115,7 +115,7 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
     Errors: NoPositionError if it is not.
     """
     drawn, drift = with_displacements(drawn, drift)
-    ticks = ticks_of(drawn, ports.signals, terms=True)
+    ticks = Ticks.of(drawn, ports.signals, terms=True)
     places = len(ports.forces)
     reads = ticks.maps[0].C[..., :places, :]
     for row, position in enumerate(ports.signals[:places]):
@@ -145,7 +145,7 @@ def port_between(drawn: MultirateLoop, source: str, signal: str, drift: Marginal
     the share in the tick is a second output. drift: with the signal watched.
     """
     drawn, drift = with_displacements(drawn, drift)
-    ticks, column = ticks_of(drawn, (signal,), terms=True), drawn.inputs.index(source)
+    ticks, column = Ticks.of(drawn, (signal,), terms=True), drawn.inputs.index(source)
     reads = ticks.maps[0].C
     shifts = _Shifts.of(ticks, drift, reads)
     maps, sizes = _relative_maps(ticks, slice(column, column + 1), shifts, reads, lambda tick, _: [(tick.C, tick.D)])

@@ -13,9 +13,9 @@ from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.loops.domain import domains
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
 from wavesweep.engine.loops.resolution import ResolvedAlong
-from wavesweep.engine.monodromy.drift import MarginalModes, closed, errors_of_closed, filled, without_drift
-from wavesweep.engine.monodromy.open_ticks import OpenTicks, facts_of
-from wavesweep.engine.monodromy.periodic import ticks_of
+from wavesweep.engine.monodromy.drift import MarginalModes
+from wavesweep.engine.monodromy.open_ticks import OpenTicks
+from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.radius import errors_within, within
 from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.search.question import Question
@@ -71,7 +71,7 @@ class FramesAlong:
             frames = frames_where_solvable(varied, self.drift, shape) if frames is None else frames
         else:
             E, *facts = self.open_ticks.frames(number, p)
-            frames = _frames(filled(without_drift(E, self.drift)), facts, shape)
+            frames = _frames(self.drift.removed_from(E), facts, shape)
         if self.radius is not None:
             frames = replace(frames, E=within(frames.E, np.broadcast_to(self.radius[number], shape).ravel()))
         divisors = varied.guards_at(self.along, shape)
@@ -88,13 +88,13 @@ class FramesAlong:
         with suppress(IllPosedLoopError), np.errstate(all="ignore"):
             ticks = OpenTicks.of(at_one.drawn(name_of(self.shared)), at_one.drawn(), PRODUCT, FACTOR)
             E, *facts = ticks.frames(label, self.loops.values[self.shared][number])
-            return _frames(filled(without_drift(E, self.drift)), facts, p.shape)
+            return _frames(self.drift.removed_from(E), facts, p.shape)
         return None
 
     def errors(self, number, p, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution.
 
-        tight: see `errors_of_closed`.
+        tight: see `MarginalModes.frames_with_errors`.
         """
         p = np.where(p == 0, TINY, p)
         try:
@@ -109,7 +109,7 @@ class FramesAlong:
                 np.concatenate(arrays) for arrays in zip(*(self.errors(*point, tight=tight) for point in points), strict=True)
             )
         with np.errstate(all="ignore"):
-            arrays = errors_of_closed(ticks, self.drift, tight=tight)
+            arrays = self.drift.frames_with_errors(ticks, tight=tight)
         E, dE = (np.broadcast_to(array, (p.size, *array.shape[-2:])) for array in arrays)
         if self.radius is None:
             return E, dE
@@ -127,7 +127,7 @@ def _frames(E, facts, shape):
 def _ticks(loops, *, terms=False):
     drawn = loops.drawn()
     with drawn.naming_blocks(), np.errstate(all="ignore"):
-        return ticks_of(drawn, alone=True, terms=terms)
+        return Ticks.of(drawn, alone=True, terms=terms)
 
 
 def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, ...]) -> Frames:
@@ -139,7 +139,7 @@ def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, 
     try:
         ticks = _ticks(loops)
         with np.errstate(all="ignore"):
-            return _frames(closed(ticks, drift), facts_of(ticks.maps), shape)
+            return _frames(drift.frames_of(ticks), ticks.facts, shape)
     except IllPosedLoopError:
         if size == 1:
             order = max(2, len(drift.remaining))

@@ -14,9 +14,9 @@ from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import PRODUCT
 from wavesweep.engine.monodromy.cut import LinearFractional
-from wavesweep.engine.monodromy.drift import MarginalModes, relative_ticks
+from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.hessenberg import in_even_units, polynomials, reduced
-from wavesweep.engine.monodromy.periodic import frame_of, ticks_of
+from wavesweep.engine.monodromy.periodic import Ticks, frame_of
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse
 from wavesweep.engine.search.open_loops import Opened, OpenLoops
@@ -46,7 +46,7 @@ def lines_of_each(loops: Loops, modes) -> Iterator[np.ndarray]:
         yield from (lines_of(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
         return
     with drawn.naming_blocks(), np.errstate(all="ignore"):
-        ticks, _ = relative_ticks(ticks_of(drawn, alone=True, terms=True), drift)
+        ticks, _ = drift.relative_ticks(Ticks.of(drawn, alone=True, terms=True))
         n, leads = len(ticks.states), drift.leads
         inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
         E = np.broadcast_to(frame_of(ticks), (size, n, n))

@@ -16,7 +16,7 @@ from wavesweep.engine.loops.batch import distinct, distinct_rows
 from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, shares_wire
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import Ports
-from wavesweep.engine.monodromy.cut import LinearFractional, with_batch
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
 
@@ -65,7 +65,7 @@ class OpenLoops:
 
     def batch(self, size: int) -> LinearFractional:
         """The cut as a batch of `size` loops."""
-        return self.cut.remembered(("batch", size), lambda: with_batch(self.cut, size))
+        return self.cut.remembered(("batch", size), lambda: self.cut.as_batch(size))
 
 
 def open_loops(

@@ -118,7 +118,7 @@ class LoopModel:
     def tick(
         self, loop: MultirateLoop, place: int, held: Mapping[str, Sequence[str]], exact: Collection[str] = ()
     ) -> Polynomials:
-        """Return the map of a tick less the identity, `(n, n)`, with the states of `ticks_of`.
+        """Return the map of a tick less the identity, `(n, n)`, with the states of `Ticks.of`.
 
         loop: the same in doubles, whose blocks run as its schedule says. place: of the tick in its frame. held: the ports that
         each block holds. exact: blocks whose entries in doubles are what they are.

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import LinearFractional, open_in
+from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.monodromy.delay_lines import DelayLines
 from wavesweep.engine.monodromy.resolvent import FEW_SOLVED, ManyStates
 from wavesweep.engine.monodromy.triangular import TriangularForm
@@ -38,7 +38,7 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     is interpolated at points of state space; see `panel_roots` for the proof. An arc is left out if the number is proved to be
     beyond the span on it: if a filter transmits nothing there, the equation vanishes to a high order.
     """
-    opened = open_in(cut, along, fixed)
+    opened = cut.open_in(along, fixed)
     lines = DelayLines.of(opened[0])
     poles = np.linalg.eigvals(opened[0]).astype(complex)
     form, system = None, opened

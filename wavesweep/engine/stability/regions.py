@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import FIRST, LinearFractional, close, errors_of_closed
+from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
 from wavesweep.engine.monodromy.resolvent import Inverse
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.rows import Rows
@@ -129,7 +129,7 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
         column = spans.column[index]
         numbers = (value, fixed[column]) if along == FIRST else (fixed[column], value)
         loops = cut.at(owner[column])
-        return close(loops, *numbers), errors_of_closed(loops, *numbers)
+        return loops.closed(*numbers), loops.errors_of_closed(*numbers)
 
     least = np.minimum.reduceat(rise, first)
     narrow = spans.high - spans.low < NARROW * (span[1] - span[0])

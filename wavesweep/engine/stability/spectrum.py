@@ -171,9 +171,9 @@ def radius_of(E, hidden=False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
     thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.
 
-    hidden: which are so uncertain, if the caller knows (see `frame_with_reliability`). Otherwise only eigenvalues that nearly
-    meet are. Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular
-    value there at the angle of each of them (see `count_outside`).
+    hidden: which are so uncertain, if the caller knows (see `MarginalModes.frame_with_reliability`). Otherwise only eigenvalues
+    that nearly meet are. Then the radius counts as known if no rounding of E makes one that is that much larger, by the
+    smallest singular value there at the angle of each of them (see `count_outside`).
     """
     delta, finite = eigenvalues(E)
     E = np.where(finite[..., None, None], E, 0.0)
