@@ -1,11 +1,13 @@
 """The bounds of the check, held against arithmetic of 40 digits: every error is within its bound."""
 
+from fractions import Fraction
+
 import mpmath
 import numpy as np
 import pytest
 
 from tests.contact.test_proof import FIG4, SLOW, any_multiplier, wall_loop
-from wavesweep.contact.circle_check import _opened, _resolvents
+from wavesweep.contact.circle_check import Known, _opened, _resolvents
 
 
 def exact(array):
@@ -22,6 +24,16 @@ def circle(angle):
 def _digits():
     with mpmath.workdps(40):
         yield
+
+
+def test_sums_and_products_are_within_their_bounds():
+    """Of 200 pairs of doubles, in fractions."""
+    one, two = np.random.default_rng(2).normal(size=(2, 200))
+    exactly = [Known(numbers, np.zeros(200)) for numbers in (one, two)]
+    added, product = exactly[0] + exactly[1], exactly[0] * exactly[1]
+    for at, (first, second) in enumerate(zip(map(Fraction, one), map(Fraction, two), strict=True)):
+        assert abs(Fraction(added.value[at]) - (first + second)) <= added.error[at]
+        assert abs(Fraction(product.value[at]) - first * second) <= product.error[at]
 
 
 @pytest.mark.parametrize("tables", [SLOW, FIG4], ids=["dc-slow", "pmw"])

@@ -238,7 +238,7 @@ def placed_hold(**place):
 
 @pytest.mark.parametrize(
     "place",
-    [{"every": 5, "phase": 7}, {"every": 5, "phase": -1}, {"every": 5, "phase": 2.5}, {"every": 0}, {"every": 5, "phase": ()}],
+    [{"every": 5, "phase": 5}, {"every": 5, "phase": -1}, {"every": 5, "phase": 2.5}, {"every": 0}, {"every": 5, "phase": ()}],
 )
 def test_a_block_that_would_never_run_is_refused(place):
     with pytest.raises(UsageError, match="block h: expected every >= 1"):

@@ -61,7 +61,7 @@ def content(folder):
 def test_the_same_command_once_more_gives_the_same_files_and_no_others(words, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "drawn.toml").write_text(SOURCE)
-    (tmp_path / "arm.toml").write_text('[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 200 }\n')
+    (tmp_path / "arm.toml").write_text('[controller]\nkind = "pmw"\n[simulate]\nduration_s = 0.05\nsettle_s = 0\n')
     if words[0] == "plot":
         assert main(["stability-region", "drawn.toml", "--no-plot", "--out", "."]) == 0
         words = [words[0], "stability-region.csv", *words[2:]]

@@ -39,10 +39,9 @@ def mine(tmp_path, monkeypatch):
 def test_a_command_that_takes_long_says_that_it_is_at_work(command, wavesweep, monkeypatch):
     no_plot = ["--no-plot"] * (command not in ("check", "report"))
     monkeypatch.setattr(messages, "FIRST_WORD", 0.0)
-    code, _, err = wavesweep(command, "mine.toml", *no_plot, "--quiet")
-    assert (code, err) == (0, "")
     code, _, err = wavesweep(command, "mine.toml", *no_plot)
     assert code == 0
     assert "still at work" in err
     if command == "zwidth":
+        assert wavesweep(command, "mine.toml", *no_plot, "--quiet") == (0, "", "")
         assert "still computing rows again" in wavesweep("verify", "results/mine")[2]

@@ -1,5 +1,6 @@
 """Step responses, held against the simulation tick by tick, python-control and the bounds that come with them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -36,6 +37,9 @@ def test_rise_overshoot_and_settling_are_those_of_python_control():
     assert 100 * step.overshoot == pytest.approx(known["Overshoot"], rel=1e-12)
     assert step.peak_s == pytest.approx(known["PeakTime"], abs=1e-12)
     assert step.settling_s == pytest.approx(known["SettlingTime"], abs=step.period)
+    downwards = replace(step, value=-step.value, final=-step.final)
+    for number in ("rise_s", "overshoot", "peak_s", "settling_s"):
+        assert getattr(downwards, number) == getattr(step, number)
 
 
 def test_a_response_that_goes_back_to_0_has_no_shares_of_its_final_value():
