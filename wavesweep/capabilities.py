@@ -3,7 +3,8 @@
 Nothing of one is imported until it is asked for.
 
 A capability is the folder of its name: `command.py` has its commands, `table.py` its kinds of tables, `library.py` its calls.
-What it offers to others stands in modules such as `on_check.py`; `program.seams` has their names and signatures. It imports
+What it offers to others stands in modules such as `on_check.py`; of those that several offer, `program.seams` has names and
+signatures. It imports
 these three and no other capability, and the program asks this list what there is. A capability is taken away by deleting
 its folder, its tests and its line.
 """
@@ -20,7 +21,7 @@ class Capability(NamedTuple):
     name: of its folder. commands: each with its short help. tables: of a spec, which it reads. kinds: of tables that it makes.
     library: names that `library.py` has for users: functions of `wavesweep`, and methods of its loops, as "Loop.margins", in a
     class of its own, see `class_for`.
-    offers: modules of the folder that others may ask for, see `program.seams`.
+    offers: modules of the folder that others may ask for, see `modules` and `offered`.
     """
 
     name: str
@@ -45,7 +46,7 @@ class Capability(NamedTuple):
 
 # Rows of guarantees are listed in this order, from what promises least: those of for_all before those of passive.
 CAPABILITIES = (
-    Capability("for_all", tables=("for_all",), offers=("boxes", "guarantee", "keys", "on_check")),
+    Capability("for_all", tables=("for_all",), offers=("guarantee", "keys", "on_check")),
     Capability("contact", tables=("for_all.contact",), offers=("guarantee", "keys", "on_check")),
     Capability(
         "check",
@@ -197,10 +198,18 @@ def where_explained(word: str) -> str:
 
 
 def modules(name: str) -> Iterator[Any]:
-    """Import the module of this name of every capability that offers it; `program.seams` says what such a module has."""
+    """Import the module of this name of every capability that offers it.
+
+    `program.seams` says what a module has that several offer.
+    """
     for capability in CAPABILITIES:
         if name in capability.offers:
             yield capability.module(name)
+
+
+def offered(name: str) -> Any:
+    """Import the module of this name of the one capability that offers it; None if that capability is not there."""
+    return next(modules(name), None)
 
 
 def asked(name: str, function: str, *arguments: Any) -> Iterator[Any]:

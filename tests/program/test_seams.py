@@ -1,14 +1,19 @@
 """What capabilities offer: names and signatures of `program.seams`, and nothing that nobody asks for."""
 
 import inspect
+import re
+from collections import Counter
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
+import wavesweep
 from wavesweep.capabilities import CAPABILITIES
 from wavesweep.program.seams import SEAMS, AsYouLike
 
 OFFERED = [(each, name) for each in CAPABILITIES for name in each.offers]
+TYPED = [pair for pair in OFFERED if pair[1] in SEAMS]
 NONE = [pytest.param(None, "", marks=pytest.mark.skip(reason="every capability is taken away"))]
 
 
@@ -19,11 +24,22 @@ def shape_of(function):
     return [each for each in arguments if each.kind is each.POSITIONAL_OR_KEYWORD], rest
 
 
-def test_every_module_that_is_offered_is_one_that_is_asked_for():
-    assert {name for _, name in OFFERED} <= set(SEAMS)
+ASKED = re.compile(r'(?<!\.)\b(modules|asked|offered)\(\s*"(\w+)"')
 
 
-@pytest.mark.parametrize(("capability", "name"), OFFERED or NONE, ids=lambda each: getattr(each, "name", each))
+def test_every_module_that_is_offered_is_asked_for():
+    sources = [path.read_text(encoding="utf-8") for path in Path(wavesweep.__file__).parent.rglob("*.py")]
+    named = {name for source in sources for _, name in ASKED.findall(source)}
+    assert {name for _, name in OFFERED} <= named | {"locus"}  # which `check` has by the name of an option
+
+
+@pytest.mark.whole
+def test_what_has_a_type_is_offered_by_several_and_the_rest_by_one():
+    offers = Counter(name for _, name in OFFERED)
+    assert {name for name, count in offers.items() if count > 1} == set(SEAMS)
+
+
+@pytest.mark.parametrize(("capability", "name"), TYPED or NONE, ids=lambda each: getattr(each, "name", each))
 def test_a_module_that_is_offered_has_the_names_and_arguments_of_its_type(capability, name):
     module = import_module(capability.name_of(name))
     hooks = [each for each in (*SEAMS[name].__annotations__, *vars(SEAMS[name])) if each[0] != "_"]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.capabilities import asked, modules
+from wavesweep.capabilities import asked, offered
 from wavesweep.program.cli.entry import COMMANDS
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.options import FORMATS, PATH, folder, override
@@ -112,12 +112,12 @@ def check(
     loaded, silent = specs.load(spec, overrides), verbosity().as_json or verbosity().quiet
     # Errors come before anything is printed.
     poles = (
-        partial(_offered("locus").root_locus, loaded, _offered("locus").axis_over(loaded, locus)) if locus is not None else None
+        partial(_needed("locus").root_locus, loaded, _needed("locus").axis_over(loaded, locus)) if locus is not None else None
     )
     if frames is None and (columns or scales):
         raise click.UsageError(f"--{'column' if columns else 'scale'}: expected --frames, whose column it names, found none")
     named = pairs(columns, "--column"), factors(pairs(scales, "--scale"))
-    run = _offered("frames").within(loaded, frames, *named) if frames is not None else None
+    run = _needed("frames").within(loaded, frames, *named) if frames is not None else None
     list(asked("on_check", "refuse", loaded))
     places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
 
@@ -136,7 +136,7 @@ def check(
         lines += chain.from_iterable(asked("on_check", "plan", loaded))
         unusual_lines = [*unusual(loaded), *over_preset(loaded), *near_rates(loaded)]
         within = list(within_ticks(loaded)) if loaded.drawing else []
-        judged = chain(_offered("frames").lines(run) if run else (), verdict_lines(loaded, verdict, late=not whole))
+        judged = chain(_needed("frames").lines(run) if run else (), verdict_lines(loaded, verdict, late=not whole))
         ranked = [*((1, f"  {line}") for line in unusual_lines), *judged, *((4, f"  {line}") for line in within)]
         steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
         files = [str(path) for path in _drawn(loaded, places, poles)]
@@ -246,17 +246,18 @@ def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[st
     refuse_other_things(*places.values())
     refuse_inputs(spec.files, *places.values())
     plots.refuse_settings()
-    if "diagram" in figures and not any(modules("diagram")):
+    if "diagram" in figures and offered("diagram") is None:
         raise click.UsageError("--plot: expected the capability picture, found that it is not there")
     return places
 
 
-def _offered(name: str) -> ModuleType:
+def _needed(name: str) -> ModuleType:
     """The module of this name. Errors: UsageError if the capability that offers it is not there."""
-    option, capability = {"locus": ("--root-locus", "poles"), "frames": ("--frames", "frame_times")}[name]
-    for module in modules(name):
-        return module
-    raise click.UsageError(f"{option}: expected the capability {capability}, found that it is not there")
+    module = offered(name)
+    if module is None:
+        option, capability = {"locus": ("--root-locus", "poles"), "frames": ("--frames", "frame_times")}[name]
+        raise click.UsageError(f"{option}: expected the capability {capability}, found that it is not there")
+    return module
 
 
 def _drawn(spec: Spec, places: Mapping[str, Path], poles: Callable[[], Any] | None) -> Iterator[Path]:

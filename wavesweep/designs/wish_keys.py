@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.keys.key import Key, number, positive, word
 from wavesweep.engine.keys.places import Place
 from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES
@@ -51,9 +51,9 @@ class WishKind:
 
 def _offered() -> Iterator[tuple[str, WishKind]]:
     """Yield what capabilities offer by name; what reads the whole loop is looked at with walls."""
-    for module in modules("wish"):
-        for name, wish in module.WISHES.items():
-            yield name, WishKind(**wish, options={} if wish.get("reads") else _WALLS)
+    module = offered("wish")
+    for name, wish in module.WISHES.items() if module else ():
+        yield name, WishKind(**wish, options={} if wish.get("reads") else _WALLS)
 
 
 WISHES = MappingProxyType(

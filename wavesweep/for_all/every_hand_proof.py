@@ -20,7 +20,7 @@ from functools import reduce
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.drawing.drawing import Drawing, DrawnBlock
 from wavesweep.engine.energy.lifted_map import TickMaps, closure, damping_peak
 from wavesweep.engine.errors import UsageError
@@ -233,7 +233,7 @@ def with_ruler(drawing: Drawing) -> Drawing:
 
 def _ticks(plan: Plan):
     """The index of each kind of tick at each period of the slow blocks, and its map of a loop with a ruler."""
-    index, maps, balls = {}, {}, next(modules("ticks"), None)
+    index, maps, balls = {}, {}, offered("ticks")
     if balls is None:
         raise UsageError("hand passive while frames vary: expected the capability prove, found that it is not there")
     at_steps = [with_ruler(plan.schedule.with_period(plan.drawing, step)) for step in plan.steps]

@@ -13,6 +13,8 @@ from wavesweep.program.reading.axes import axis_place, build_axis
 from wavesweep.program.reading.tables import Section, SpecTable
 
 if TYPE_CHECKING:
+    from types import ModuleType
+
     from wavesweep.for_all.design_proof import DesignProof, DesignRanking
     from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
@@ -28,6 +30,13 @@ class ForAll(ForAllRanges):
     """The table [for_all], and what proves that a loop holds for all of it."""
 
     __slots__ = ()
+
+    @property
+    def boxes(self) -> ModuleType:
+        """What margins ask of all loops of a box of numbers; see `wavesweep.for_all.boxes`."""
+        from wavesweep.for_all import boxes
+
+        return boxes
 
     def verdict(self, spec: Any) -> str:
         """Whether the loop of a spec with this table is stable for all of it, in words."""

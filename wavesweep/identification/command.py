@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.cli.options import PATH, is_given, overwriting
 from wavesweep.program.cli.verbosity import verbosity
@@ -191,7 +191,7 @@ def _of_frames(path: str, log: str | None, given: dict[str, Any], named: dict[st
         raise click.UsageError(
             f"--frames: expected --fast-hz HZ or --spec SPEC, for the rate of the ticks, found {number_found}"
         )
-    module = next(modules("frames"), None)
+    module = offered("frames")
     if module is None:
         raise click.UsageError("--frames: expected the capability frame_times, found that it is not there")
     fast_hz, number = given["fast_hz"], "rates.ratio"

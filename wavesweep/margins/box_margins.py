@@ -14,7 +14,6 @@ from itertools import chain, product
 
 import numpy as np
 
-from wavesweep.capabilities import modules
 from wavesweep.engine.drawing.complex_gain import TWIN, with_complex_factor
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.drawing.expressions import with_trees
@@ -37,7 +36,6 @@ from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import MOST, BrokenLoop, Margin, disk_margins
 from wavesweep.program.spec import Axis, Spec
 
-boxes = next(modules("boxes"))  # there, as the spec has its table
 NEAR = 4e-3  # of a margin that is refuted, how far from it a proof is tried
 SETTLED = 1e-2  # of a margin, how far proof and refutation may be apart
 HALVINGS = 6  # of the steps of the search for the worst numbers
@@ -89,7 +87,7 @@ class BoxMargin:
 
 def refused(spec: Spec) -> str:
     """Why there are no margins for all of the spec's [for_all], empty if there are. Errors: UsageError for too many numbers."""
-    varying = boxes.varying(spec)
+    varying = spec.for_all.boxes.varying(spec)
     refusal = "messages may be late or lost" if varying == ["messages"] else f"{', '.join(varying)} of [for_all] may vary"
     return f"margins need constant numbers, and {refusal}: these are of the spec's own numbers" if varying else ""
 
@@ -97,7 +95,7 @@ def refused(spec: Spec) -> str:
 def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     """The gain, phase, delay and disk margins of the spec's loop, broken at a signal, for all numbers of its [for_all]."""
     spec, cut = with_block(spec, cut)
-    axes = spec.for_all.unknown
+    axes, boxes = spec.for_all.unknown, spec.for_all.boxes
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]
     paths, cases = [axis.path for axis in listed], []
@@ -132,7 +130,7 @@ def _for_all_cases(found, name) -> BoxMargin:
     least, doubt = size_of(worst, case.period), max(margin.doubt for *_, margin in found)
     within_range = np.isfinite(least) and least < ENDS[name]
     settled = proved >= (1 - SETTLED) * min(least, ENDS[name])
-    at = (worst.value, worst.omega, boxes.numbers_in_words(case.named(point))) if within_range else (np.nan, np.nan, "")
+    at = (worst.value, worst.omega, case.boxes.numbers_in_words(case.named(point))) if within_range else (np.nan, np.nan, "")
     value = _value(name, proved, case.period) if proved > 0 else np.nan
     return BoxMargin(
         name, value, *at, bool(settled), bool(within_range or not settled), doubt or (NONE if proved > 0 else SEARCH)
@@ -177,6 +175,7 @@ class _Case:
 
     def __init__(self, spec: Spec, cut: str, loop: Loops, ranges: Sequence[Axis], fixed: Mapping[str, object]):
         self.spec, self.cut, self.fixed = spec, cut, fixed
+        self.boxes = spec.for_all.boxes
         self.ranged, self.known = [axis.path for axis in ranges], {}
         self.box = np.array([[axis.start for axis in ranges], [axis.stop for axis in ranges]], float)
         self.loop = loop.read
@@ -189,8 +188,8 @@ class _Case:
         paths = [path_of(GAIN), *self.ranged]
         limits = [self.loop.domain(path, tuple(ends)) for path, ends in zip(self.ranged, self.box.T, strict=True)]
         self.limits = np.array(limits).T
-        drift = boxes.drift_over(self.loop, paths, np.column_stack([ANY, self.box]))
-        self.frames_at = partial(boxes.frames_over, self.loop, paths, drift)
+        drift = self.boxes.drift_over(self.loop, paths, np.column_stack([ANY, self.box]))
+        self.frames_at = partial(self.boxes.frames_over, self.loop, paths, drift)
 
     def named(self, point) -> dict[str, object]:
         """The numbers of a point of the box."""
@@ -283,9 +282,9 @@ class _Case:
             built = {path: self.loop.values[path.replace(TWIN, "")] for path in drawing.building}
             ends = np.array([[0.0, 0.0], [size, np.pi]])[:, : len(sides)]
             ends[0, 0] = size if name == "disk" and self._delayed else 0.0
-            return boxes.proved_stable(Loops(drawing, {**self.loop.values, **built}), sides, ends, *rest)
+            return self.boxes.proved_stable(Loops(drawing, {**self.loop.values, **built}), sides, ends, *rest)
         ends = np.array([[0.0], [size]]) if name == "gain_up" else np.array([[-size], [0.0]])
-        return boxes.proved_stable(Loops(*self.loop), [LOGARITHM], ends, *rest)
+        return self.boxes.proved_stable(Loops(*self.loop), [LOGARITHM], ends, *rest)
 
     def _delay(self, frames) -> Cover:
         """The check that so many frames of delay, and fewer, leave the loop stable."""

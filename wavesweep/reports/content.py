@@ -9,7 +9,7 @@ from hashlib import sha256
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import modules, offered
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.program.row_kinds import row_kind
 from wavesweep.reports import report_page as html
@@ -122,9 +122,9 @@ def _tables(spec: Spec, asked: ReportRequest) -> dict[str, tuple[str, str, Calla
     tables = {
         INTERVALS: ("", command, lambda watch: replace(intervals.intervals(spec, hands=hands, progress=watch), kind=kind))
     }
-    for offered in sorted(modules("section"), key=lambda each: each.PLACE):
-        said, make = offered.section(spec, asked.cut)
-        tables[offered.TITLE] = offered.KNOWN, said, lambda _, make=make: make()
+    for part in sorted(modules("section"), key=lambda each: each.PLACE):
+        said, make = part.section(spec, asked.cut)
+        tables[part.TITLE] = part.KNOWN, said, lambda _, make=make: make()
     return tables | {RESPONSE: (BOUNDED, "bode {}", lambda _: responses.responses([spec]))}
 
 
@@ -152,7 +152,8 @@ def _own_lines(spec: Spec) -> tuple[list[Line], bool]:
 
     judged = own_design(spec)
     lines = [*own_lines(spec, judged)]
-    for judging in modules("verdict"):
+    judging = offered("verdict")
+    if judging:
         judged |= judging.further(spec, judged)
         lines += [line for _, line in judging.verdict_lines(spec, judged)]
     lines += [*unusual(spec), *over_preset(spec)]

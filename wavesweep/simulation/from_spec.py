@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.drawing.drawing import name_of, scalars
 from wavesweep.engine.drawing.expressions import names_in, value_of
 from wavesweep.engine.errors import UsageError
@@ -50,7 +50,7 @@ def frames_in_turn(spec: Spec, count: int, effects: Effects) -> tuple[Frame, ...
     if not isinstance(frames, str):
         return frames
     if frames != RANDOM:
-        module = next(modules("frames"), None)
+        module = offered("frames")
         if module is None:
             raise UsageError(f"{FRAMES}: expected the capability frame_times, which reads {frames}, found that it is not there")
         return tuple(map(Frame, module.read_run(beside(spec, frames), spec.tick_hz).lengths.tolist()))

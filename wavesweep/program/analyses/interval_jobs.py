@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.doubts import words
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
@@ -132,7 +132,8 @@ def searches_of(job: Job, chunk: Chunk) -> Searches:
 
 def ball_prover(loops: Loops, along: str, period: np.ndarray, **limits: float) -> Callable[[int, float, float], Any] | None:
     """The prover in ball arithmetic, if the capability is there; limits: `operations` for each loop."""
-    return next((module.ball_prover(loops, along, period, **limits) for module in modules("prover")), None)
+    module = offered("prover")
+    return module.ball_prover(loops, along, period, **limits) if module else None
 
 
 def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guarantee) -> np.ndarray:

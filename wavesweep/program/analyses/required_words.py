@@ -2,14 +2,16 @@
 
 from collections.abc import Mapping
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 
 
 def required_in_words(written: Mapping[str, object]) -> str:
     """What [sweep] require asks for, in words; written: its table."""
-    return next((module.words_of(written) for module in modules("bound")), f"[sweep] require = {dict(written)}")
+    module = offered("bound")
+    return module.words_of(written) if module else f"[sweep] require = {dict(written)}"
 
 
 def where_nothing_decides() -> str:
     """What a requirement finds of loops whose modes neither grow nor decay, in words; empty if it finds none."""
-    return next((module.BOUNDED for module in modules("bound")), "")
+    module = offered("bound")
+    return module.BOUNDED if module else ""

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.errors import UsageError
 from wavesweep.program.bundled import program
 from wavesweep.program.tables import HOMES, kind_named
@@ -45,9 +45,10 @@ def figure_of(kind: str) -> Callable[..., Any]:
 
 def diagram(spec: Spec) -> Any:
     """The picture of the loop of a spec, which a capability draws. Errors: UsageError if none does."""
-    for module in modules("diagram"):
-        return module.diagram(spec)
-    raise UsageError("the picture of a loop: expected the capability picture, found that it is not there")
+    module = offered("diagram")
+    if module is None:
+        raise UsageError("the picture of a loop: expected the capability picture, found that it is not there")
+    return module.diagram(spec)
 
 
 def refuse_settings() -> None:

@@ -1,9 +1,9 @@
-"""Points next to the curves of a figure, which capabilities offer in their module `marks`."""
+"""Points next to the curves of a figure, which a capability offers in its module `marks`."""
 
 from collections.abc import Iterable
 from typing import Any
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.program.spec import Spec
 
 
@@ -12,4 +12,5 @@ def facts_of_marks(specs: Iterable[Spec], kind: str) -> dict[str, Any]:
 
     They are stored with the table, so that `plot` draws the points of the run.
     """
-    return {name: fact for module in modules("marks") for name, fact in module.facts_of(specs, kind).items()}
+    module = offered("marks")
+    return module.facts_of(specs, kind) if module else {}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.program.analyses.plane_columns import PlaneCurve, incomplete, smooth_axes
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, joined, whose_column
@@ -313,8 +313,9 @@ def _name_axes(shown: Shown, canvas: Any, how: set[str]) -> None:
         beneath = along
         upright = label(layout.family, facts) if layout.family and not layout.beside else ""
     required = f"stable here: {required_in_words(facts['require'])}" if "require" in facts else ""
-    unmarked = [module.undrawn(facts, layout.x, shown.along) for module in modules("marks")]
+    marks = offered("marks")
+    unmarked = marks.undrawn(facts, layout.x, shown.along) if marks else ""
     drawn = " ".join(said.format(symbol(layout.x)) for word, said in _HOW.items() if word in how)
-    note_below(canvas, required, layout.left_out, drawn, *unmarked, _assumption(shown), axis=beneath)
+    note_below(canvas, required, layout.left_out, drawn, unmarked, _assumption(shown), axis=beneath)
     if upright:
         canvas.supylabel(upright, fontsize=8)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.stability.certificate import SPARED
 from wavesweep.program.columns import Columns, axes_of
 from wavesweep.program.plots.figure_layout import where
@@ -138,7 +138,8 @@ def draw_curves(
     if over_frequency:
         for curve in curves:
             specs |= dict.fromkeys(curve.rows["spec"].tolist())
-    marks = [module.responses(facts, specs) for module in modules("marks")]
+    module = offered("marks")
+    marks = [module.responses(facts, specs)] if module else []
     named = [curve.label for curve in curves if curve.label]
     marked_specs = [spec for mark in marks for spec in mark.colours]
     words = [*named, *marked_specs, NYQUIST.format(1e3) if over_frequency else ""]

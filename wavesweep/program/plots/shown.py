@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.program.analyses.plane_columns import spec_of
 from wavesweep.program.columns import Columns, whose_column
 from wavesweep.program.plots.figure_layout import Layout
@@ -41,7 +41,8 @@ class Shown:
         lowest, highest = np.transpose(ranges)
         self.swept = (float(lowest.min()), float(highest.max()))
         self.by_factors, (bottom, top) = self._limits()
-        self.walls = [marks.walls(facts, layout.x, self.along, of_specs) for marks in modules("marks")]
+        marks = offered("marks")
+        self.walls = [marks.walls(facts, layout.x, self.along, of_specs)] if marks else []
         for walls in self.walls:
             top = max(top, _ROOM * walls.highest(self.swept[1]))
         self.view = (bottom, top)

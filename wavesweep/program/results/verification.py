@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.capabilities import WITH_SPECS, modules
+from wavesweep.capabilities import WITH_SPECS, offered
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.columns import Columns
 from wavesweep.program.reproducibility import versions
@@ -75,7 +75,7 @@ def verify(
     -----
     Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
     """
-    if prove and not any(modules("prover")):
+    if prove and offered("prover") is None:
         raise UsageError("prove: expected the capability `prove`, whose ball arithmetic proves slices again, found it missing")
     packages = sorted(Path(directory).glob(f"*{PACKAGE}"))
     if not packages:

@@ -1,17 +1,17 @@
-"""Classes of blocks that capabilities have: a spec may use them without drawing them."""
+"""Classes of blocks that a capability has: a spec may use them without drawing them."""
 
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path as File
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.keys.places import Leaf, Path, Place, leaves_of
 
 
 def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:
-    """Return the leaves with the classes that capabilities have, of those that blocks name and the spec does not draw."""
+    """Return the leaves with the classes that a capability has, of those that blocks name and the spec does not draw."""
     kinds = {path: leaf for path, leaf in leaves.items() if path[0] == "block" and path[2:] == ("type",)}
     drawn_types = {*TYPES, *(path[1] for path in leaves if path[0] == "type" and len(path) > 1)}
     missing = {leaf.value: leaf for leaf in kinds.values() if isinstance(leaf.value, str) and leaf.value not in drawn_types}
@@ -26,5 +26,6 @@ def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:
 
 
 def shipped_classes() -> dict[str, File]:
-    """Return the files of the classes that capabilities have, by their names."""
-    return {name: file for module in modules("classes") for name, file in module.CLASSES.items()}
+    """Return the files of the classes that a capability has, by their names."""
+    module = offered("classes")
+    return dict(module.CLASSES) if module else {}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from wavesweep.capabilities import modules
+from wavesweep.capabilities import offered
 from wavesweep.program.analyses.assumptions import notices_of
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, joined
@@ -123,7 +123,8 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
     from wavesweep.program.analyses.interval_jobs import searches_of
     from wavesweep.program.sweep.job import cut_otherwise
 
-    (prover,), single = modules("prover"), cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
+    prover = offered("prover")  # there, as `verify` refuses to prove without it
+    single = cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
     for number, rows in claims:
         (search,) = searches_of(single, single.chunks[int(single.grid.slice_of(np.array([number]))[0])]).searches
         columns = (rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega"))
