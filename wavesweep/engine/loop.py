@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -33,16 +33,16 @@ class Loops(NamedTuple):
     values: Mapping[str, Any]
 
     @property
-    def read(self) -> "Loops":
+    def read(self) -> Self:
         """The loops with the numbers that their drawing reads alone."""
         read_values = {p: value for p, value in self.values.items() if p in self.drawing.reads or p in self.drawing.building}
-        return Loops(self.drawing, read_values)
+        return type(self)(self.drawing, read_values)
 
     @property
-    def unbuilt(self) -> "Loops":
+    def unbuilt(self) -> Self:
         """The loops without the whole ticks of dead times with which they were built."""
         building = self.drawing.building
-        return Loops(self.drawing, {path: value for path, value in self.values.items() if path not in building})
+        return type(self)(self.drawing, {path: value for path, value in self.values.items() if path not in building})
 
     @property
     def items(self) -> tuple[tuple[str, Any], ...]:
@@ -50,22 +50,28 @@ class Loops(NamedTuple):
         return items_of(self.values)
 
     @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the arrays among the numbers."""
+        return np.broadcast_shapes(*(np.shape(value) for value in self.values.values()))
+
+    @property
     def rate(self) -> Any:
         """The rate of the tick (Hz), a number or an array over the loops."""
         return from_drawing.rate_of(self.drawing, self.values)
 
-    def changed(self, changes: Mapping[str, Any]) -> "Loops":
+    def changed(self, changes: Mapping[str, Any]) -> Self:
         """The loops with other numbers."""
-        return Loops(self.drawing, {**self.values, **changes})
+        return type(self)(self.drawing, {**self.values, **changes})
 
-    def some(self, part: Any) -> "Loops":
+    def some(self, part: Any) -> Self:
         """Some of the loops; part: an index, a slice or an array of indices."""
-        return Loops(self.drawing, selected(self.values, part))
+        return type(self)(self.drawing, selected(self.values, part))
 
-    def one(self, at: int) -> "Loops":
+    def one(self, at: int) -> Self:
         """One of the loops, with plain numbers."""
         values = selected(self.values, at)
-        return Loops(self.drawing, {p: value.item() if isinstance(value, np.generic) else value for p, value in values.items()})
+        plain = {path: value.item() if isinstance(value, np.generic) else value for path, value in values.items()}
+        return type(self)(self.drawing, plain)
 
     def built_alike(self, members: np.ndarray) -> Iterator[tuple[np.ndarray, "Loops"]]:
         """Yield some of the members, and their loops with the whole numbers of ticks of their dead times.

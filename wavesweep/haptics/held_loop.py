@@ -1,7 +1,6 @@
 """Loops that a hand holds: which block is the device, the loop with a hand on it, and its ticks as the hand sees them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -11,54 +10,34 @@ from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import ONE
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import built, shares
-from wavesweep.engine.loops.from_drawing import assembled, twins
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.loops.values import values_of
-from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.response.port import Port, port_of
 from wavesweep.haptics.controllers import HAND
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HeldLoop:
-    """Loops of one structure that a hand holds.
+class HeldLoop(Loops):
+    """Loops of one structure that a hand holds."""
 
-    drawing: of all. values: flat numbers, or arrays over a batch; a number that is zero in one loop is zero in all.
-    """
-
-    drawing: Drawing
-    values: Mapping[str, Any]
-
-    @property
-    def batch(self) -> tuple[int, ...]:
-        """Shape of the arrays among the values."""
-        return np.broadcast_shapes(*(np.shape(value) for value in self.values.values()))
+    __slots__ = ()
 
     @property
     def device(self) -> str | None:
         """Name of the mass that the hand holds; None if the hand is not the mass, damping and stiffness of one."""
         return device_of(self.drawing)
 
-    def changed(self, changes: Mapping[str, Any]) -> "HeldLoop":
-        """Return the loops with other numbers."""
-        return replace(self, values={**self.values, **changes})
-
     def at(self, index: int) -> "HeldLoop":
         """Return one loop of the batch, by its flat index."""
         batch = self.batch
         values = {k: np.broadcast_to(v, batch).flat[index].item() if np.ndim(v) else v for k, v in self.values.items()}
-        return replace(self, values=values)
+        return HeldLoop(self.drawing, values)
 
     def with_hand(self) -> "HeldLoop":
         """Return the loops whose device has the mass, damping and stiffness of a hand as well, as the numbers `HAND`."""
         added = dict.fromkeys(HAND, 0.0)
         drawing = self.drawing if self.drawing.reads.issuperset(HAND) else with_hand(self.drawing, self.device, HAND)
         return HeldLoop(drawing, {**added, **self.values})
-
-    def drawn(self) -> MultirateLoop:
-        """Return the blocks of the loops."""
-        return assembled(self.drawing, self.values)
 
     @property
     def reads_velocity(self) -> bool:
@@ -78,11 +57,6 @@ class HeldLoop:
         later = shares(self.drawing, numbers, values_of(self.drawing.tick_hz, numbers))[name]
         return {port: 1.0 - later, f"{port}{AT}{name}": later}
 
-    def drift(self, watched=()) -> MarginalModes:
-        """Return the drift of the loops; watched: see `MarginalModes.of`."""
-        with np.errstate(all="ignore"):
-            return _drift(*twins(self.drawing, self.values), tuple(watched))
-
     def port(self, drawn: MultirateLoop | None = None) -> Port:
         """Return the loops from the hand's forces to the displacements in the tick.
 
@@ -90,15 +64,12 @@ class HeldLoop:
         """
         with np.errstate(all="ignore"):
             ports = axes_of(self.drawing)
-            return port_of(drawn or self.drawn(), ports, self.drift(ports.signals))
+            return port_of(drawn or self.drawn(), ports, self.drift(watched=ports.signals))
 
 
 def held_loop(loops: Loops) -> HeldLoop:
     """Return the loops with a hand."""
     return HeldLoop(*loops.read)
-
-
-_drift = lru_cache(maxsize=256)(MarginalModes.of)  # twins of the same numbers are the same objects
 
 
 @lru_cache(maxsize=256)

@@ -18,7 +18,6 @@ import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, Peak, angles, hinf_norm, tick
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
-from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.monodromy.periodic import Ticks
@@ -50,7 +49,7 @@ Maps = Callable[[np.ndarray], tuple[LiftedMap, np.ndarray]]
 def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
     """The maps from the held force to the displacement at the hand along a number, apart at rest where a spring holds it."""
     hand = axes_of(loop.drawing)
-    drift = loop.changed({path: inner_numbers(span)}).drift(hand.signals)
+    drift = loop.changed({path: inner_numbers(span)}).drift(watched=hand.signals)
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
@@ -129,7 +128,7 @@ def pivots_of(loop: HeldLoop, path: str, drawn: MultirateLoop, shape) -> np.ndar
     """What has a zero where the maps are not analytic in the number, `(*shape, k)`."""
     pivot, _ = Ticks.of(drawn, alone=True).facts
     pivots = np.broadcast_to(np.asarray(pivot)[..., None], (*shape, 1))
-    guards = Loops(loop.drawing, loop.values).guards_at(path, shape)
+    guards = loop.guards_at(path, shape)
     return np.concatenate([pivots, guards], axis=-1)
 
 

@@ -246,7 +246,7 @@ def cover_of(loop: HeldLoop, path: str) -> Covering:
     def cover(functions, box, most):
         bounds, sides = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1), [Side(path), *[Side()] * (len(box[0]) - 1)]
         try:
-            bounds[:, 0] = Loops(loop.drawing, loop.values).domain(path, (box[0][0], box[1][0]))
+            bounds[:, 0] = loop.domain(path, (box[0][0], box[1][0]))
             return positive(functions, box, bounds, most, Resolution(loop.drawing, loop.values, sides))
         except IllPosedLoopError:
             return None

@@ -84,7 +84,7 @@ Pairs = Callable[[np.ndarray], PairMap]
 
 def pairs_of(loop: HeldLoop, path: str, span: tuple[float, float], damping: float = 0.0) -> Pairs:
     """Loops along a number, with so much damping (N*s/m) taken away at both ports: `f + damping y/T` in place of f."""
-    drift = loop.changed({path: inner_numbers(span)}).drift((POSITION, OTHER))
+    drift = loop.changed({path: inner_numbers(span)}).drift(watched=(POSITION, OTHER))
     ports = Ports(loop.drawing.hand[0], POSITION, others=((loop.drawing.environment[0], OTHER),))
 
     if (ticks := loop.drawn().ticks) > LONGEST:
