@@ -25,20 +25,38 @@ OTHERS = ("bench",)  # tables with a figure that do not come from a spec
 
 
 def fields(
-    kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = (), facts: Mapping[str, Any] | None = None
+    kind: str,
+    axes: Iterable[str] = (),
+    along: str = "K_VE",
+    extra: Iterable[str] = (),
+    facts: Mapping[str, Any] | None = None,
 ) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes and those of its kind.
 
-    along: the axis that `low` and `high` are values of, which take its unit. extra: those of its optional columns that it has.
-    facts: of the run, with the numbers of a drawn loop. Raises WavesweepError for a table or an axis that does not exist.
+    along: the axis that `low` and `high` are values of, which take its unit. extra: those of its
+    optional columns that it has. facts: of the run, with the numbers of a drawn loop. Raises
+    WavesweepError for a table or an axis that does not exist.
     """
     table_kind = kind_named(kind)
-    numbers, wanted = numbers_of(facts) | signals_of(facts), set(extra)
-    units = {OF_ALONG: _axis(along, numbers).unit, OF_WALL: felt_unit(facts)}
-    unlike, present = unlike_units(facts), [field for field in table_kind.fields if not field.optional or field.name in wanted]
-    units |= {field.unit: at_port(field.unit, facts) for field in present if field.unit not in units}
-    columns = [replace(field, unit="" if field.name in unlike else units[field.unit]) for field in present]
-    return (*columns[: table_kind.before], *(_axis(axis, numbers) for axis in axes), *columns[table_kind.before :])
+    numbers = numbers_of(facts) | signals_of(facts)
+    unlike = unlike_units(facts)
+    wanted = set(extra)
+    columns = []
+    for field in table_kind.fields:
+        if field.optional and field.name not in wanted:
+            continue
+        if field.name in unlike:
+            unit = ""
+        elif field.unit == OF_ALONG:
+            unit = _axis(along, numbers).unit
+        elif field.unit == OF_WALL:
+            unit = felt_unit(facts)
+        else:
+            unit = at_port(field.unit, facts)
+        columns.append(replace(field, unit=unit))
+    before = table_kind.before
+    fields_of_axes = [_axis(axis, numbers) for axis in axes]
+    return (*columns[:before], *fields_of_axes, *columns[before:])
 
 
 def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> tuple[Field, ...]:
@@ -47,13 +65,17 @@ def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | 
     `facts` of the run describe the numbers of a drawn loop.
     """
     field_names = {field.name for field in kind_named(kind).fields}
-    along = columns.get("along", ())
     axes = [name for name in columns if name not in field_names]
-    table_fields = fields(kind, axes, str(along[0]) if len(along) else "K_VE", columns, facts)
-    # A whole number that only some specs of a comparison have is missing in the others.
-    rough = {name for name in axes if getattr(columns[name], "dtype", np.dtype(object)) == np.float64}
-    inexact = {column.name for column in table_fields if column.name in rough and column.kind == "integer"}
-    return tuple(replace(column, kind="number") if column.name in inexact else column for column in table_fields)
+    rows_along = columns.get("along", ())
+    along = str(rows_along[0]) if len(rows_along) else "K_VE"
+    table_fields = list(fields(kind, axes, along, columns, facts))
+    for number, column in enumerate(table_fields):
+        if column.name not in axes or column.kind != "integer":
+            continue
+        # A whole number that only some specs of a comparison have is missing in the others.
+        if getattr(columns[column.name], "dtype", None) == np.float64:
+            table_fields[number] = replace(column, kind="number")
+    return tuple(table_fields)
 
 
 def in_order(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -61,11 +83,21 @@ def in_order(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any]) ->
     table_kind = kind_named(kind) if kind in HOMES else None
     if table_kind is None or not table_kind.fields:
         return dict(columns)
-    specs = [spec for spec in (facts.get("spec"), *facts.get("specs", {}).values()) if isinstance(spec, Mapping)]
     field_names = [field.name for field in table_kind.fields]
-    axes = [name for spec in specs for name in spec.get(table_kind.study, {}) if name not in field_names]
+    axes: list[str] = []
+    for spec in specs_in(facts):
+        if isinstance(spec, Mapping):
+            axes += [name for name in spec.get(table_kind.study, {}) if name not in field_names]
     names = dict.fromkeys([*axes, *field_names, *signals_of(facts)])
-    return dict(table_kind.ordered({name: columns[name] for name in names if name in columns}))
+    present = {name: columns[name] for name in names if name in columns}
+    return dict(table_kind.ordered(present))
+
+
+def specs_in(facts: Mapping[str, Any] | None) -> list[Any]:
+    """The tables of all specs in the facts of a run, the first one also by itself."""
+    if not facts:
+        return []
+    return [facts.get("spec", {}), *facts.get("specs", {}).values()]
 
 
 def felt_unit(facts: Mapping[str, Any] | None) -> str:
@@ -77,29 +109,39 @@ def felt_unit(facts: Mapping[str, Any] | None) -> str:
 
 def at_port(unit: str, facts: Mapping[str, Any] | None) -> str:
     """Give a unit at the hand's port, or its rotational counterpart if the hands of all specs of a run turn."""
-    specs = [spec for spec in ((facts or {}).get("spec"), *(facts or {}).get("specs", {}).values()) if spec]
-    turns = [spec.get("ports", {}).get("hand", {}).get("turns", False) for spec in specs]
-    return TURNED.get(unit, unit) if turns and all(turns) else unit
+    hands = [spec.get("ports", {}).get("hand", {}) for spec in specs_in(facts) if spec]
+    if hands and all(hand.get("turns", False) for hand in hands):
+        return TURNED.get(unit, unit)
+    return unit
 
 
 def swept_range(facts: Mapping[str, Any] | None, along: str) -> tuple[float, float]:
     """Give both ends of the range in which stable intervals were wanted; infinite if they are not known."""
-    default = K_VE_SPAN if along == "K_VE" else (-np.inf, np.inf)
-    axis = (facts or {}).get("spec", {}).get("sweep", {}).get(along, dict(zip(("start", "stop"), default, strict=True)))
-    ends = (axis["start"], axis["stop"]) if isinstance(axis, Mapping) else (np.min(axis), np.max(axis))
-    return float(ends[0]), float(ends[1])
+    axis = (facts or {}).get("spec", {}).get("sweep", {}).get(along)
+    if axis is None:
+        low, high = K_VE_SPAN if along == "K_VE" else (-np.inf, np.inf)
+    elif isinstance(axis, Mapping):
+        low, high = axis["start"], axis["stop"]
+    else:
+        low, high = np.min(axis), np.max(axis)
+    return float(low), float(high)
 
 
 def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the numbers of a run's drawn loops, in [numbers] and in blocks, by their names as axes."""
+    specs = specs_in(facts)
     numbers: dict[str, Field] = {}
-    specs = [(facts or {}).get("spec", {}), *(facts or {}).get("specs", {}).values()]
     for read in (_numbers_of_blocks, _numbers_of_table):
-        for axis, number in (pair for spec in specs for pair in read(spec).items()):
-            numbers.setdefault(axis, number)
+        for spec in specs:
+            for axis, number in read(spec).items():
+                numbers.setdefault(axis, number)
+    if not numbers:
+        return {}
+    for name in unlike_units(facts):
+        if name in numbers:
+            numbers[name] = replace(numbers[name], unit="")
     rate = Field("rates.tick_hz", "number", "Hz", "common tick of the blocks")
-    numbers |= {name: replace(numbers[name], unit="") for name in unlike_units(facts) if name in numbers}
-    return numbers | {rate.name: rate} if numbers else numbers
+    return {**numbers, rate.name: rate}
 
 
 def _numbers_of_blocks(spec: Mapping[str, Any]) -> dict[str, Field]:
@@ -125,27 +167,38 @@ def _numbers_of_table(spec: Mapping[str, Any]) -> dict[str, Field]:
 def signals_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
     """Give the fields of the inputs, outputs and named signals that a simulation of a drawn loop shows."""
     spec = (facts or {}).get("spec", {})
-    named = {
-        run_column("signals", name): Field(run_column("signals", name), "number", "", f"{name}: {text}")
-        for name, text in spec.get("signals", {}).items()
-    }
-    inputs, outputs = (
-        {
-            run_column(side, name): Field(run_column(side, name), "number", port["unit"], f"{meaning}: {port['signal']}")
-            for name, port in spec.get("ports", {}).get(side, {}).items()
-        }
-        for side, meaning in (("inputs", "input, held over the tick"), ("outputs", "output"))
-    )
-    if (port := spec.get("ports", {}).get("environment")) is not None:
-        text = f"{{}} at the environment's port: {port['force']}, {port['displacement']}"
-        inputs["environment.force"] = Field("environment.force", "number", "N", text.format("force, held over the tick,"))
-        outputs["environment.displacement"] = Field("environment.displacement", "number", "m", text.format("position"))
-    hand = spec.get("ports", {}).get("hand", {})
+    ports = spec.get("ports", {})
+    inputs = _signals_of_ports("inputs", ports, "input, held over the tick")
+    outputs = _signals_of_ports("outputs", ports, "output")
+    environment = ports.get("environment")
+    if environment is not None:
+        at_its_port = f"at the environment's port: {environment['force']}, {environment['displacement']}"
+        name = "environment.force"
+        inputs[name] = Field(name, "number", "N", f"force, held over the tick, {at_its_port}")
+        name = "environment.displacement"
+        outputs[name] = Field(name, "number", "m", f"position {at_its_port}")
+    hand = ports.get("hand", {})
     for quantity, unit, signals in (("force", "N", inputs), ("displacement", "m", outputs)):
-        for number, signal in enumerate(hand[quantity] if isinstance(hand.get(quantity), list) else (), 1):
+        if not isinstance(hand.get(quantity), list):
+            continue
+        for number, signal in enumerate(hand[quantity], 1):
             name = f"hand.{quantity}.{number}"
             signals[name] = Field(name, "number", unit, f"{quantity} of the hand, axis {number}: {signal}")
-    return inputs | {name: field for name, field in named.items() if name not in inputs} | outputs
+    named = {}
+    for name, text in spec.get("signals", {}).items():
+        column = run_column("signals", name)
+        if column not in inputs:
+            named[column] = Field(column, "number", "", f"{name}: {text}")
+    return inputs | named | outputs
+
+
+def _signals_of_ports(side: str, ports: Mapping[str, Any], meaning: str) -> dict[str, Field]:
+    """The fields of the inputs or of the outputs of a drawn loop."""
+    signals = {}
+    for name, port in ports.get(side, {}).items():
+        column = run_column(side, name)
+        signals[column] = Field(column, "number", port["unit"], f"{meaning}: {port['signal']}")
+    return signals
 
 
 def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, list[str]]]:
@@ -154,20 +207,27 @@ def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, l
 
 
 def missing_command(kind: str, facts: Mapping[str, Any]) -> str:
-    """Give the command that made a table of a kind that is not known here, from the facts of its run; otherwise an empty text.
+    """Give the command that made a table of a kind that is not known here, from the facts of its run.
 
-    It is empty too if the command is there: then the table is damaged.
+    The text is empty if the kind is known, and if the command is there: then the table is damaged.
     """
     words = [word for word in str(facts.get("command", "")).split()[1:] if not word.startswith("-")]
-    return words[0] if kind not in HOMES and words and words[0] not in HOMES and not home_of(words[0]) else ""
+    if kind in HOMES or not words:
+        return ""
+    command = words[0]
+    is_there = command in HOMES or home_of(command)
+    return "" if is_there else command
 
 
 def missing_for(kind: str, columns: Columns, facts: Mapping[str, Any]) -> str:
     """What no installed capability makes of a table, in words: all of it, or some of its rows; empty if there is nothing."""
-    if command := missing_command(kind, facts):
+    command = missing_command(kind, facts)
+    if command:
         return f"tables of wavesweep {command}"
     whose = whose_column(columns)
-    words = set(columns[whose].tolist()) - {*row_kinds()} if whose in ("guarantee", "hand") else ()
+    if whose not in ("guarantee", "hand"):
+        return ""
+    words = set(columns[whose].tolist()) - set(row_kinds())
     return f"rows of {', '.join(sorted(words))}" if words else ""
 
 
@@ -177,21 +237,30 @@ def kind_of(names: Iterable[str], stem: str, facts: Mapping[str, Any]) -> str:
     facts: of the run. Without the capability that made the table, the kind is that name. Raises WavesweepError for columns of
     no known table.
     """
-    names, known_kinds = list(names), kinds()
+    names = list(names)
+    known_kinds = kinds()
     fitting = [name for name, kind in known_kinds.items() if kind.fields and set(kind.names) <= set(names)]
-    if stem in fitting or (not fitting and (stem in (*OTHERS, *known_kinds) or missing_command(stem, facts))):
+    if stem in fitting:
         return stem
-    if not fitting:
-        raise WavesweepError(
-            f"expected the columns of a table with a figure ({', '.join((*known_kinds, *OTHERS))}), found {', '.join(names)}"
-        )
-    return max(fitting, key=lambda name: len(known_kinds[name].names))
+    if fitting:
+        return max(fitting, key=lambda name: len(known_kinds[name].names))
+    with_a_figure = (*known_kinds, *OTHERS)
+    if stem in with_a_figure or missing_command(stem, facts):
+        return stem
+    expected = f"the columns of a table with a figure ({', '.join(with_a_figure)})"
+    raise WavesweepError(f"expected {expected}, found {', '.join(names)}")
 
 
 def kinds_by_name() -> dict[str, FieldKind]:
     """Give the kind of each column name; a name means the same in every table."""
-    axes = {name: _axis(name).kind for name in (*SYMBOLS, *KEYS) if KEYS[SYMBOLS.get(name, name)].numeric}
-    return {**axes, **{field.name: field.kind for kind in kinds().values() for field in kind.fields}}
+    kinds_of_columns: dict[str, FieldKind] = {}
+    for name in (*SYMBOLS, *KEYS):
+        if KEYS[SYMBOLS.get(name, name)].numeric:
+            kinds_of_columns[name] = _axis(name).kind
+    for kind in kinds().values():
+        for field in kind.fields:
+            kinds_of_columns[field.name] = field.kind
+    return kinds_of_columns
 
 
 def _axis(name: str, own: Mapping[str, Field] = MappingProxyType({})) -> Field:
@@ -218,7 +287,11 @@ def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: in
     if len(set(lengths.values())) > 1:
         raise WavesweepError(f"the table's columns differ in length: {lengths}")
     for name, array in arrays.items():
-        for row in np.flatnonzero(np.isinf(array))[:1].tolist() if array.dtype == np.float64 else ():
+        if array.dtype != np.float64:
+            continue
+        infinite = np.flatnonzero(np.isinf(array))
+        if infinite.size:
+            row = int(infinite[0])
             fault = f"column {name}, row {first_row + row + 1}: found {array[row]}"
             raise WavesweepError(f"{fault}, expected a finite number or a missing value; nothing was written")
     return arrays
@@ -226,7 +299,6 @@ def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: in
 
 def _typed(field: Field, array: np.ndarray) -> np.ndarray:
     if array.ndim != 1 or (array.size and array.dtype.kind not in _ACCEPTED[field.kind]):
-        raise WavesweepError(
-            f"column {field.name}: found {array.ndim}-dimensional {array.dtype}, expected a column of kind {field.kind}"
-        )
+        fault = f"column {field.name}: found {array.ndim}-dimensional {array.dtype}"
+        raise WavesweepError(f"{fault}, expected a column of kind {field.kind}")
     return np.ascontiguousarray(array, dtype=_DTYPES[field.kind])

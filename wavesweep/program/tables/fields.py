@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 Derived = Callable[["Columns"], "np.ndarray"]
 FieldKind = Literal["number", "integer", "boolean", "string"]
-OF_ALONG, OF_WALL = "that of along", "that of the wall"  # units that the run decides
+# Units that the run decides.
+OF_ALONG = "that of along"
+OF_WALL = "that of the wall"
 
 
 @dataclass(frozen=True)
@@ -58,20 +60,30 @@ def columns_beside(
     groups: dict[str, tuple[Field, ...]] = {}
     with Path(module).with_name("columns.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            name, group = row["name"], row.pop("group")
-            arguments: dict[str, Any] = {**row, "derived": derived.get(name), "values": values.get(name, {})}
-            arguments |= {"description": row["description"].format(**words), "optional": bool(row["optional"])}
+            name = row["name"]
+            group = row.pop("group")
+            arguments: dict[str, Any] = dict(row)
+            arguments["description"] = row["description"].format(**words)
+            arguments["optional"] = bool(row["optional"])
+            arguments["derived"] = derived.get(name)
+            arguments["values"] = values.get(name, {})
             groups[group] = (*groups.get(group, ()), Field(**arguments))
     return groups
 
 
 _GROUPS = columns_beside(__file__, _VALUES)
-ABOUT_ENDS, FOR_ALL, LEFT_OPEN = (_GROUPS[name] for name in ("about-ends", "for-all", "left-open"))
-_ALONG, _FOUND, _FELT, _LINES, _BODE = (_GROUPS[name] for name in ("along", "found", "felt", "lines", "bode"))
-_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_GROUPS["open"], *_GROUPS["set-by"])
-_FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES)
-_FOR_HANDS = (*_FOR_HANDS, *(field for field in (*FOR_ALL, *LEFT_OPEN) if field.name not in ("guarantee", "settled")))
-_FOR_HANDS = (*_FOR_HANDS, *_GROUPS["open"])
+ABOUT_ENDS = _GROUPS["about-ends"]
+FOR_ALL = _GROUPS["for-all"]
+LEFT_OPEN = _GROUPS["left-open"]
+_ALONG = _GROUPS["along"]
+_FOUND = _GROUPS["found"]
+_FELT = _GROUPS["felt"]
+_LINES = _GROUPS["lines"]
+_OPEN = _GROUPS["open"]
+_BODE = _GROUPS["bode"]
+_INTERVALS = (*_ALONG, *_FOUND, *_FELT, *FOR_ALL, *_LINES, *LEFT_OPEN, *_OPEN, *_GROUPS["set-by"])
+_REFUTED = tuple(field for field in (*FOR_ALL, *LEFT_OPEN) if field.name not in ("guarantee", "settled"))
+_FOR_HANDS = (*_ALONG, *_GROUPS["hand"], *_FOUND, *ABOUT_ENDS, *_FELT, *_LINES, *_REFUTED, *_OPEN)
 COLUMNS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
         **dict.fromkeys(("zwidth", "stability-region"), _INTERVALS),
@@ -92,6 +104,9 @@ def columns_of(kind: str) -> tuple[Field, ...]:
 
 def all_columns() -> dict[str, tuple[Field, ...]]:
     """The columns of all kinds of tables, and those that a design study can have."""
-    homes = (capability.module("columns") for capability in CAPABILITIES if capability.kinds)
-    of_capabilities = [getattr(home, "EXPLAINED", home.COLUMNS) for home in homes]
-    return {kind: fields for by_kind in (COLUMNS, *of_capabilities) for kind, fields in by_kind.items()}
+    columns = dict(COLUMNS)
+    for capability in CAPABILITIES:
+        if capability.kinds:
+            home = capability.module("columns")
+            columns |= getattr(home, "EXPLAINED", home.COLUMNS)
+    return columns

@@ -15,10 +15,13 @@ BEGINS = 2e-3  # of the high end, up to where what is proved begins next to the 
 
 def varying_lengths(written: Mapping[str, Any]) -> tuple[int, ...]:
     """Return the lengths of frames (ticks) that may follow each other in any order by a written spec; empty without any."""
-    every = {RATIO, *(str(block.get("every")) for block in written.get("block", {}).values())}
+    lengths = {str(block.get("every")) for block in written.get("block", {}).values()}
+    lengths.add(RATIO)
     for name, axis in written.get("for_all", {}).items():
-        if isinstance(axis, Mapping) and axis.get("varying") and {name, name.removeprefix("numbers.")} & every:
-            return tuple(map(int, axis.get("values") or range(int(axis["start"]), int(axis["stop"]) + 1)))
+        varies = isinstance(axis, Mapping) and axis.get("varying")
+        if varies and (name in lengths or name.removeprefix("numbers.") in lengths):
+            values = axis.get("values") or range(int(axis["start"]), int(axis["stop"]) + 1)
+            return tuple(map(int, values))
     return ()
 
 
@@ -38,24 +41,32 @@ class DecidingLengths:
     """
 
     def __init__(self, lengths: tuple[int, ...]) -> None:
-        self._lengths, self._widest, self._open = lengths, 0.0, not lengths
+        self._lengths = lengths
         self._decide: set[int] = set()
+        self._widest = 0.0  # relative distance between what is proved and what is refuted
+        self._open = not lengths  # whether an end is neither refuted nor at the end of the range
 
     def add(self, columns: Columns, span: tuple[float, float]) -> None:
         """Count the rows of a table of intervals; span: the swept range."""
         if self._open or "fails_from" not in columns:
             return
         for row in np.flatnonzero(columns["intervals"] > 0).tolist():
-            low, high = float(columns["low"][row]), float(columns["high"][row])
+            low = float(columns["low"][row])
+            high = float(columns["high"][row])
             refuters = Refuters.read(str(columns["counterexample"][row]))
-            at_range = (low - span[0] <= BEGINS * abs(high - span[0]), high == span[1])
-            fails = (columns["fails_below"][row], columns["fails_from"][row])
-            for end, beyond, refuter, reached in zip((low, high), fails, refuters, at_range, strict=True):
-                lengths = set() if np.isnan(beyond) else lengths_in(refuter)
-                self._decide |= lengths
-                self._open |= not (lengths or reached)
-                if lengths:
-                    self._widest = max(self._widest, float(abs(beyond - end) / max(abs(beyond), abs(end))))
+            from_start = low - span[0] <= BEGINS * abs(high - span[0])
+            self._add_end(low, columns["fails_below"][row], refuters.low, from_start)
+            self._add_end(high, columns["fails_from"][row], refuters.high, high == span[1])
+
+    def _add_end(self, end: float, fails: float, refuter: str, at_range: bool) -> None:
+        """Count an end of an interval: refuted at `fails` by `refuter`, or where the swept range ends."""
+        lengths = set() if np.isnan(fails) else lengths_in(refuter)
+        if lengths:
+            self._decide |= lengths
+            apart = abs(fails - end) / max(abs(fails), abs(end))
+            self._widest = max(self._widest, float(apart))
+        elif not at_range:
+            self._open = True
 
     def numbers(self) -> dict[str, Any]:
         """The lengths that decide, those that may be left out, and by what share this may move an end; empty if not known."""
@@ -67,18 +78,24 @@ class DecidingLengths:
 
 def lengths_in_words(numbers: Mapping[str, Any]) -> str:
     """Which lengths decide, as a sentence."""
-    decide, left_out = (_runs(numbers[name]) for name in ("decide", "left_out"))
+    decide = _runs(numbers["decide"])
+    left_out = _runs(numbers["left_out"])
     share = max(100 * numbers["moves_an_end_by"], 0.01)
     return f"frames of {decide} ticks decide: without those of {left_out} no end moves by more than {share:.2g} %"
 
 
 def _runs(lengths):
     """Numbers in words, three and more in a row by their first and last."""
-    runs = []
+    runs: list[list[int]] = []
     for length in lengths:
         if runs and runs[-1][-1] == length - 1:
             runs[-1].append(length)
         else:
             runs.append([length])
-    said = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
+    said = []
+    for run in runs:
+        if len(run) > 2:
+            said.append(f"{run[0]} to {run[-1]}")
+        else:
+            said += map(str, run)
     return ", ".join(said)

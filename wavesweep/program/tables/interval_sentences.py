@@ -23,79 +23,106 @@ HAND = ", ended by a hand of {mass:.4g} kg, {damping:.4g} N*s/m, {stiffness:.4g}
 
 def open_in_words(places: Numbers, unit: str = "") -> str:
     """Where nothing is known."""
-    ends = dict.fromkeys(f"{places[end]:.6g}" for end in ("from", "to"))
     several = "" if places["places"] == 1 else f"at {places['places']} places "
-    return f"not known {several}{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)}{unit}"
+    low = f"{places['from']:.6g}"
+    high = f"{places['to']:.6g}"
+    where = f"at {low}" if low == high else f"from {low} to {high}"
+    return f"not known {several}{where}{unit}"
 
 
 class Sentences:
     """The sentences about the rows of one loop, from its numbers; hand: the word of its rows, empty if there is none."""
 
     def __init__(self, numbers: Numbers, hand: str = "") -> None:
-        self._numbers, self._hand, self._along = numbers, hand, numbers["along"]
+        self._numbers = numbers
+        self._hand = hand
+        self._along = numbers["along"]
         self._kind = row_kinds()[hand].worded_for(numbers)
         self._unit = self._unit_of(self._along)
         required = numbers["required"]
-        self._good = f"with {required}" if required else self._kind.good
-        self._such = f"{self._along} with {required}" if required else f"{self._kind.good} {self._along}"
+        if required:
+            self._good = f"with {required}"
+            self._such = f"{self._along} with {required}"
+        else:
+            self._good = self._kind.good
+            self._such = f"{self._kind.good} {self._along}"
 
     def counts(self, slices: Mapping[str, int]) -> str:
         """The numbers of slices and of intervals."""
-        numbers, required = self._numbers, self._numbers["required"]
-        gaps = [("slices_with_a_hole", "a hole"), ("slices_with_open_places", "open places")]
-        holes = [f", {count(numbers[name], 'slice')} with {name_of_gap}" for name, name_of_gap in gaps if numbers[name]]
-        skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
-        intervals = count(numbers["stable_intervals"], "interval" if required else "stable interval")
-        such = f" with {required}" if required else ""
-        return f"{count(slices['computed'], 'slice')}{skipped}: {intervals}{such}{''.join(holes)}"
+        numbers = self._numbers
+        said = count(slices["computed"], "slice")
+        if slices["skipped"]:
+            said += f" ({slices['skipped']} skipped)"
+        if numbers["required"]:
+            said += f": {count(numbers['stable_intervals'], 'interval')} with {numbers['required']}"
+        else:
+            said += f": {count(numbers['stable_intervals'], 'stable interval')}"
+        for name, gap in (("slices_with_a_hole", "a hole"), ("slices_with_open_places", "open places")):
+            if numbers[name]:
+                said += f", {count(numbers[name], 'slice')} with {gap}"
+        return said
 
     def few_slices(self) -> Iterator[str]:
         """Yield the stable intervals of each slice, if these are few and say more than the largest value."""
         for piece in self._numbers["few_slices"]:
-            at = ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in piece["at"].items())
+            at = self._numbers_in_words(piece["at"])
             intervals = " and ".join(span_in_words(*interval) for interval in piece["intervals"])
-            open_ = [open_in_words(places, self._unit) for places in piece["open"]]
-            said = ", ".join([f"{intervals}{self._unit}" if intervals else "none", *open_])
-            yield f"  {at}{': ' if at else ''}{self._along} {said}"
+            parts = [f"{intervals}{self._unit}" if intervals else "none"]
+            parts += [open_in_words(places, self._unit) for places in piece["open"]]
+            yield f"  {at}{': ' if at else ''}{self._along} {', '.join(parts)}"
 
     def certified(self) -> Line:
         """The number of certified or checked rows, and the reasons of doubt about the others."""
         # Rows and not slices: an uncertified row names the interval that a user should not rely on.
-        rows, doubts, vouched = (self._numbers[name] for name in ("rows", "doubts", "vouched"))
+        rows = self._numbers["rows"]
+        doubts = self._numbers["doubts"]
+        vouched = self._numbers["vouched"]
+        if not doubts and rows == 1:
+            return f"the only row is {vouched}", False
         if not doubts:
-            return f"the only row is {vouched}" if rows == 1 else f"all {count(rows, 'row')} {vouched}", False
+            return f"all {count(rows, 'row')} {vouched}", False
         reasons = ", ".join(f"{word} {number}" for word, number in doubts.items())
         return f"{sum(doubts.values())} of {count(rows, 'row')} not {vouched} ({reasons})", True
 
     def extremes(self) -> list[str]:
         """Sentences on the largest value, the least one, and the largest one without a gap."""
-        upwards = bool((self._numbers["least"] or {}).get("upwards"))
-        texts = [self._without_gap(), "" if upwards else self._largest(), self._least(upwards)]
+        least = self._numbers["least"]
+        upwards = bool(least and least["upwards"])
+        texts = [self._without_gap()]
+        if not upwards:
+            texts.append(self._largest())
+        texts.append(self._least(upwards))
         return [text for text in texts if text]
 
     def _largest(self) -> str:
         """The largest stable value and its place."""
-        largest, numbers = self._numbers["largest"], self._numbers
+        largest = self._numbers["largest"]
         if largest is None:
             return self._nowhere()
-        ended = ENDS[largest["ended_by"]].format("it" if numbers["required"] else "stability")
+        ended = ENDS[largest["ended_by"]].format("it" if self._numbers["required"] else "stability")
         if "refuted_from" in largest:
             ended += f", refuted at {rounded_up(largest['refuted_from'])} by {in_a_sentence(largest['refuted_by'])}"
         if "ended_by_hand" in largest:
             ended += HAND.format(**largest["ended_by_hand"])
-        number = rounded_down(largest["value"]) if self._kind.proved else f"{largest['value']:.6g}"
-        value = f"largest {self._such}: {number}{self._unit}"
-        open_ = None if numbers["few_slices"] else largest["open"]
-        return f"{value}{self._gap(largest['from'], open_)}{self._place(largest)}{ended}{self._doubtful(largest)}"
+        value = f"largest {self._such}: {self._up_to(largest['value'])}{self._unit}"
+        open_places = None if self._numbers["few_slices"] else largest["open"]
+        gap = self._gap(largest["from"], open_places)
+        return f"{value}{gap}{self._place(largest)}{ended}{self._doubtful(largest)}"
+
+    def _up_to(self, value: float) -> str:
+        """A value up to which something holds; what is proved is rounded down."""
+        return rounded_down(value) if self._kind.proved else f"{value:.6g}"
 
     def _nowhere(self) -> str:
         """That there is no interval, or none that could be found."""
         if not self._numbers["doubts"] or self._kind.searched:
+            nowhere = f"{self._kind.nowhere.format(such=self._such)} in the swept range"
             reason = self._in_the_way()
-            return f"{self._kind.nowhere.format(such=self._such)} in the swept range{reason and f': {reason}'}"
-        decides = where_nothing_decides() if self._numbers.get("conserves") and not self._numbers["required"] else ""
+            return f"{nowhere}: {reason}" if reason else nowhere
         undecided = f"no {self._such} found, but part of the swept range could not be decided"
-        return f"{undecided}; {decides}" if decides else undecided
+        if self._numbers.get("conserves") and not self._numbers["required"]:
+            return f"{undecided}; {where_nothing_decides()}"
+        return undecided
 
     def of_one_without(self) -> str:
         """What keeps a slice from what is required, if others have it; empty otherwise."""
@@ -107,30 +134,37 @@ class Sentences:
         mode = self._numbers.get("in_the_way")
         if not mode:
             return ""
-        at = ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in mode["at"].items())
-        return f"{at and f'at {at}: '}{mode_in_words(mode, self._along, self._unit)}"
+        at = self._numbers_in_words(mode["at"])
+        said = mode_in_words(mode, self._along, self._unit)
+        return f"at {at}: {said}" if at else said
 
     def _least(self, upwards: bool) -> str:
         """The least stable value and its place; empty if the largest one says it already."""
-        least, largest = self._numbers["least"], self._numbers["largest"]
-        if not least or not largest or (least["value"] == largest["from"] and largest["ended_by"] == "stability"):
+        least = self._numbers["least"]
+        largest = self._numbers["largest"]
+        if not least or not largest:
             return ""
-        goes = "every interval goes" if self._numbers["stable_intervals"] > 1 else "it goes"
-        further = f"; {goes} on to {self._numbers['range'][1]:.6g}, where the swept range ends" if upwards else ""
+        if least["value"] == largest["from"] and largest["ended_by"] == "stability":
+            return ""
         number = rounded_up(least["value"]) if self._kind.proved else f"{least['value']:.6g}"
-        value = f"least {self._such}: {number}{self._unit}"
-        unknown = ", below which it is not known" if least["unknown_below"] else ""
+        said = f"least {self._such}: {number}{self._unit}{self._place(least)}"
         if "refuted_below" in least:
-            unknown = f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
-        return f"{value}{self._place(least)}{unknown}{self._doubtful(least)}{further}"
+            said += f", refuted at {rounded_down(least['refuted_below'])} by {in_a_sentence(least['refuted_by'])}"
+        elif least["unknown_below"]:
+            said += ", below which it is not known"
+        said += self._doubtful(least)
+        if upwards:
+            goes = "every interval goes" if self._numbers["stable_intervals"] > 1 else "it goes"
+            said += f"; {goes} on to {self._numbers['range'][1]:.6g}, where the swept range ends"
+        return said
 
     def _without_gap(self) -> str:
         """The largest value up to which all are stable, and its place; empty if that is the largest stable one."""
-        without, largest = self._numbers["largest_without_gap"], self._numbers["largest"]
-        if without is None or without["value"] == largest["value"]:
+        without = self._numbers["largest_without_gap"]
+        if without is None or without["value"] == self._numbers["largest"]["value"]:
             return ""
         first = f"{self._good} for every {self._along} from {self._numbers['range'][0]:.6g} up to"
-        number = rounded_down(without["value"]) if self._kind.proved else f"{without['value']:.6g}"
+        number = self._up_to(without["value"])
         return f"{first} {number}{self._unit}{self._place(without)}{self._doubtful(without)}"
 
     def stiffest_felt(self) -> str:
@@ -141,48 +175,67 @@ class Sentences:
         felt = self._numbers["stiffest_felt"]
         if felt is None:
             return ""
-        wall = f" with {self._along} = {felt['with']:.6g}{self._unit}{self._gap(felt['from'])}"
-        ends = ", at an end of an interval" if felt["falls"] or self._numbers["unit"] not in STIFFNESS else ""
-        stiffness = f"{felt['value']:.6g} {felt['unit']}"
-        return f"stiffest wall as the hand feels it at rest{ends}: {stiffness}{wall}{self._place(felt)}{self._doubtful(felt)}"
+        said = "stiffest wall as the hand feels it at rest"
+        if felt["falls"] or self._numbers["unit"] not in STIFFNESS:
+            said += ", at an end of an interval"
+        said += f": {felt['value']:.6g} {felt['unit']}"
+        said += f" with {self._along} = {felt['with']:.6g}{self._unit}{self._gap(felt['from'])}"
+        return f"{said}{self._place(felt)}{self._doubtful(felt)}"
 
     def one_line(self) -> str:
         """All of it but the slices, in a line; of rows for more than one loop with their title and their word."""
-        felt, largest = self._numbers["stiffest_felt"], self._numbers["largest"]
+        felt = self._numbers["stiffest_felt"]
+        largest = self._numbers["largest"]
+        parts = self.extremes()
+        if "lengths" in self._numbers:
+            parts.append(lengths_in_words(self._numbers["lengths"]))
         # With direct coupling the stiffest wall and the stiffest felt are the same.
         same = self._hand and felt and largest and np.isclose(felt["value"], largest["value"], rtol=1e-9)
-        # Of rows that are searched none is certified by design: those of a box are proved or not.
-        certified = "" if self._kind.searched else self.certified()[0]
-        lengths = lengths_in_words(self._numbers["lengths"]) if "lengths" in self._numbers else ""
-        line = "; ".join(filter(None, [*self.extremes(), lengths, "" if same else self.stiffest_felt(), certified]))
+        if not same:
+            parts.append(self.stiffest_felt())
+        if not self._kind.searched:  # of rows that are, none is certified: those of a box are proved or not
+            certified, _ = self.certified()
+            parts.append(certified)
+        line = "; ".join(part for part in parts if part)
         return f"{self._kind.title} ({self._hand}): {line}" if self._hand else line
 
     def _doubtful(self, extreme: Numbers) -> str:
         return "" if extreme["certified"] or self._kind.searched else f", not {self._numbers['vouched']}"
 
-    def _gap(self, low: float, open_: Numbers | None = None) -> str:
+    def _gap(self, low: float, open_places: Numbers | None = None) -> str:
         """Where an interval begins, if that is not at the start of the range, or next to it if it is what is proved.
 
-        open_: its open places, which are named too.
+        open_places: of the interval, which are named too.
         """
-        start, begins = self._numbers["range"][0], "met" if self._numbers["required"] else self._kind.good
-        next_to_start = self._kind.proved and low <= NEXT * self._numbers["largest"]["value"]
-        said = [] if next_to_start or low <= (-np.inf if start is None else start) else [f"{begins} from {low:.6g} on"]
-        said += [open_in_words(open_, self._unit)] if open_ else []
+        start = self._numbers["range"][0]
+        at_start = start is not None and low <= start
+        if self._kind.proved:
+            at_start |= low <= NEXT * self._numbers["largest"]["value"]
+        said = []
+        if not at_start:
+            begins = "met" if self._numbers["required"] else self._kind.good
+            said.append(f"{begins} from {low:.6g} on")
+        if open_places:
+            said.append(open_in_words(open_places, self._unit))
         return f" ({', '.join(said)})" if said else ""
 
     def _unit_of(self, name: str) -> str:
         unit = readable(self._numbers["units"].get(name, ""))
         return f" {unit}" if unit else ""
 
+    def _numbers_in_words(self, numbers: Mapping[str, float]) -> str:
+        return ", ".join(f"{name} = {value:g}{self._unit_of(name)}" for name, value in numbers.items())
+
     def _place(self, extreme: Numbers) -> str:
         if not extreme["at"]:
             return ""
-        edges = dict.fromkeys(extreme["at_the_edge_of"], " (the edge of that axis)")
-        at = [f"{name} = {value:g}{self._unit_of(name)}{edges.get(name, '')}" for name, value in extreme["at"].items()]
-        equal = extreme["equal_rows"] - 1
-        equals = f", and in {count(equal, 'other row')}" if equal else ""
-        return f" at {', '.join(at)}{equals}"
+        places = []
+        for name, value in extreme["at"].items():
+            edge = " (the edge of that axis)" if name in extreme["at_the_edge_of"] else ""
+            places.append(f"{name} = {value:g}{self._unit_of(name)}{edge}")
+        said = f" at {', '.join(places)}"
+        others = extreme["equal_rows"] - 1
+        return f"{said}, and in {count(others, 'other row')}" if others else said
 
 
 def interval_lines(numbers: Numbers) -> Iterator[Line]:
@@ -196,8 +249,10 @@ def interval_lines(numbers: Numbers) -> Iterator[Line]:
     for word, of_kind in of_kinds.items():
         in_doubt = bool(of_kind["doubts"]) and not row_kinds()[word].searched
         yield Sentences(of_kind, word).one_line(), in_doubt
-    if words := [word for word in of_kinds if row_kinds()[word].unsettled]:
-        kind, unsettled = row_kinds()[words[0]], numbers.get("rows_not_settled") or numbers.get("rows_of_the_box_not_proved")
+    words = [word for word in of_kinds if row_kinds()[word].unsettled]
+    if words:
+        kind = row_kinds()[words[0]]
+        unsettled = numbers.get("rows_not_settled") or numbers.get("rows_of_the_box_not_proved")
         if unsettled:
             yield kind.unsettled.format(rows=count(unsettled, "row"), words=" and ".join(words)), True
         elif kind.settled:
@@ -212,5 +267,6 @@ def _lines_of_loop(numbers: Numbers) -> Iterator[Line]:
     yield from ((text, False) for text in texts if text)
     yield sentences.certified()
     for number, word in enumerate(numbers["doubts"]):
-        hint = "" if number else where_explained(word)
-        yield f"  {word}: {DOUBTS[word].meaning}{f' ({hint})' if hint else ''}", True
+        said = f"  {word}: {DOUBTS[word].meaning}"
+        hint = where_explained(word) if number == 0 else ""
+        yield f"{said} ({hint})" if hint else said, True

@@ -30,26 +30,33 @@ class Extreme:
     """
 
     def __init__(self, rounding: float = 0.0) -> None:
-        self.value, self.ties, self._rounding = -np.inf, 0, rounding
+        self.value = -np.inf
+        self.ties = 0
         self.row: dict[str, Any] = {}
+        self._rounding = rounding
 
     def add(self, values: np.ndarray, columns: Columns) -> None:
         """Take the values of a block of rows; missing ones are passed over."""
-        alike = self.value - self._rounding * abs(self.value) if self.row else self.value
-        if not (values >= alike).any():
+        room = self._rounding * abs(self.value) if self.row else 0.0
+        if not (values >= self.value - room).any():
             return
         most = np.nanmax(values)
-        if most > self.value + (self._rounding * abs(self.value) if self.row else 0.0):
+        if most > self.value + room:
             row = int(np.argmax(values >= most - self._rounding * abs(most)))
-            self.value, self.ties = float(values[row]), 0
-            self.row = {
-                name: column[row].item() if hasattr(column[row], "item") else column[row] for name, column in columns.items()
-            }
-        self.ties += int(np.sum(np.abs(values - self.value) <= self._rounding * abs(self.value)))
+            self.value = float(values[row])
+            self.ties = 0
+            self.row = {name: _plain(column[row]) for name, column in columns.items()}
+        ties = np.abs(values - self.value) <= self._rounding * abs(self.value)
+        self.ties += int(ties.sum())
 
     def place(self) -> dict[str, float]:
         """The axes' values in that row, without those that the loop does not read."""
         return {name: self.row[name] for name in axes_of(self.row) if not np.isnan(self.row[name])}
+
+
+def _plain(value: Any) -> Any:
+    """An entry of an array as a value of Python."""
+    return value.item() if hasattr(value, "item") else value
 
 
 class LoopSummary:
@@ -60,12 +67,20 @@ class LoopSummary:
     """
 
     def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
-        self._hand, self.kind, self._axes, self._facts = hand, row_kinds()[hand], axes or {}, facts or {}
-        self._rows = self._intervals = self._split = self._open = 0
+        self.kind = row_kinds()[hand]
+        self._hand = hand
+        self._axes = axes or {}
+        self._facts = facts or {}
+        self._rows = 0
+        self._intervals = 0
+        self._split = 0  # slices with several intervals
+        self._open = 0  # slices with open places
         self._doubts: Counter[str] = Counter()
         self._vouched = "certified"
         self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
-        self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
+        self._largest = Extreme()
+        self._without_gap = Extreme()
+        self._felt = Extreme(FELT_ALIKE)
         self._least = Extreme()  # of the values with the other sign
         self._ends_within = False  # whether an interval ends before the swept range does
         self._lengths = DecidingLengths(varying_lengths(self._facts.get("spec", {})) if self.kind.proved else ())
@@ -83,21 +98,31 @@ class LoopSummary:
         self._rows += len(stable)
         self._intervals += int(stable.sum())
         # Every slice has exactly one row numbered 0.
-        self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
-        new, open_ = np.append(True, columns["interval"][1:] == 0), columns["open_places"] > 0
-        self._open += int(np.logical_or.reduceat(open_, np.flatnonzero(new)).sum())
+        first = columns["interval"] == 0
+        self._split += int(((columns["intervals"] > 1) & first).sum())
+        first[0] = True  # also of a block that begins within a slice
+        is_open = np.logical_or.reduceat(columns["open_places"] > 0, np.flatnonzero(first))
+        self._open += int(is_open.sum())
         self._vouched = self.kind.vouched_for(columns)
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         self._largest.add(columns["high"], columns)
         self._least.add(-columns["low"], columns)
         self._ends_within |= bool((columns["high"] < self._range[1]).any())
         begins = columns["low"] == self._range[0]
-        self._without_gap.add(np.where(begins, np.fmin(columns["high"], columns["open_low"]), np.nan), columns)
-        low, high = columns["felt_low"], columns["felt_high"]
-        stiffer = np.isnan(low) | np.isnan(high) | (high > low + FELT_ALIKE * np.abs(low))
-        ends = np.where(stiffer, columns["high"], columns["low"])
-        self._falls |= bool((~stiffer & (high < low - FELT_ALIKE * np.abs(low))).any())
-        self._felt.add(np.where(stiffer, high, low), {**columns, "value": ends})
+        without_gap = np.fmin(columns["high"], columns["open_low"])
+        self._without_gap.add(np.where(begins, without_gap, np.nan), columns)
+        self._add_felt(columns)
+
+    def _add_felt(self, columns: Columns) -> None:
+        """Take the stiffness that is felt at the ends: at the high one, unless it is lower there."""
+        low = columns["felt_low"]
+        high = columns["felt_high"]
+        rounding = FELT_ALIKE * np.abs(low)
+        at_high = np.isnan(low) | np.isnan(high) | (high > low + rounding)
+        falls = ~at_high & (high < low - rounding)
+        self._falls |= bool(falls.any())
+        ends = np.where(at_high, columns["high"], columns["low"])
+        self._felt.add(np.where(at_high, high, low), {**columns, "value": ends})
 
     def _list(self, columns: Columns) -> None:
         """Keep the intervals of up to one slice more than are shown."""
@@ -106,21 +131,24 @@ class LoopSummary:
             if first and len(self._slices) > MOST_SHOWN:
                 return
             if first:
-                place = {name: float(columns[name][row]) for name in names if not np.isnan(columns[name][row])}
+                values = {name: float(columns[name][row]) for name in names}
+                place = {name: value for name, value in values.items() if not np.isnan(value)}
                 self._slices.append({"at": place, "intervals": [], "open": []})
             if columns["intervals"][row]:
-                self._slices[-1]["intervals"].append([float(columns["low"][row]), float(columns["high"][row])])
-            self._slices[-1]["open"] += filter(None, [open_places(columns, row)])
+                interval = [float(columns["low"][row]), float(columns["high"][row])]
+                self._slices[-1]["intervals"].append(interval)
+            places = open_places(columns, row)
+            if places:
+                self._slices[-1]["open"].append(places)
 
     def numbers(self) -> dict[str, Any]:
         """The summary as numbers and words that JSON can hold."""
-        of_loop = self._hand in ("", *COMPUTED)  # and not of hands, or of all that may happen
-        conserves = of_loop and bool(self._facts.get("conserves"))
-        blocking = dict(self._facts.get("in_the_way", {})) if of_loop else {}
-        require, few = self._facts.get("require"), len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
-        names = [self._along, *self._axes, *(self._largest.place() if self._largest.row else ())]
-        lengths = self._lengths.numbers()
-        return {
+        require = self._facts.get("require")
+        names = [self._along, *self._axes]
+        if self._largest.row:
+            names += self._largest.place()
+        few = len(self._slices) <= MOST_SHOWN and (self._intervals > 1 or self._open)
+        numbers = {
             "along": self._along,
             "unit": self._unit(self._along),
             "units": {name: self._unit(name) for name in dict.fromkeys(names)},
@@ -140,34 +168,52 @@ class LoopSummary:
             "stiffest_felt": self._felt_numbers(),
             "least": self._least_numbers(),
             "few_slices": self._slices if few else [],
-            **({"lengths": lengths} if lengths else {}),
-            **({"conserves": True} if conserves else {}),
-            **({"in_the_way": blocking} if blocking else {}),
         }
+        lengths = self._lengths.numbers()
+        if lengths:
+            numbers["lengths"] = lengths
+        if self._hand in ("", *COMPUTED):  # and not of hands, or of all that may happen
+            if self._facts.get("conserves"):
+                numbers["conserves"] = True
+            if self._facts.get("in_the_way"):
+                numbers["in_the_way"] = dict(self._facts["in_the_way"])
+        return numbers
 
     def _extreme(self, extreme: Extreme, **facts: Any) -> dict[str, Any] | None:
         """An extreme value and its place; None without one."""
         if not extreme.row:
             return None
         place = extreme.place()
-        swept = {name: values for name in place if len(values := self._axes.get(name, ())) > 1}
-        edges = [name for name, values in swept.items() if place[name] in (min(values), max(values))]
-        facts |= {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties}
-        return {"value": extreme.value} | facts | {"certified": bool(extreme.row["certified"])}
+        edges = []
+        for name, value in place.items():
+            values = self._axes.get(name, ())
+            if len(values) > 1 and value in (min(values), max(values)):
+                edges.append(name)
+        return {
+            "value": extreme.value,
+            **facts,
+            "at": place,
+            "at_the_edge_of": edges,
+            "equal_rows": extreme.ties,
+            "certified": bool(extreme.row["certified"]),
+        }
 
     def _largest_numbers(self) -> dict[str, Any] | None:
         # Of rows with the same value, one without a gap below it is named.
         first = self._without_gap if self._without_gap.value == self._largest.value else self._largest
         if not first.row:
             return None
-        row, places = first.row, {name: np.array([value]) for name, value in first.row.items()}
-        facts = {"from": row["low"], "ended_by": self._ended_by(row), "open": open_places(places, 0)}
+        row = first.row
+        columns = {name: np.array([value]) for name, value in row.items()}
+        facts = {"from": row["low"], "ended_by": self._ended_by(row), "open": open_places(columns, 0)}
         hand = {number: row.get(f"high_hand_{number}", np.nan) for number in ("mass", "damping", "stiffness")}
-        if refuter := _refuters(row).high:
+        refuter = _refuters(row).high
+        if refuter:
             facts |= {"refuted_from": row["fails_from"], "refuted_by": refuter}
         elif not np.isnan(hand["mass"]):
-            facts |= {"ended_by_hand": hand}
-        return {**(self._extreme(first, **facts) or {}), "equal_rows": self._largest.ties}
+            facts["ended_by_hand"] = hand
+        numbers = self._extreme(first, **facts) or {}
+        return {**numbers, "equal_rows": self._largest.ties}
 
     def _ended_by(self, row: Mapping[str, Any]) -> str:
         """What ends the interval of a row: stability, the swept range, or nothing that is known."""
@@ -179,14 +225,19 @@ class LoopSummary:
 
     def _least_numbers(self) -> dict[str, Any] | None:
         """The least stable value, if it is not where the swept range begins; `upwards` if none ends within the range."""
-        least, largest, row = self._extreme(self._least), self._largest_numbers(), self._least.row
-        if not least or -self._least.value <= self._range[0]:
+        least = self._extreme(self._least)
+        value = -self._least.value
+        if not least or value <= self._range[0]:
             return None
-        if self.kind.proved and -self._least.value <= NEXT * self._largest.value:
+        if self.kind.proved and value <= NEXT * self._largest.value:
             return None  # what is proved begins there, next to 0
-        upwards = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
-        least |= {"value": -self._least.value, "upwards": upwards, "unknown_below": bool(row["open_low"] < row["low"])}
-        if refuter := _refuters(row).low:
+        row = self._least.row
+        largest = self._largest_numbers()
+        least["value"] = value
+        least["upwards"] = bool(largest and largest["ended_by"] == "range" and not self._ends_within)
+        least["unknown_below"] = bool(row["open_low"] < row["low"])
+        refuter = _refuters(row).low
+        if refuter:
             least |= {"refuted_below": row["fails_below"], "refuted_by": refuter}
         return least
 
@@ -194,7 +245,12 @@ class LoopSummary:
         felt = self._felt
         if not felt.row:
             return None
-        facts = {"unit": felt_unit(self._facts), "with": felt.row["value"], "from": felt.row["low"], "falls": self._falls}
+        facts = {
+            "unit": felt_unit(self._facts),
+            "with": felt.row["value"],
+            "from": felt.row["low"],
+            "falls": self._falls,
+        }
         return self._extreme(felt, **facts)
 
     def _unit(self, name: str) -> str:
@@ -205,8 +261,10 @@ class LoopSummary:
 
 def _refuters(row: Mapping[str, Any]) -> Refuters:
     """What refutes the values beyond both ends of the interval of a row."""
-    refuters, fails = Refuters.read(str(row.get("counterexample", ""))), (row.get("fails_below"), row.get("fails_from"))
-    return Refuters(*("" if end is None or np.isnan(end) else text for end, text in zip(fails, refuters, strict=True)))
+    said = Refuters.read(str(row.get("counterexample", "")))
+    low = "" if np.isnan(row.get("fails_below", np.nan)) else said.low
+    high = "" if np.isnan(row.get("fails_from", np.nan)) else said.high
+    return Refuters(low, high)
 
 
 class IntervalSummary:
@@ -216,15 +274,19 @@ class IntervalSummary:
     """
 
     def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
-        self._axes, self._facts = axes, facts or {}
+        self._axes = axes
+        self._facts = facts or {}
         self._summaries: dict[str, LoopSummary] = {}
-        self._whose, self._unsettled = "", 0
+        self._whose = ""
+        self._unsettled = 0
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows; of a spec that is compared, all of its rows."""
         self._whose = whose = whose_column(columns)
+        if not len(columns["along"]):
+            return
         words = list(dict.fromkeys(columns[whose].tolist())) if whose else [""]
-        for word in words if len(columns["along"]) else ():
+        for word in words:
             rows = {name: column for name, column in columns.items() if name != whose}
             if len(words) > 1:
                 rows = {name: column[columns[whose] == word] for name, column in rows.items()}

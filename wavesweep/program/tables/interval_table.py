@@ -36,14 +36,19 @@ def intervals(spec: Spec, along: str | None = None, hands: Hands | None = None, 
 
     stages = stages_of(spec, along, hands)
     result = run({stage.hand: stage.job for stage in stages}, Work.of(work))
-    timings = {name: number for name, number in result.timings.items() if hands is None or name != "workers"}
-    facts = _facts(spec, hands, stages, result.certified, timings) | {"warnings": result.warnings}
+    timings = dict(result.timings)
+    if hands is not None:
+        timings.pop("workers", None)
+    facts = _facts(spec, hands, stages, result.certified, timings)
+    facts["warnings"] = result.warnings
     facts |= _in_the_way(stages[0], result)
-    axes, kind = {axis.name: axis.values for axis in stages[0].job.grid.axes}, KINDS[2 if hands else 0]
+    axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
+    kind = KINDS[2 if hands else 0]
 
     def blocks() -> Iterator[Columns]:
         for stage in stages:
-            yield from (kind.completed(_finished(block, stage, stages, hands)) for block in result.blocks(stage.hand))
+            for block in result.blocks(stage.hand):
+                yield kind.completed(_finished(block, stage, stages, hands))
 
     return Table(kind.name, blocks, facts, axes, forget=result.forget, rows=result.rows)
 
@@ -87,10 +92,9 @@ def _guaranteed(own: Job, hands: Hands | None) -> Iterator[Stage]:
 
 
 def of_calls(own: Job) -> Columns:
-    """The rows of a job of the library, computed in this process, without derived columns, and those of what is guaranteed
-    beside.
+    """The rows of a job of the library, computed in this process, and those of what is guaranteed beside.
 
-    Errors: UsageError for numbers, or a requirement, beside which that cannot be had.
+    They have no derived columns. Errors: UsageError for numbers, or a requirement, beside which that cannot be had.
     """
     from wavesweep.program.sweep.running import in_memory
 
@@ -108,12 +112,16 @@ def rows_again(spec: Spec, along: str | None, hands: Hands | None, picked: Itera
     from wavesweep.program.sweep.job import cut_otherwise
 
     stages = stages_of(spec, along, hands)
-    ends = np.cumsum([stage.job.grid.size for stage in stages])
+    sizes = np.array([stage.job.grid.size for stage in stages])
+    ends = np.cumsum(sizes)
+    starts = ends - sizes
     for number in picked:
-        stage = stages[int(np.searchsorted(ends, number, side="right"))]
-        combination = np.array([number - (ends[stages.index(stage)] - stage.job.grid.size)])
+        of_stage = int(np.searchsorted(ends, number, side="right"))
+        stage = stages[of_stage]
+        combination = np.array([number - starts[of_stage]])
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
-        records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])])()
+        chunk = single.chunks[int(stage.job.grid.slice_of(combination)[0])]
+        records = single.task(chunk)()
         block = stage.job.columns(np.repeat(combination, records.size), records)
         yield KINDS[2 if hands else 0].completed(_finished(block, stage, stages, hands))
 
@@ -124,11 +132,16 @@ def proved_again(spec: Spec, along: str | None, claims: Iterable[tuple[int, Colu
     from wavesweep.program.sweep.job import cut_otherwise
 
     prover = offered("prover")  # there, as `verify` refuses to prove without it
-    single = cut_otherwise(stages_of(spec, along, None)[0].job, deep=1, wide=1)
+    job = stages_of(spec, along, None)[0].job
+    single = cut_otherwise(job, deep=1, wide=1)  # then the number of a chunk is that of its slice
     for number, rows in claims:
-        (search,) = searches_of(single, single.chunks[int(single.grid.slice_of(np.array([number]))[0])]).searches
-        columns = (rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega"))
-        yield prover.prove_again(search, [claim for claim in zip(*columns, strict=True) if rows["intervals"][0]])
+        chunk = single.chunks[int(single.grid.slice_of(np.array([number]))[0])]
+        (search,) = searches_of(single, chunk).searches
+        intervals_claimed = []
+        if rows["intervals"][0]:
+            ends = [rows[name].tolist() for name in ("low", "high", "low_omega", "high_omega")]
+            intervals_claimed = list(zip(*ends, strict=True))
+        yield prover.prove_again(search, intervals_claimed)
 
 
 def _finished(block, stage, stages, hands) -> Columns:
@@ -137,24 +150,29 @@ def _finished(block, stage, stages, hands) -> Columns:
 
     if len(stages) == 1:
         return block
-    types = {name: stage.job.dtype[name].kind for stage in stages for name in stage.job.dtype.names}
-    dtypes = {name: kind for name, kind in types.items() if name not in (RECORD.names or ())}
     rows = len(block["along"])
-    missing = {name: _empty_column(kind, rows) for name, kind in dtypes.items()}
-    missing |= {"settled": block["certified"]} if "settled" in dtypes else {}
-    columns = {name: column.astype(object) if column.dtype.kind == "U" else column for name, column in block.items()}
-    whose = np.full(rows, stage.hand or "spec", dtype=object)
-    return missing | columns | {"hand" if hands else "guarantee": whose}
-
-
-def _empty_column(kind: str, rows: int) -> np.ndarray:
-    return np.full(rows, "", object) if kind == "U" else np.full(rows, np.nan)
+    columns: dict[str, np.ndarray] = {}
+    for other in stages:
+        for name in other.job.dtype.names:
+            if name in (RECORD.names or ()):
+                continue
+            if other.job.dtype[name].kind == "U":
+                columns[name] = np.full(rows, "", object)
+            else:
+                columns[name] = np.full(rows, np.nan)
+    if "settled" in columns:
+        columns["settled"] = block["certified"]
+    for name, column in block.items():
+        columns[name] = column.astype(object) if column.dtype.kind == "U" else column
+    columns["hand" if hands else "guarantee"] = np.full(rows, stage.hand or "spec", dtype=object)
+    return columns
 
 
 def _notices(spec, stages) -> Iterator[str]:
     """Yield notices about what is required, and about axes and ranges that a user may take for something else."""
     job = stages[0].job
-    axis, required = job.asked.axis, job.asked.require
+    axis = job.asked.axis
+    required = job.asked.require
     if required:
         yield f"[sweep] require: the intervals, here and in the figure, are those with {required_in_words(required.written())}"
     if axis.scale == "log" and not axis.values:
@@ -164,32 +182,42 @@ def _notices(spec, stages) -> Iterator[str]:
     yield from notices_of(job.grid)
     yield from spans_held(spec, axis.path)
     for stage in stages:
-        yield from stage.job.asked.guarantee.notices(job) if stage.job.asked.guarantee else ()
+        if stage.job.asked.guarantee:
+            yield from stage.job.asked.guarantee.notices(job)
 
 
 def _facts(spec, hands, stages, certified, timings) -> dict:
     computed = sum(stage.job.slices for stage in stages)
-    counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
+    combinations = sum(stage.job.grid.size for stage in stages)
+    counts = {"computed": computed, "skipped": combinations - computed, "certified": certified}
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     job = stages[0].job
     swept = [job.asked.axis.path, *(axis.path for axis in job.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, list(_notices(spec, stages)), swept)
-    facts |= {"require": job.asked.require.written()} if job.asked.require else {}
+    if job.asked.require:
+        facts["require"] = job.asked.require.written()
     facts |= _limits_of_walls(spec, job.asked.axis.path, swept)
-    return facts | (hands.facts() if hands else {})
+    if hands:
+        facts |= hands.facts()
+    return facts
 
 
 def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
-    """A fact of what keeps a loop from having an interval: the mode in the way, of the first row without one, if something is
-    required or no row has one; or that it conserves energy, so that nothing decides.
+    """A fact of what keeps a loop from having an interval.
+
+    That is the mode in the way, of the first row without one, if something is required or no row
+    has one; or that the loop conserves energy, so that nothing decides.
     """
     from wavesweep.program.analyses.mode_in_the_way import conserves, mode_in_the_way, outside
     from wavesweep.program.sweep.grid import frames_per_spec, own_loop
 
-    job, first = stage.job, None
-    require, axis = job.asked.require, job.asked.axis
+    job = stage.job
+    spec = job.grid.spec
+    axis = job.asked.axis
+    require = job.asked.require
     if require and require.bound.gain:
         return {}
+    first = None  # the axes' values in the first row without an interval
     for block in result.blocks(stage.hand):
         empty = np.flatnonzero(block["certified"] & (block["intervals"] == 0))
         if first is None and empty.size:
@@ -199,9 +227,10 @@ def _in_the_way(stage: Stage, result: Run) -> dict[str, Any]:
         if (block["intervals"] > 0).any():
             return {}
     if first is None:
-        return {"conserves": True} if job.grid.spec.drawing and conserves(own_loop(job.grid.spec)) else {}
+        nothing_decides = spec.drawing and conserves(own_loop(spec))
+        return {"conserves": True} if nothing_decides else {}
     changes = {other.path: first[other.name] for other in job.grid.axes}
-    loops = own_loop(job.grid.spec.with_values(changes) if changes else job.grid.spec)
+    loops = own_loop(spec.with_values(changes) if changes else spec)
     beyond = require.bound.over(frames_per_spec(loops)).beyond if require else outside
     mode = mode_in_the_way(loops, axis.path, (axis.start, axis.stop), beyond)
     return {"in_the_way": {"at": first, **mode}} if mode else {}
@@ -225,22 +254,27 @@ def _again(along: str | None, facts: Mapping[str, Any], _: Callable[[], str]) ->
     from wavesweep.program.spec import load
     from wavesweep.program.tables.hand_rows import hands_of
 
-    spec, along = load(facts["spec"]), along or facts.get("along")
-    run = spec, along, hands_of(facts.get("for_hands", ()))
-    sizes = [stage.job.grid.size for stage in stages_of(*run)]
-    rows, prove = partial(rows_again, *run), partial(proved_again, spec, along)
+    spec = load(facts["spec"])
+    along = along or facts.get("along")
+    hands = hands_of(facts.get("for_hands", ()))
+    sizes = [stage.job.grid.size for stage in stages_of(spec, along, hands)]
     return Recompute(
-        spec.sha256, combinations=sum(sizes), of_combinations=rows, provable=0 if run[2] else sizes[0], prove=prove
+        spec.sha256,
+        combinations=sum(sizes),
+        of_combinations=partial(rows_again, spec, along, hands),
+        provable=0 if hands else sizes[0],
+        prove=partial(proved_again, spec, along),
     )
 
 
 def interval_kind(name: str, along: str | None = "", **more: Any) -> Kind:
-    """A kind of table of stable intervals; along: the axis (None: the spec's own) of one whose rows can be computed again."""
-    more = (
-        {"figure": "wavesweep.program.plots.interval_figures.zwidth"}
-        | more
-        | ({} if along == "" else {"again": partial(_again, along)})
-    )
+    """A kind of table of stable intervals.
+
+    along: the axis (None: the spec's own) of one whose rows can be computed again.
+    """
+    more.setdefault("figure", "wavesweep.program.plots.interval_figures.zwidth")
+    if along != "":
+        more["again"] = partial(_again, along)
 
     def summary(table: Table) -> Summary:
         from wavesweep.program.tables.interval_summary import IntervalSummary

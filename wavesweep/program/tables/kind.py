@@ -32,9 +32,9 @@ class Summary(Protocol):
 class ProvedAgain(NamedTuple):
     """What ball arithmetic says of a certified slice.
 
-    verdict: "whole" if it proves the same intervals on the whole range; "ends" if that takes too many operations, and it proves
-    each end and one value between two ends; "refuted" if it proves something else; otherwise "unsettled". why: in words, of the
-    last two.
+    verdict: "whole" if it proves the same intervals on the whole range; "ends" if that takes too
+    many operations, and it proves each end and one value between two ends; "refuted" if it proves
+    something else; otherwise "unsettled". why: in words, of the last two.
     """
 
     verdict: Literal["whole", "ends", "refuted", "unsettled"]
@@ -94,10 +94,14 @@ class Kind:
 
         Errors: UsageError if an axis has the name of a derived column.
         """
-        if clashing := [field.name for field in self.fields if field.derived and field.name in columns]:
-            name = clashing[0]
-            raise UsageError(f"{name}: the table has a column of this name; name the axis by its path, numbers.{name}")
-        return self.ordered({**columns, **{field.name: field.derived(columns) for field in self.fields if field.derived}})
+        derived = {}
+        for column in self.fields:
+            name = column.name
+            if column.derived and name in columns:
+                raise UsageError(f"{name}: the table has a column of this name; name the axis by its path, numbers.{name}")
+            if column.derived:
+                derived[name] = column.derived(columns)
+        return self.ordered({**columns, **derived})
 
     def lawful(self, columns: Columns) -> Columns:
         """The columns; a row that is certified without one of its values is in doubt."""
@@ -105,13 +109,17 @@ class Kind:
 
         if not self.vouched or "certified" not in columns:
             return columns
-        broken = columns["certified"] & np.logical_or.reduce([np.isnan(columns[name]) for name in self.vouched])
+        missing = np.logical_or.reduce([np.isnan(columns[name]) for name in self.vouched])
+        broken = columns["certified"] & missing
         if not broken.any():
             return columns
-        changed = {name: columns[name] & ~broken for name in ("certified", "settled") if name in columns}
+        lawful = dict(columns)
+        for name in ("certified", "settled"):
+            if name in columns:
+                lawful[name] = columns[name] & ~broken
         if "doubt" in columns:
-            changed["doubt"] = np.where(broken, "search", columns["doubt"]).astype(object)
-        return {**columns, **changed}
+            lawful["doubt"] = np.where(broken, "search", columns["doubt"]).astype(object)
+        return lawful
 
     def ordered(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """The columns in the order of the table; any column that its kind does not have is an axis."""

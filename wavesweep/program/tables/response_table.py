@@ -26,8 +26,13 @@ if TYPE_CHECKING:
     from wavesweep.program.sweep.running import Run, WorkOptions
 
 UNITS = {
-    **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
-    **dict.fromkeys(("impedance_re", "impedance_im", "impedance_abs"), "N/m"),
+    "admittance_re": "m/N",
+    "admittance_im": "m/N",
+    "admittance_abs": "m/N",
+    "worst_gain": "m/N",
+    "impedance_re": "N/m",
+    "impedance_im": "N/m",
+    "impedance_abs": "N/m",
 }
 
 
@@ -45,14 +50,18 @@ def responses(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Table:
 
     if not specs:
         raise UsageError("responses: expected at least one spec, found none")
-    names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
+    axes = [axis.name for spec in specs for axis in spec.bode]
+    names = tuple(dict.fromkeys(axes))
     routes = [(spec, route) for spec in specs for route in routes_of(spec)]
-    if len({route is None for _, route in routes}) > 1:
+    at_hand = {route is None for _, route in routes}
+    if len(at_hand) > 1:
         raise UsageError("bode: expected responses at the hand of all specs, or between inputs and outputs of all, found both")
-    several = [response_job(spec, spec.bode, spec.frequency_hz, names, route=route) for spec, route in routes]
-    jobs = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
+    kind = "bode" if at_hand == {True} else "bode-ports"
+    jobs = {}
+    for number, (spec, route) in enumerate(routes):
+        name = f"spec-{number}" if len(routes) > 1 else ""
+        jobs[name] = response_job(spec, spec.bode, spec.frequency_hz, names, route=route)
     result = run(jobs, Work.of(work))
-    kind = "bode" if routes[0][1] is None else "bode-ports"
     facts = with_unlike_units(_facts(specs, kind, result), _units(specs, kind, names))
     return Table(kind, partial(_blocks, kind, jobs, result), facts, forget=result.forget, rows=result.rows)
 
@@ -92,11 +101,17 @@ def _blocks(kind: str, asked: Mapping[str, Job], found: Run) -> Iterator[Columns
     """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
     from wavesweep.program.analyses.response_jobs import has_values
 
-    several = [(job.grid.spec, job.grid.axes, name, job.asked.read) for job in asked.values() for name in job.asked.names]
-    rough = {column[2] for column in several if not has_values(*column)}
+    rough = set()
+    for job in asked.values():
+        for axis in job.asked.names:
+            if not has_values(job.grid.spec, job.grid.axes, axis, job.asked.read):
+                rough.add(axis)
     for name in asked:
-        for columns in found.blocks(name):
-            yield kind_named(kind).completed({**columns, **{column: columns[column].astype(float) for column in rough}})
+        for block in found.blocks(name):
+            columns = dict(block)
+            for axis in rough:
+                columns[axis] = columns[axis].astype(float)
+            yield kind_named(kind).completed(columns)
 
 
 METHODS = {
@@ -116,7 +131,12 @@ class BodeTally:
     """Counts the rows of a table of responses: curves, frequencies, unstable loops, and rows with other doubts."""
 
     def __init__(self) -> None:
-        self._rows = self._curves = self._diverging = self._undecided = self._doubted = self._gains = 0
+        self._rows = 0
+        self._curves = 0
+        self._diverging = 0  # curves of unstable loops
+        self._undecided = 0  # curves of loops not known to be stable
+        self._doubted = 0
+        self._gains = 0  # rows of which the worst gain alone is in doubt
         self._frequencies = np.empty(0)
         self._last: list[np.ndarray] = []
         self._unstable: set[str] = set()
@@ -125,23 +145,26 @@ class BodeTally:
     def add(self, columns: Columns) -> None:
         """Count a block of rows; a curve is rows with the same values, one after the other."""
         leading = [columns[name] for name in axes_of(columns, "frequency_hz")]
-        new = np.zeros(len(columns["frequency_hz"]), bool)
+        begins = np.zeros(len(columns["frequency_hz"]), bool)
         for column in leading:
-            new[1:] |= _differ(column[1:], column[:-1])
-        first = [column[:1] for column in leading]
-        new[:1] = not self._last or any(_differ(*pair).any() for pair in zip(first, self._last, strict=True))
+            begins[1:] |= _differ(column[1:], column[:-1])
+        begins[:1] = not self._last
+        for column, last in zip(leading, self._last, strict=False):
+            begins[:1] |= _differ(column[:1], last)
         self._last = [column[-1:] for column in leading]
-        doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
-        self._rows, self._curves = self._rows + new.size, self._curves + int(new.sum())
+        self._rows += begins.size
+        self._curves += int(begins.sum())
         unstable = columns["doubt"] == "unstable"
-        self._diverging, self._undecided = (
-            total + int((new & these).sum())
-            for total, these in ((self._diverging, unstable), (self._undecided, ~columns["stable"] & ~unstable))
-        )
-        gains = (columns["doubt"] == "rounding") & ("admittance_error" in columns)
-        for name in ("admittance_error", "impedance_error"):
-            gains &= columns.get(name, 0.0) <= SPARED
-        self._doubted, self._gains = self._doubted + int(doubted.sum()), self._gains + int(gains.sum())
+        undecided = ~columns["stable"] & ~unstable
+        self._diverging += int((begins & unstable).sum())
+        self._undecided += int((begins & undecided).sum())
+        doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
+        self._doubted += int(doubted.sum())
+        if "admittance_error" in columns:
+            gains = columns["doubt"] == "rounding"
+            for name in ("admittance_error", "impedance_error"):
+                gains &= columns[name] <= SPARED
+            self._gains += int(gains.sum())
         self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
         self._unstable.update(columns["spec"][unstable].tolist())
         self._doubts.update(columns["doubt"][doubted].tolist())
@@ -167,24 +190,26 @@ def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 def bode_lines(found: Numbers) -> Iterator[Line]:
     """Yield what is said of curves, of loops without a steady response, and of rows in doubt."""
-    different = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
-    frequencies = f"{different}frequencies" if found["frequencies"] != 1 else f"{different}frequency"
+    frequencies = "frequency" if found["frequencies"] == 1 else "frequencies"
+    if found["rows"] != found["curves"] * found["frequencies"]:
+        frequencies = f"different {frequencies}"
     yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
     if found["unstable_specs"]:
         share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
         yield f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})", True
     if found["undecided_curves"]:
-        yield (
-            f"{found['undecided_curves']} of {count(found['curves'], 'loop')} not known to be stable, see the column doubt",
-            True,
-        )
-    if found["doubted_rows"]:
-        rest = found["doubted_rows"] - found["doubted_worst_gains"]
-        if found["doubted_worst_gains"]:
-            yield f"{count(found['doubted_worst_gains'], 'row')} without a reliable worst gain, the rest of them reliable", True
-        if rest:
-            words = "; ".join(filter(None, [", ".join(found["doubts"]), where_explained(next(iter(found["doubts"])))]))
-            yield f"{count(rest, 'row')} without a reliable value ({words})", True
+        share = f"{found['undecided_curves']} of {count(found['curves'], 'loop')}"
+        yield f"{share} not known to be stable, see the column doubt", True
+    if found["doubted_worst_gains"]:
+        rows = count(found["doubted_worst_gains"], "row")
+        yield f"{rows} without a reliable worst gain, the rest of them reliable", True
+    others = found["doubted_rows"] - found["doubted_worst_gains"]
+    if others:
+        words = ", ".join(found["doubts"])
+        explained = where_explained(next(iter(found["doubts"])))
+        if explained:
+            words = f"{words}; {explained}"
+        yield f"{count(others, 'row')} without a reliable value ({words})", True
 
 
 def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute:
@@ -192,19 +217,18 @@ def _again(facts: Mapping[str, Any], name: Callable[[], str]) -> Recompute:
 
     written = facts.get("specs") or {name(): facts["spec"]}
     specs = [replace(load(tables), name=spec_name) for spec_name, tables in written.items()]
-    combinations = (prod(len(axis.values) for axis in spec.bode) * len(routes_of(spec)) for spec in specs)
-    rows = sum(curves * len(spec.frequency_hz) for curves, spec in zip(combinations, specs, strict=True))
+    rows = 0
+    for spec in specs:
+        combinations = prod(len(axis.values) for axis in spec.bode)
+        rows += combinations * len(routes_of(spec)) * len(spec.frequency_hz)
     return Recompute(digest_of(specs), lambda: responses(specs, jobs=1).blocks(), rows)
 
 
+def _kind(name: str, figure: str) -> Kind:
+    return Kind(name, lambda _: BodeTally(), bode_lines, figure, _again, study="bode")
+
+
 KINDS = (
-    Kind("bode", lambda _: BodeTally(), bode_lines, "wavesweep.program.plots.response_figures.bode", _again, study="bode"),
-    Kind(
-        "bode-ports",
-        lambda _: BodeTally(),
-        bode_lines,
-        "wavesweep.program.plots.response_figures.bode_ports",
-        _again,
-        study="bode",
-    ),
+    _kind("bode", "wavesweep.program.plots.response_figures.bode"),
+    _kind("bode-ports", "wavesweep.program.plots.response_figures.bode_ports"),
 )

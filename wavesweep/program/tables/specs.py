@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.program.analyses.response_jobs import own_value, units_in
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.spec import Spec, sweep_axes
+from wavesweep.program.spec import Axis, Spec, sweep_axes
 from wavesweep.program.sweep.grid import keys_of
 from wavesweep.program.sweep.running import WorkOptions
 from wavesweep.program.tables.interval_table import interval_kind, intervals
@@ -22,19 +22,28 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
     `zwidth`. A spec without one of the axes has its own value in that column, or a missing one if its controller does not read
     it. work: as for `intervals`; its progress is called with the counts of one spec after the other.
     """
-    swept = []
+    swept = []  # each spec with the axes beside K_VE
+    axes: list[Axis] = []
+    walls = []  # each spec with the unit of its stiffness
     for spec in specs:  # before the work for any of them
-        swept.append((spec, sweep_axes(spec, "K_VE")[1]))
+        stiffness, other_axes = sweep_axes(spec, "K_VE")
         spec.refuse_require("zwidth of several specs")
-    # One after the other: each uses all workers.
-    tables = [intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"})) for spec in specs]
-    axes = [axis for _, other_axes in swept for axis in other_axes]
+        swept.append((spec, other_axes))
+        axes += other_axes
+        walls.append((spec.name, spec.names.keys[stiffness.path].unit))
     names = list(dict.fromkeys(axis.name for axis in axes))
-    columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, tables, strict=True)])
-    units = {name: units_in(swept, name) for name in names}
-    walls = [(spec.name, spec.names.keys[sweep_axes(spec, "K_VE")[0].path].unit) for spec in specs]
+    tables = []
+    blocks = []
+    for spec in specs:  # one after the other: each uses all workers
+        table = intervals(spec, "K_VE", **(work | {"part": f"walls of {spec.name}"}))
+        tables.append(table)
+        blocks.append(_with_spec(spec, table.columns, names))
+    columns = joined(blocks)
     felt = [(spec.name, spec.units_felt[0]) for spec in specs]
-    units |= {"low": walls, "high": walls, "felt_low": felt, "felt_high": felt, "open_low": walls, "open_high": walls}
+    units = {name: units_in(swept, name) for name in names}
+    for what, unit_in_specs in (("", walls), ("felt_", felt), ("open_", walls)):
+        units[f"{what}low"] = unit_in_specs
+        units[f"{what}high"] = unit_in_specs
     facts = with_unlike_units(_facts(specs, tables, [axis.path for axis in axes]), units)
 
     def forget():
@@ -45,18 +54,26 @@ def intervals_of_specs(specs: Sequence[Spec], **work: Unpack[WorkOptions]) -> Ta
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
-    rows, read = len(columns["along"]), keys_of(spec)
-    axes = {name: columns.get(name, np.full(rows, own_value(spec, name, read))) for name in names}
-    rest = {name: column for name, column in columns.items() if name not in axes}
-    return {"spec": np.full(rows, spec.name, dtype=object)} | axes | rest
+    rows = len(columns["along"])
+    read = keys_of(spec)
+    with_spec = {"spec": np.full(rows, spec.name, dtype=object)}
+    for name in names:
+        with_spec[name] = columns[name] if name in columns else np.full(rows, own_value(spec, name, read))
+    rest = {name: column for name, column in columns.items() if name not in with_spec}
+    return with_spec | rest
 
 
 def _facts(specs, tables, swept):
-    facts = [table.facts for table in tables]
-    counts = {name: sum(of_spec["slices"][name] for of_spec in facts) for name in ("computed", "skipped", "certified")}
-    timings = {"compute_s": sum(of_spec["timings"]["compute_s"] for of_spec in facts)}
-    notices = [f"{spec.name}: {said}" for spec, of_spec in zip(specs, facts, strict=True) for said in of_spec["notices"]]
-    return facts_of(list(specs), facts[0]["methods"], counts, timings, notices, swept)
+    counts = dict.fromkeys(("computed", "skipped", "certified"), 0)
+    compute_s = 0.0
+    notices: list[str] = []
+    for spec, table in zip(specs, tables, strict=True):
+        for name in counts:
+            counts[name] += table.facts["slices"][name]
+        compute_s += table.facts["timings"]["compute_s"]
+        notices += [f"{spec.name}: {said}" for said in table.facts["notices"]]
+    methods = tables[0].facts["methods"]
+    return facts_of(list(specs), methods, counts, {"compute_s": compute_s}, notices, swept)
 
 
 KINDS = (interval_kind("zwidth-specs", figure="wavesweep.program.plots.interval_figures.of_specs", before=1),)

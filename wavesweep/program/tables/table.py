@@ -71,21 +71,26 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=(), *, nominal: 
     """
     from wavesweep.program.analyses.assumptions import assumed_by, solved_within_ticks
 
-    several = specs if isinstance(specs, (list, tuple)) else (specs,)
-    cycles = [(spec.name, cycle) for spec in several for cycle in solved_within_ticks(spec, swept)]
-    return {
+    specs = specs if isinstance(specs, (list, tuple)) else (specs,)
+    several = len(specs) > 1
+    facts = {
         "schema_version": 1,
         **versions(),
-        "spec_name": "+".join(spec.name for spec in several),
-        "spec": several[0].tables(),
-        "spec_sha256": digest_of(several),
-        **({"specs": {spec.name: spec.tables() for spec in several}} if len(several) > 1 else {}),
-        "assumes": assumed_by(several, swept, nominal=nominal, run=run),
-        "methods": dict(methods),
-        "slices": dict(slices),
-        "notices": [*notices, *(f"{name}: {cycle}" if len(several) > 1 else cycle for name, cycle in cycles)],
-        "timings": {name: round(seconds, 6) for name, seconds in timings.items()},
+        "spec_name": "+".join(spec.name for spec in specs),
+        "spec": specs[0].tables(),
+        "spec_sha256": digest_of(specs),
     }
+    if several:
+        facts["specs"] = {spec.name: spec.tables() for spec in specs}
+    facts["assumes"] = assumed_by(specs, swept, nominal=nominal, run=run)
+    facts["methods"] = dict(methods)
+    facts["slices"] = dict(slices)
+    facts["notices"] = list(notices)
+    for spec in specs:
+        for cycle in solved_within_ticks(spec, swept):
+            facts["notices"].append(f"{spec.name}: {cycle}" if several else cycle)
+    facts["timings"] = {name: round(seconds, 6) for name, seconds in timings.items()}
+    return facts
 
 
 def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]]) -> dict:
@@ -101,10 +106,14 @@ def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]
             by_unit.setdefault(unit, []).append(spec)
         if len(by_unit) > 1:
             unlike[name] = by_unit
-            said = ", ".join(f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in by_unit.items())
-            columns.setdefault(said, []).append(name)
-    notices = [f"{', '.join(names)}: {said}; each row has the unit of its spec" for said, names in columns.items()]
-    return facts | ({"notices": facts["notices"] + notices, "unlike_units": unlike} if unlike else {})
+            units_of_specs = [f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in by_unit.items()]
+            columns.setdefault(", ".join(units_of_specs), []).append(name)
+    if not unlike:
+        return facts
+    notices = list(facts["notices"])
+    for said, names in columns.items():
+        notices.append(f"{', '.join(names)}: {said}; each row has the unit of its spec")
+    return facts | {"notices": notices, "unlike_units": unlike}
 
 
 def spans_held(spec, along: str = "") -> Iterator[str]:
