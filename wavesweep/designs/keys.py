@@ -12,7 +12,7 @@ from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
 from wavesweep.engine.drawing.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Mistakes, Rejected, apart, check, show
-from wavesweep.engine.keys.key import Key, Names, by_path, number, whole
+from wavesweep.engine.keys.key import Key, Names
 from wavesweep.engine.keys.places import Leaf, Place
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.reading.axes import Axis
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 VARIED, FOR_DESIGNS, WISHED = (f"design.{name}" for name in ("vary", "for_all", "wish"))
 RATIOS, HANDS = "design.for_all ratios", "design.for_all.hand"  # where the leaves of these are sorted to
-DESIGN_KEYS = by_path(
+DESIGN_KEYS = Key.by_path(
     [
-        whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
-        whole("design.population", 96, "designs of a generation", 8, 10_000),
-        whole("design.generations", 80, "generations of the search", 1, 100_000),
+        Key.whole("design.seed", 0, "seed of the search", 0, MOST_SEED),
+        Key.whole("design.population", 96, "designs of a generation", 8, 10_000),
+        Key.whole("design.generations", 80, "generations of the search", 1, 100_000),
     ]
 )
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
@@ -251,7 +251,7 @@ class _Reader:
             bound, options = None, {}
             for name_of_leaf, leaf in leaves.items():
                 if name_of_leaf == kind.bound:
-                    bound = self.mistakes.check(number(f"{path}.{name_of_leaf}", None, kind.unit, ""), leaf)
+                    bound = self.mistakes.check(Key.number(f"{path}.{name_of_leaf}", None, kind.unit, ""), leaf)
                 elif name_of_leaf in kind.options:
                     options[name_of_leaf] = self.values(f"{path}.{name_of_leaf}", leaf, *kind.options[name_of_leaf])
                 elif name_of_leaf:
@@ -283,7 +283,7 @@ class _Reader:
         for name, leaves in self.parts[RATIOS].items():
             swept, reference = (self.names.find(side) for side in name.split("/"))
             if reference.numeric and reference.path in VALUE_PATHS:
-                key = number(f"design.for_all.{name}", None, "1", "", positive=True)
+                key = Key.positive(f"design.for_all.{name}", None, "1", "")
                 ratios[name] = swept.path, reference.path, self.numbers(key.path, leaves[""], key)
             else:
                 self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", reference.path)

@@ -8,18 +8,18 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.keys.key import Key, number, positive, word
+from wavesweep.engine.keys.key import Key
 from wavesweep.engine.keys.places import Place
 from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
-_BAND = number("band_hz", None, "Hz", "lowest and highest frequency", positive=True)
+_BAND = Key.positive("band_hz", None, "Hz", "lowest and highest frequency")
 # Options of a wish: name -> (key of each value, how many; None for any).
 _OF_WALL = {"B_VE": (_DAMPING, None)}
 _WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
 _MODES = {
-    "modes": (word("modes", ALL_MODES, "which modes count", MODES), 1),
-    "slower_than": (positive("slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6), 1),
+    "modes": (Key.word("modes", ALL_MODES, "which modes count", MODES), 1),
+    "slower_than": (Key.positive("slower_than", None, "s", "modes that fall to 1/e in less time do not count", high=1e6), 1),
 }
 # Of these, numbers that [simulate] or the device gives if the wish does not: by option, those of the wishes that need them.
 OF_DEVICE = {name: HARDWARE_KEYS[f"simulate.{name}"] for name in ("resolution", "max_force")}

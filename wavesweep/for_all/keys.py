@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.keys.checking import show
-from wavesweep.engine.keys.key import Key, gain, whole
+from wavesweep.engine.keys.key import Key
 from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges, values_of_range
 from wavesweep.program.reading.axes import axis_place, build_axis
 from wavesweep.program.reading.tables import Section, SpecTable
@@ -19,9 +19,11 @@ if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
 
-LOST = whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
-LOSS = gain("for_all.loss", 0.0, "1", "probability that a slow result never comes; the last one that came is held", high=1.0)
-WEIGHT = gain("for_all.shares", None, "1", "how often a value occurs; of several their ratios count", high=1e12)
+LOST = Key.whole("for_all.lost", 0, "slow results in a row that may fail to come; the last one that came is held", 0, 16)
+LOSS = Key.gain(
+    "for_all.loss", 0.0, "1", "probability that a slow result never comes; the last one that came is held", high=1.0
+)
+WEIGHT = Key.gain("for_all.shares", None, "1", "how often a value occurs; of several their ratios count", high=1e12)
 CHANCES = "shares", "next"  # of values that vary: a weight of each, or a row of weights for what follows each
 MOST_VARYING = 64  # values of a number that varies
 

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.engine.keys.key import by_path, word
+from wavesweep.engine.keys.key import Key
 from wavesweep.program.reading.tables import SpecTable, TableValue
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes
     from wavesweep.program.spec.studies import Request
 
-KEYS = by_path(
+KEYS = Key.by_path(
     [
-        word(
+        Key.word(
             "measured.z_width",
             None,
             "CSV file of limits that were measured: columns B_VE and K_VE; or of walls that were tried, with a column stable "
             "(1 or 0); path from the spec's folder",
         ),
-        word(
+        Key.word(
             "measured.response",
             None,
             "CSV file of a response that was measured at the hand: frequency_hz, admittance_abs (m/N) and admittance_deg, or "

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Leaf, show
-from wavesweep.engine.keys.key import Key, by_path, number, positive, word
+from wavesweep.engine.keys.key import Key
 from wavesweep.program.reading.keys import ALL_MODES, MODES
 from wavesweep.program.reading.tables import SpecTable, TableValue
 from wavesweep.require.damped import Damped
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from wavesweep.require.bound import Bound
 
 PATH = "sweep.require"
-KEYS = by_path(
+KEYS = Key.by_path(
     [
-        number(
+        Key.number(
             "sweep.require.radius",
             None,
             "1",
@@ -30,14 +30,14 @@ KEYS = by_path(
             low=1e-6,
             high=0.999999,
         ),
-        positive(
+        Key.positive(
             "sweep.require.settling",
             None,
             "s",
             "find the intervals in which every mode falls to 2 % of its size in this time, which is 3.912 time constants",
             high=1e6,
         ),
-        number(
+        Key.number(
             "sweep.require.damping_ratio",
             None,
             "1",
@@ -46,13 +46,8 @@ KEYS = by_path(
             low=0.001,
             high=0.999,
         ),
-        word(
-            "sweep.require.modes",
-            ALL_MODES,
-            "which modes need the damping ratio",
-            MODES,
-        ),
-        positive(
+        Key.word("sweep.require.modes", ALL_MODES, "which modes need the damping ratio", MODES),
+        Key.positive(
             "sweep.require.slower_than",
             None,
             "s",
@@ -67,9 +62,9 @@ KEYS = by_path(
             "for a loop that conserves energy: find the intervals in which no mode grows; all are on the unit circle, "
             "no two equal",
         ),
-        word("sweep.require.gain.from", None, "input in [ports] of the gain that is bounded"),
-        word("sweep.require.gain.to", None, "output in [ports] of the gain that is bounded, or a signal"),
-        positive(
+        Key.word("sweep.require.gain.from", None, "input in [ports] of the gain that is bounded"),
+        Key.word("sweep.require.gain.to", None, "output in [ports] of the gain that is bounded, or a signal"),
+        Key.positive(
             "sweep.require.gain.at_most",
             None,
             "of to over from",
@@ -78,7 +73,7 @@ KEYS = by_path(
             high=1e12,
         ),
         Key("sweep.require.gain.band_hz", "list", None, "Hz", "lowest and highest frequency at which it has to be so"),
-        word(
+        Key.word(
             "sweep.require.gain.measure",
             LIFTED,
             "what the gain is of a loop of several rates",

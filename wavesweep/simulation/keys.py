@@ -18,7 +18,7 @@ from wavesweep.engine.drawing.block_types import MOST_LATE
 from wavesweep.engine.drawing.drawing import RATE, Drawing
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import Mistakes, nearest, show
-from wavesweep.engine.keys.key import LONGEST_FRAME, Key, by_path, gain, number, positive, whole, word
+from wavesweep.engine.keys.key import LONGEST_FRAME, Key
 from wavesweep.engine.keys.places import Leaf, Place
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis, linear
 from wavesweep.program.reading.devices import HapticDevice
@@ -46,28 +46,28 @@ INPUTS = {
     "noise": "white noise, a new value in each tick",
     "record": "the force of a CSV file",
 }
-KEYS = by_path(
+KEYS = Key.by_path(
     [
-        word(
+        Key.word(
             "simulate.input", "sine", "force of the hand, or signal of another input; without a hand a step by default", INPUTS
         ),
-        word(FROM, None, "input of a drawn loop that it is fed to; by default the hand, or the first input"),
-        number(
+        Key.word(FROM, None, "input of a drawn loop that it is fed to; by default the hand, or the first input"),
+        Key.number(
             "simulate.amplitude", 1.0, "N", "size of the force, or of the input in its unit; of noise its standard deviation"
         ),
-        positive(FREQUENCIES, None, "Hz", "of the sine; of the stepped sine, in turn; both ends of the chirp"),
-        gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
-        whole("simulate.periods", 5, "least number of whole periods in which a stepped sine is measured", 1, 10_000),
-        gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
-        gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
-        word(
+        Key.positive(FREQUENCIES, None, "Hz", "of the sine; of the stepped sine, in turn; both ends of the chirp"),
+        Key.gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
+        Key.whole("simulate.periods", 5, "least number of whole periods in which a stepped sine is measured", 1, 10_000),
+        Key.gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
+        Key.gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
+        Key.word(
             "simulate.record",
             None,
             "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder",
         ),
-        gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
-        whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
-        number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
+        Key.gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
+        Key.whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", 0, MOST_SEED),
+        Key.number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
         Key(
             "simulate.pulls",
             "boolean",
@@ -79,9 +79,9 @@ KEYS = by_path(
         HARDWARE_KEYS["simulate.resolution"],
         HARDWARE_KEYS["simulate.max_force"],
         HARDWARE_KEYS["simulate.friction"],
-        gain("simulate.jitter", 0.0, "1", "largest share of a tick by which a tick is shorter or longer", high=0.9),
-        whole("simulate.late", 0, "largest number of ticks by which a slow result is late", 0, 1_000_000, "tick"),
-        gain("simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0),
+        Key.gain("simulate.jitter", 0.0, "1", "largest share of a tick by which a tick is shorter or longer", high=0.9),
+        Key.whole("simulate.late", 0, "largest number of ticks by which a slow result is late", 0, 1_000_000, "tick"),
+        Key.gain("simulate.dropped", 0.0, "1", "probability that a slow result never comes", high=1.0),
         Key(
             SHOW,
             "list",
@@ -111,8 +111,8 @@ KEYS = by_path(
 )
 IN_A_ROW = re.compile(r"(?:([1-9][0-9]{0,3}) )?lost")
 FRAME_KEYS = {
-    "ticks": whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
-    "delay": whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
+    "ticks": Key.whole("ticks", None, "fast ticks in the frame", 1, HIGHEST_RATIO, "tick"),
+    "delay": Key.whole("delay", None, "fast ticks until its slow result is in place", 0, HIGHEST_RATIO, "tick"),
     "lost": Key("lost", "boolean", False, "", "whether its slow result never comes; the last one is held"),
 }
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.keys.key import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key, number, whole, word
+from wavesweep.engine.keys.key import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key
 
 LONGEST_DELAY = 1000  # steps of a delay, each of them a state
 MOST_LATE, MOST_LOST = 1000, 100  # of the messages of a channel: ticks, and losses in a row
@@ -64,7 +64,11 @@ class BlockType:
 
 
 def _number(name: str, unit: str, description: str, default: float | None = None, **ends: Any) -> Key:
-    return number(name, default, unit, description, required=default is None, **ends)
+    return Key.number(name, default, unit, description, required=default is None, **ends)
+
+
+def _positive(name: str, unit: str, description: str) -> Key:
+    return Key.positive(name, None, unit, description, required=True)
 
 
 def _other(name: str, kind: str, description: str, default: Any = None) -> Key:
@@ -72,28 +76,28 @@ def _other(name: str, kind: str, description: str, default: Any = None) -> Key:
 
 
 _DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; otherwise continuous, a plant", False)
-_B = _number("b", "N*s/m", "wave impedance", positive=True)
-_INTEGRATION = word("integration", "implicit", "how the velocity is integrated", INTEGRATIONS)
+_B = _positive("b", "N*s/m", "wave impedance")
+_INTEGRATION = Key.word("integration", "implicit", "how the velocity is integrated", INTEGRATIONS)
 _U_Y = (("u",), ("y",))
 _SHARE = {"low": 0.0, "high": 1.0}
-_METHOD = word("method", "implicit", "integral by rectangles from the left, from the right, or trapezia", INTEGRATIONS)
+_METHOD = Key.word("method", "implicit", "integral by rectangles from the left, from the right, or trapezia", INTEGRATIONS)
 _KP = _number("kp", "", "gain")
 _KI = _number("ki", "", "gain of the integral, in the unit of kp over s", 0.0)
 
 
 _SAME = "the same in each run, however long the step"
-_HIGH = number("high", None, "", "upper limit of y; the loop is linear below it")
-_LOW = number("low", None, "", "lower limit of y; by default -high")
+_HIGH = Key.number("high", None, "", "upper limit of y; the loop is linear below it")
+_LOW = Key.number("low", None, "", "lower limit of y; by default -high")
 _LIMITS = (
     _HIGH,
     _LOW,
-    word(
+    Key.word(
         "anti_windup",
         "none",
         "what the integral does at a limit: back-calculation moves it towards the limit, clamping keeps it while u drives y on",
         ("none", "back-calculation", "clamping"),
     ),
-    number("tracking_s", None, "s", "time constant of back-calculation", positive=True),
+    Key.positive("tracking_s", None, "s", "time constant of back-calculation"),
 )
 _BEYOND = tuple(key.path for key in _LIMITS)
 
@@ -119,7 +123,7 @@ TYPES = MappingProxyType(
         "mass": _type(
             "m x'' + d x' + k x = f, continuous: exact",
             (("f",), ("x", "v")),
-            _number("mass", "kg", "mass m, or an inertia (kg*m^2)", positive=True),
+            _positive("mass", "kg", "mass m, or an inertia (kg*m^2)"),
             _number("damping", "N*s/m", "viscous damping d", 0.0),
             _number("stiffness", "N/m", "stiffness k of a spring to the ground", 0.0),
             plant=True,
@@ -128,7 +132,7 @@ TYPES = MappingProxyType(
         "inertia": _type(
             "I x'' + d x' + k x = f, a mass that turns: f is a torque, x an angle; exact",
             (("f",), ("x", "v")),
-            _number("inertia", "kg*m^2", "moment of inertia I", positive=True),
+            _positive("inertia", "kg*m^2", "moment of inertia I"),
             _number("damping", "N*m*s/rad", "viscous damping d", 0.0),
             _number("stiffness", "N*m/rad", "stiffness k of a spring to the ground", 0.0),
             plant=True,
@@ -191,8 +195,8 @@ TYPES = MappingProxyType(
             "u as it was some runs of the block ago, or a dead time ago, which may end between two ticks: held signals then "
             "arrive at plants between two ticks, and plants are read between two ticks; with taps it gives y1, y2, ...",
             _U_Y,
-            whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
-            number("seconds", None, "s", "in place of steps: dead time", low=0.0),
+            Key.whole("steps", 1, "runs of the block", 0, LONGEST_DELAY),
+            Key.number("seconds", None, "s", "in place of steps: dead time", low=0.0),
             Key("taps", "list", None, "", "in place of steps: runs of the block, in ascending order, one for each output"),
             steps=_SAME,
             settles=True,
@@ -208,11 +212,13 @@ TYPES = MappingProxyType(
             "hold whose runs send messages, which may come late, be overtaken and then dropped, or be lost; the loop's own "
             "intervals and responses have all of them in time",
             _U_Y,
-            whole(
+            Key.whole(
                 "late", 0, "most ticks by which a message comes late, each by its own number from 0 on", 0, MOST_LATE, "tick"
             ),
-            whole("lost", 0, "most messages in a row that are lost", 0, MOST_LOST),
-            word("missing", "held", "y without a message: the last one, or zero from a run of the block on", ("held", "zero")),
+            Key.whole("lost", 0, "most messages in a row that are lost", 0, MOST_LOST),
+            Key.word(
+                "missing", "held", "y without a message: the last one, or zero from a run of the block on", ("held", "zero")
+            ),
             _number(
                 "loss", "1", "probability that a message is lost, of itself; outside of bursts if there are such", 0.0, **_SHARE
             ),
@@ -230,7 +236,7 @@ TYPES = MappingProxyType(
         "integrator": _type(
             "integral of u; of a velocity in semi-implicit Euler it is implicit, and an explicit force reads prev(...) of it",
             _U_Y,
-            word("method", "explicit", "rectangles from the left, from the right, or trapezia", INTEGRATIONS),
+            Key.word("method", "explicit", "rectangles from the left, from the right, or trapezia", INTEGRATIONS),
             *_LIMITS,
             limits=_BEYOND,
             steps="explicit: y[j] = y[j-1] + h[j-1] u[j-1]; implicit: y[j] = y[j-1] + h[j] u[j]; "
@@ -240,17 +246,17 @@ TYPES = MappingProxyType(
         "butterworth": _type(
             "digital Butterworth filter at the block's own rate",
             _U_Y,
-            whole("order", None, "order; 0 for no filter", 0, HIGHEST_ORDER, required=True),
-            _number("cutoff_hz", "Hz", "-3 dB frequency, below half the block's own rate", positive=True),
-            word("pass", "low", "which side passes", ("low", "high")),
+            Key.whole("order", None, "order; 0 for no filter", 0, HIGHEST_ORDER, required=True),
+            _positive("cutoff_hz", "Hz", "-3 dB frequency, below half the block's own rate"),
+            Key.word("pass", "low", "which side passes", ("low", "high")),
             below_half=("cutoff_hz",),
             settles=True,
         ),
         "lowpass": _type(
             "y += a (u - y); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz times the block's period, as firmware has it",
             _U_Y,
-            number("a", None, "1", "share of the difference that a run takes", positive=True, high=1.0),
-            number("cutoff_hz", None, "Hz", "in place of a: 1/(2 pi time constant)", positive=True),
+            Key.positive("a", None, "1", "share of the difference that a run takes", high=1.0),
+            Key.positive("cutoff_hz", None, "Hz", "in place of a: 1/(2 pi time constant)"),
             steps="y[j] = y[j-1] + a (u[j] - y[j-1]); with cutoff_hz, a = w/(1 + w), w = 2 pi cutoff_hz h[j]",
             either=("a", "cutoff_hz"),
             settles=True,
@@ -286,8 +292,8 @@ TYPES = MappingProxyType(
         "lead": _type(
             "(1 + s/(2 pi zero_hz))/(1 + s/(2 pi pole_hz)) by the bilinear transform, each corner prewarped",
             _U_Y,
-            _number("zero_hz", "Hz", "corner of the numerator, below half the block's own rate", positive=True),
-            _number("pole_hz", "Hz", "corner of the denominator, below half the block's own rate", positive=True),
+            _positive("zero_hz", "Hz", "corner of the numerator, below half the block's own rate"),
+            _positive("pole_hz", "Hz", "corner of the denominator, below half the block's own rate"),
             below_half=("zero_hz", "pole_hz"),
             settles=True,
             formula=(("1 + 1/tan(pi*zero_hz*T)", "2"), ("1 + 1/tan(pi*pole_hz*T)", "2")),
@@ -295,8 +301,8 @@ TYPES = MappingProxyType(
         "notch": _type(
             "(s^2 + depth w s/q + w^2)/(s^2 + w s/q + w^2), w = 2 pi frequency_hz, by the bilinear transform prewarped there",
             _U_Y,
-            _number("frequency_hz", "Hz", "frequency that is taken out, below half the block's own rate", positive=True),
-            _number("q", "", "quality: the frequency over the width between the -3 dB points", positive=True),
+            _positive("frequency_hz", "Hz", "frequency that is taken out, below half the block's own rate"),
+            _positive("q", "", "quality: the frequency over the width between the -3 dB points"),
             _number("depth", "", "gain that is left at the frequency", 0.0, low=0.0),
             below_half=("frequency_hz",),
             settles=True,
@@ -323,7 +329,7 @@ TYPES = MappingProxyType(
         "mean": _type(
             "mean of u in the last n runs of the block; an average over an exposure is a plant 1/s before a difference",
             _U_Y,
-            whole("n", None, "runs of the block", 1, LONGEST_DELAY, required=True),
+            Key.whole("n", None, "runs of the block", 1, LONGEST_DELAY, required=True),
             steps=_SAME,
             settles=True,
         ),
@@ -332,7 +338,7 @@ TYPES = MappingProxyType(
             "or v = (sqrt(2b) in - f)/b, out = in - sqrt(2/b) f",
             {"force": (("v", "in"), ("force", "out")), "velocity": (("f", "in"), ("v", "out"))},
             _B,
-            word("gives", "force", "what it gives to its side", ("force", "velocity")),
+            Key.word("gives", "force", "what it gives to its side", ("force", "velocity")),
             by="gives",
             steps=_SAME,
         ),
@@ -365,6 +371,6 @@ def without_rule(blocks: Iterable[Any]) -> list[str]:
     return [f"{block.name} ({block.type})" for block in blocks if not (TYPES[block.type].steps or block.in_time)]
 
 
-EVERY = whole("every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick")
-PHASE = whole("phase", 0, "tick of its first run, below every", 0, LONGEST_FRAME - 1, "tick")
-TICK_HZ = _number("tick_hz", "Hz", "rate of the common tick; each block runs every so many ticks", positive=True)
+EVERY = Key.whole("every", 1, "ticks from one run of the block to the next", 1, LONGEST_FRAME, "tick")
+PHASE = Key.whole("phase", 0, "tick of its first run, below every", 0, LONGEST_FRAME - 1, "tick")
+TICK_HZ = _positive("tick_hz", "Hz", "rate of the common tick; each block runs every so many ticks")

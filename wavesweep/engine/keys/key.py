@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -56,31 +55,38 @@ class Key:
         """Whether more than a number of the loop depends on this one: its structure, or other values and limits."""
         return self.type != "number" or self.shaping
 
+    @staticmethod
+    def number(path: str, default: float | None, unit: str, description: str, **limits: Any) -> "Key":
+        """Return the key of a number. limits: `low`, `high`, `required`."""
+        return Key(path, "number", default, unit, description, **limits)
 
-def number(path: str, default: float | None, unit: str, description: str, *, positive: bool = False, **limits: Any) -> Key:
-    """Return the key of a number, which is above 0 if it is positive. more: `low`, `high`, `required`."""
-    limits = {"low": 0.0, "above_low": True, **limits} if positive else limits
-    return Key(path, "number", default, unit, description, **limits)
+    @staticmethod
+    def positive(path: str, default: float | None, unit: str, description: str, **limits: Any) -> "Key":
+        """Return the key of a number above 0. limits: `high`, `required`."""
+        return Key(path, "number", default, unit, description, low=0.0, above_low=True, **limits)
 
+    @staticmethod
+    def gain(path: str, default: float | None, unit: str, description: str, **limits: Any) -> "Key":
+        """Return the key of a number from 0 on. limits: `high`, `required`."""
+        return Key(path, "number", default, unit, description, low=0.0, **limits)
 
-def whole(path: str, default: int | None, description: str, low: int, high: int | None, unit: str = "1", **more: Any) -> Key:
-    """Return the key of a whole number from `low` to `high`. more: `required`, `instead`."""
-    return Key(path, "integer", default, unit, description, low=low, high=high, **more)
+    @staticmethod
+    def whole(
+        path: str, default: int | None, description: str, low: int, high: int | None, unit: str = "1", **more: Any
+    ) -> "Key":
+        """Return the key of a whole number from `low` to `high`. more: `required`, `instead`."""
+        return Key(path, "integer", default, unit, description, low=low, high=high, **more)
 
+    @staticmethod
+    def word(path: str, default: str | None, description: str, meanings: Iterable[str] = (), required: bool = False) -> "Key":
+        """Return the key of a text; one of several words if there are `meanings` of them, or names alone."""
+        described = meanings if isinstance(meanings, Mapping) else {}
+        return Key(path, "string", default, "", description, choices=tuple(meanings), required=required, meanings=described)
 
-def word(path: str, default: str | None, description: str, meanings: Iterable[str] = (), required: bool = False) -> Key:
-    """Return the key of a text; one of several words if there are `meanings` of them, or names alone."""
-    described = meanings if isinstance(meanings, Mapping) else {}
-    return Key(path, "string", default, "", description, choices=tuple(meanings), required=required, meanings=described)
-
-
-positive = partial(number, positive=True)
-gain = partial(number, low=0.0)
-
-
-def by_path(keys: Iterable[Key]) -> Mapping[str, Key]:
-    """Return keys by their paths."""
-    return MappingProxyType({key.path: key for key in keys})
+    @staticmethod
+    def by_path(keys: Iterable["Key"]) -> Mapping[str, "Key"]:
+        """Return keys by their paths."""
+        return MappingProxyType({key.path: key for key in keys})
 
 
 # Units at the port of a hand that turns, for those of one that slides.
