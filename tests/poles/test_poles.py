@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from support.drawn import DRIVE
+from support.drawn import APART, DRIVE
 
 import wavesweep
 from wavesweep.poles import table
@@ -18,17 +18,6 @@ from wavesweep.program.analyses.asked import axes_asked
 from wavesweep.program.analyses.poles import poles
 from wavesweep.program.plots.style import as_asked
 from wavesweep.program.spec import load
-
-# Two springs and masses that do not act on each other, m x'' + d x' + k x = 0, and a filter that only watches.
-APART = {
-    "rates": {"tick_hz": 500},
-    "block": {
-        "one": {"type": "mass", "mass": 1.0, "damping": 0.8, "stiffness": 400.0},
-        "two": {"type": "mass", "mass": 2.0, "damping": 8.0, "stiffness": 20000.0},
-        "watch": {"type": "lowpass", "a": 0.25, "every": 2},
-    },
-    "wire": {"one.f": "0", "two.f": "0", "watch.u": "one.x"},
-}
 
 
 def test_poles_of_springs_are_those_of_their_equations():

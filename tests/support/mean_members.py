@@ -4,7 +4,7 @@ import numpy as np
 
 import wavesweep
 from support.expressions import expression
-from support.members import NO_HAND, Claim, Pushed, hand_of, radius_of, word_of
+from support.members import NO_HAND, Claim, Pushed, hand_of, margins_for_all, radius_of, word_of
 
 
 def loop_of(rng, third=1):
@@ -114,14 +114,8 @@ def mean_margins(rng):
     tables["numbers"]["K"] = K
     tables = _over(q, tables)
 
-    def rows_of(tables):
-        margins = wavesweep.compile(tables).margins("h.y")
-        margins = margins[(margins["guarantee"] == "for_all") & margins["value"].notna()].set_index("margin")["value"]
-        nearest = {"gain_up": 1.0, "gain_down": 1.0, "phase": 0.0}
-        return [{"low": nearest[name], "high": margins[name], "of": {"name": name}} for name in nearest if name in margins]
-
     def member(rng, value, name):
         factor = np.exp(1j * np.radians(value)) if name == "phase" else value
         return radius_of(loop.at_rates(K * q.at(place := q.q(rng)) * factor, *every)), {"q": place, "margin": name}
 
-    return Claim(tables, "K", "", member, f"mean margins {q.text}", rows_of=rows_of)
+    return Claim(tables, "K", "", member, f"mean margins {q.text}", rows_of=margins_for_all)

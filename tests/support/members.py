@@ -354,17 +354,19 @@ def drawn_ranges(rng):
     return Claim(with_range(loop, every, ends), "K", "", member, "drawn ranges")
 
 
+def margins_for_all(tables):
+    """What is claimed of gain and phase at the first hold, for all of a range."""
+    margins = wavesweep.compile(tables).margins("h.y")
+    margins = margins[(margins["guarantee"] == "for_all") & margins["value"].notna()].set_index("margin")["value"]
+    nearest = {"gain_up": 1.0, "gain_down": 1.0, "phase": 0.0}
+    return [{"low": nearest[name], "high": margins[name], "of": {"name": name}} for name in nearest if name in margins]
+
+
 def box_margins(rng):
     """Gain and phase of the first hold that a loop may lose for every mass of a range."""
     loop, every, ends = ranged(rng, (1, 2), 1.2)
     gains = 10 ** rng.uniform(-1, 3, 10)
     K = next((float(K) for K in gains if radius_of(loop.at_rates(K, *every)) < 1), float(gains[0]))
-
-    def rows_of(tables):
-        margins = wavesweep.compile(tables).margins("h.y")
-        margins = margins[(margins["guarantee"] == "for_all") & margins["value"].notna()].set_index("margin")["value"]
-        nearest = {"gain_up": 1.0, "gain_down": 1.0, "phase": 0.0}
-        return [{"low": nearest[name], "high": margins[name], "of": {"name": name}} for name in nearest if name in margins]
 
     def member(rng, value, name):
         mass = float(rng.choice([*ends, rng.uniform(*ends)]))
@@ -373,7 +375,7 @@ def box_margins(rng):
 
     tables = with_range(loop, every, ends)
     tables["numbers"]["K"] = K
-    return Claim(tables, "K", "", member, "margins of a box", rows_of=rows_of)
+    return Claim(tables, "K", "", member, "margins of a box", rows_of=margins_for_all)
 
 
 def terminated(loops, K, g, hands, tick=1e-3):
