@@ -5,6 +5,7 @@ number follow from its derivative. `norm_check` proves what is found here.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from wavesweep.for_all.norms import CALLS, Centre, packed, unpacked
 
 ALONE = Graph.least(np.ones((1, 1), bool))  # the graph of a single matrix
 DOUBLINGS = 60  # of a sum of powers
-CONVERGED = 1e-25  # entry of a power, below which it counts for nothing
+CONVERGED = 1e-10  # entry of a power, below which it counts for nothing: it is squared in a sum
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,19 +58,33 @@ def forms_of_one(A: Polynomials) -> tuple[tuple[Centre, np.ndarray] | None, floa
     forms[0] = basis.T @ P @ basis
     forms[0] = (forms[0] + forms[0].T) / 2
     moved[0] = forms[0] @ after[0]
-    _, first, second, target = monomials(A.numbers, A.order)
-    for order in range(1, A.order + 1):
+    for order, pairs in enumerate(_pairs_by_order(A.numbers, A.order), 1):
         here = degree == order
-        pairs = here[target]
-        one, other, into = first[pairs], second[pairs], target[pairs]
-        np.add.at(moved, into, forms[one] @ after[other])
-        right = np.zeros_like(after)
-        np.add.at(right, into, np.swapaxes(after[one], -1, -2) @ moved[other])
-        forms[here] = _summed(powers, right[here])
+        moved[here] = _products(forms, after, pairs)
+        forms[here] = _summed(powers, _products(np.swapaxes(after, -1, -2), moved, pairs))
         moved[here] += forms[here] @ after[0]
     if not np.isfinite(forms).all():
         return None, work
     return (Centre(forms[:1], ALONE, basis, to), forms[1:, None]), work
+
+
+@lru_cache(maxsize=16)
+def _pairs_by_order(numbers, most):
+    """The pairs of monomials whose product has each degree from 1 on, sorted by that product, and where each product begins."""
+    table, first, second, target = monomials(numbers, most)
+    degree = table.sum(1)[target]
+    by_order = []
+    for order in range(1, most + 1):
+        here = degree == order
+        starts = np.flatnonzero(np.diff(target[here], prepend=-1))
+        by_order.append((first[here], second[here], starts))
+    return by_order
+
+
+def _products(one, other, pairs):
+    """The sums of the products of matrices that belong to each monomial of a degree."""
+    first, second, starts = pairs
+    return np.add.reduceat(one[first] @ other[second], starts, axis=0)
 
 
 def _powers(M):

@@ -29,6 +29,8 @@ NEWTON = 200  # steps on the smallest graph
 STEPS = 3  # of Newton's method for the middle of a box, from the norms of the box that it is a half of
 SHARED = 0.05  # of the slack: what the rest of a box's polynomials may cost for its halves to go on with them
 OF_ERRORS = 0.1  # of the slack: errors from which on they count for which side is halved
+FAR = 10.0  # times the slack: errors with which a part is divided further without a trial,
+OF_SIDE = 0.5  # by sides whose halves have less than this share of them
 HOPELESS = 4  # times the number of sides: parts of parts without norms, after which a proof ends
 ENCLOSED = 2e7  # operations that take as long as an enclosure of the frames of a box
 EACH = 280  # operations that take as long as what is done with each entry of the polynomials
@@ -147,6 +149,7 @@ def _tried(frames, part, follows, work, narrow, words):
         if part.barren % 2 == 0 and wide.size and wide[0] == 0:  # norms exist further from the end of the proof
             moves[0] = np.inf
         part = replace(part, barren=part.barren + 1)
+        left = 0.0, np.ones(wide.size)
     else:
         proved, moves, errors, spent = _judged(A, found, rule)
         used += spent
@@ -159,17 +162,39 @@ def _tried(frames, part, follows, work, narrow, words):
                 of_blocks = frames.unresolved(box)
                 due = share * due + (1 - share) * of_blocks / max(of_blocks.sum(), LEAST)
             moves = moves + min(errors, 1 / LEAST) * due
+        left = errors, 1 - due
         part = replace(part, start=found[0], barren=0)
     moves = np.where((box[1] - box[0] > narrow)[wide], moves, -1.0)
     if not wide.size or moves.max() < 0:
         return None, used, ()
-    side = int(np.argmax(moves))
     part = replace(part, known=(part.known or (box, A)) if keep else None)
-    pieces = _halves(box, int(wide[side]))
-    starts = [part.start] * len(pieces)
-    if found is not None and not isinstance(follows, OnAverage):  # where the slopes lead in the middles of the halves
-        starts = [replace(found[0], P=found[0].P + move * found[1][side]) for move in (-0.5, 0.5)]
-    return [replace(part, box=piece, start=start) for piece, start in zip(pieces, starts, strict=True)][::-1], used, ()
+    pieces = [part]
+    for side in _divided(moves, left):
+        halves = []
+        for piece in pieces:
+            lower, upper = _halves(piece.box, int(wide[side]))
+            starts = piece.start, piece.start
+            if found is not None and not isinstance(follows, OnAverage):  # where the slopes lead in the middles of the halves
+                starts = [replace(piece.start, P=piece.start.P + move * found[1][side]) for move in (-0.5, 0.5)]
+            halves += [replace(piece, box=lower, start=starts[0]), replace(piece, box=upper, start=starts[1])]
+        pieces = halves
+    return pieces[::-1], used, ()
+
+
+def _divided(moves, left):
+    """Return the sides along which a part is halved: the one that moves the slack most, and the next
+    ones as long as the errors without those before would be far too large.
+
+    left: the errors, as multiples of the slack, and the share of them that halves of each side have.
+    """
+    errors, shares = left
+    sides = []
+    for side in np.argsort(-moves):
+        if sides and (errors < FAR or moves[side] < 0 or shares[side] > OF_SIDE):
+            break
+        sides.append(side)
+        errors = errors * shares[side]
+    return sides
 
 
 def units_of(frames: Frames, box: Box, follows: np.ndarray | OnAverage) -> np.ndarray | None:

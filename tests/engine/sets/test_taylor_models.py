@@ -1,11 +1,15 @@
 """Numbers and matrices over a cell: what is enclosed, held against mpmath and SciPy at places of the cell."""
 
+from fractions import Fraction
+from operator import mul
+
 import mpmath
 import numpy as np
 import pytest
 from flint import arb
 from scipy.linalg import expm
 
+from wavesweep.engine.sets import taylor_models
 from wavesweep.engine.sets.taylor_models import Polynomials, TaylorModel, UnresolvedError, monomials
 
 FUNCTIONS = {
@@ -97,6 +101,39 @@ def random_matrix(rng, n=3, order=4, size=0.1):
 def some_of(matrix, s, rng):
     """A matrix that is enclosed, at a place."""
     return np.tensordot((s**matrix.exponents).prod(1), matrix.terms, 1) + rng.uniform(-1, 1, matrix.rest.shape) * matrix.rest
+
+
+def exact_product(one, two, s):
+    """The product of two polynomials at a place whose powers of 2 are exact, as fractions."""
+    values = []
+    for matrix in (one, two):
+        weights = [Fraction(float(weight)) for weight in (s**matrix.exponents).prod(1)]
+        n, m = matrix.rest.shape
+        entries = [[[Fraction(float(term)) for term in matrix.terms[:, i, j]] for j in range(m)] for i in range(n)]
+        values.append([[sum(map(mul, weights, entry)) for entry in row] for row in entries])
+    left, right = values
+    columns = list(zip(*right, strict=True))
+    return np.array([[float(sum(map(mul, row, column))) for column in columns] for row in left])
+
+
+@pytest.mark.parametrize("absent", [0.0, 0.6])
+@pytest.mark.parametrize("piece", [1, 400, 1 << 17])
+def test_products_enclose_those_of_all_members_and_have_no_more_rest_than_that_takes(absent, piece, monkeypatch):
+    """Of positive terms all that is left out has one sign, so that the rest is met at a corner, and a tenth is too little."""
+    monkeypatch.setattr(taylor_models, "PIECE", piece)
+    rng = np.random.default_rng(8)
+    size = len(monomials(3, 3)[0])
+    shapes = (2, 4), (4, 3)
+    one, two = (
+        Polynomials(rng.uniform(size=(size, *shape)) * (rng.random((size, 1, 1)) >= absent), np.zeros(shape), 3, 3)
+        for shape in shapes
+    )
+    found = one @ two
+    for s in (np.ones(3), np.array([0.5, -1.0, 0.25]), np.array([-1.0, 1.0, -0.5])):
+        off = np.abs(exact_product(one, two, s) - np.tensordot((s**found.exponents).prod(1), found.terms, 1))
+        assert (off <= found.rest + 1e-13).all()
+        if (s == 1).all():
+            assert (off >= 0.999 * found.rest).all()
 
 
 @pytest.mark.parametrize("size", [0.01, 0.3, 2.0])

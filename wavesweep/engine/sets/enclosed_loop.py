@@ -92,18 +92,23 @@ class EnclosedLoop:
         self.known = dead_time.built(drawing, numbers)
         self.names = tuple(name_of(side.path) for side in sides)
         self.kept: dict[Any, Any] = {}
+        self.last: tuple[np.ndarray, LoopModel] | None = None  # the cell that was asked for last
 
     def over(self, cell: np.ndarray) -> LoopModel:
         """Return the blocks and the gains of the wires in a cell `(2, sides)`.
 
         Errors: UnresolvedError if the cell is too wide for a bound; its number is the index of a side.
         """
+        if self.last is not None and np.array_equal(self.last[0], cell):
+            return self.last[1]
         wide = np.flatnonzero(cell[0] < cell[1])
         with ctx.workprec(BITS):
             try:
-                return _Evaluation(self, cell, wide).model()
+                model = _Evaluation(self, cell, wide).model()
             except UnresolvedError as error:
                 raise UnresolvedError(None if error.number is None else int(wide[error.number])) from None
+        self.last = cell, model
+        return model
 
 
 @dataclass(frozen=True, slots=True, eq=False)

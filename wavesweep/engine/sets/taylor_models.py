@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import product
 from math import factorial, isfinite, log2
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import arb
@@ -23,9 +23,11 @@ OUTWARD = 1 + 2**-40  # times what is rounded to a double, which is then above i
 LEAST = 1e-300  # added to what is rounded outward: nothing underflows
 TERMS = 12  # of the series of an exponential
 NOTHING = 1e-15  # an exponential that is smaller need not be known
+BLOCK = 4  # of that series: powers above this one are products of its own
 SMALL = 0.25  # norm of a matrix, up to which that series is summed
 SHRINKS = 0.9  # norm up to which a geometric series of matrices is summed
 BALANCED = 6  # sweeps of balancing
+PIECE = 1 << 17  # bytes of products that are computed at once: larger arrays are slow for being new
 
 
 class UnresolvedError(Exception):
@@ -51,6 +53,35 @@ def monomials(numbers: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndar
     target = np.array([at[tuple(each)] for each in (table[first] + table[second]).tolist()])
     by_target = np.argsort(target, kind="stable")
     return table, first[by_target], second[by_target], target[by_target]
+
+
+@lru_cache(maxsize=32)
+def _degrees(numbers, order):
+    """The total degree of each monomial, and at which index each degree begins."""
+    degree = monomials(numbers, order)[0].sum(1)
+    return degree, np.searchsorted(degree, np.arange(order + 1))
+
+
+@lru_cache(maxsize=512)
+def _pairs(numbers, order, one, two, at_once):
+    """The plan of a product in pieces of about so many pairs, of the monomials that are present in both factors.
+
+    one, two: which are, as bytes of booleans. Each piece: the pairs, where the pairs of each product begin, and that product.
+    """
+    _, first, second, target = monomials(numbers, order)
+    kept = np.frombuffer(one, bool)[first] & np.frombuffer(two, bool)[second]
+    first, second, target = first[kept], second[kept], target[kept]
+    starts = np.flatnonzero(np.diff(target, prepend=-1))
+    ends = np.append(starts[1:], target.size)
+    pieces = []
+    begun = 0
+    for at in range(len(starts)):
+        if at + 1 == len(starts) or ends[at + 1] - starts[begun] > at_once:
+            pairs = slice(starts[begun], ends[at])
+            own = starts[begun : at + 1]
+            pieces.append((first[pairs], second[pairs], own - own[0], target[own]))
+            begun = at + 1
+    return pieces
 
 
 def midpoint(value: Any) -> tuple[float, float]:
@@ -118,9 +149,11 @@ class TaylorModel:
             terms = self.terms * middle
             rounding = UNIT * np.abs(terms).sum() + LEAST * (middle != 0)
             return self._like(terms, abs(middle) * self.rest + radius * self.size() + rounding)
-        exponents, first, second, target = monomials(self.numbers, self.order)
-        terms = np.bincount(target, self.terms[first] * other.terms[second], len(exponents))
-        degree = exponents.sum(1)
+        present = (self.terms != 0).tobytes(), (other.terms != 0).tobytes()
+        terms = np.zeros(len(self.terms))
+        for first, second, starts, target in _pairs(self.numbers, self.order, *present, PIECE):
+            terms[target] = np.add.reduceat(self.terms[first] * other.terms[second], starts)
+        degree, _ = _degrees(self.numbers, self.order)
         one = np.bincount(degree, np.abs(self.terms), self.order + 1)
         two = np.bincount(degree, np.abs(other.terms), self.order + 1)
         all_one, all_two = one.sum(), two.sum()
@@ -264,7 +297,16 @@ def _derivatives(four, order):
     return [four[k % 4] / factorial(k) for k in range(order + 1)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class Sizes(NamedTuple):
+    """Of the terms of matrices: sums of sizes for each degree and for all degrees above each, and which terms are not 0."""
+
+    by_degree: np.ndarray
+    above: np.ndarray
+    whole: np.ndarray
+    present: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Polynomials:
     """Matrices within `rest` of `sum_k terms[k] s^exponents[k]`, entry by entry, for all s in [-1, 1]^numbers.
 
@@ -306,7 +348,19 @@ class Polynomials:
     @property
     def whole(self) -> np.ndarray:
         """Bounds on the sizes of the entries."""
-        return np.abs(self.terms).sum(0) + self.rest
+        return self.sizes.whole + self.rest
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """The sizes of the terms, which must not change any more."""
+        size = np.abs(self.terms)
+        present = size.reshape(len(size), -1).any(1)
+        if len(size) == 1:  # without numbers there is no degree but 0
+            by_degree = np.concatenate([size, np.zeros((self.order, *self.rest.shape))])
+        else:
+            by_degree = np.add.reduceat(size, _degrees(self.numbers, self.order)[1], axis=0)
+        up_to = np.cumsum(by_degree, 0)
+        return Sizes(by_degree, np.maximum(up_to[-1] - up_to, 0.0), up_to[-1], present)
 
     def _like(self, terms, rest):
         return Polynomials(terms, rest, self.numbers, self.order)
@@ -331,31 +385,18 @@ class Polynomials:
         return self._product(other, np.multiply, 1)
 
     def _product(self, other, multiply, summed):
-        _, first, second, target = monomials(self.numbers, self.order)
-        present = [each.terms.any(tuple(range(1, each.terms.ndim))) for each in (self, other)]
-        kept = present[0][first] & present[1][second]
-        first, second, target = first[kept], second[kept], target[kept]
-        one, two = self._by_degree(self.terms), self._by_degree(other.terms)
-        all_one, all_two = one.sum(0), two.sum(0)
-        above = all_two - np.cumsum(two, 0)  # of degrees above the index
-        rest = multiply(self.rest, all_two + other.rest) + multiply(all_one, other.rest)
-        for k in range(1, self.order + 1):
-            if one[k].any():
-                rest = rest + multiply(one[k], np.maximum(above[self.order - k], 0.0))
+        one, two = self.sizes, other.sizes
+        roundings = 2 * (summed + min(one.present.sum(), two.present.sum())) * UNIT  # no more terms make one of the product
+        rest = multiply(self.rest, two.whole + other.rest) + multiply(one.whole, other.rest + roundings * two.whole)
+        if one.present[1:].any() and two.present[1:].any():
+            rest = rest + multiply(one.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
+        entries = max(self.rest.size, other.rest.size, rest.size)
+        at_once = 1 << max(0, int(log2(PIECE / 8 / max(entries, 1))))
         terms = np.zeros((len(self.terms), *rest.shape))
-        if target.size:
-            starts = np.flatnonzero(np.append(True, target[1:] != target[:-1]))
-            terms[target[starts]] = np.add.reduceat(multiply(self.terms[first], other.terms[second]), starts, axis=0)
-        roundings = 2 * (summed + min(each.sum() for each in present)) * UNIT  # no more terms make one of the product
-        return self._like(terms, rest + roundings * multiply(all_one, all_two))
-
-    def _by_degree(self, terms):
-        """The sums of the sizes of the terms of each degree."""
-        degree = self.exponents.sum(1)
-        starts = np.searchsorted(degree, np.arange(self.order + 1))
-        if len(degree) == 1:  # without numbers there is no degree but 0
-            return np.concatenate([np.abs(terms), np.zeros((self.order, *terms.shape[1:]))])
-        return np.add.reduceat(np.abs(terms), starts, axis=0)
+        plan = _pairs(self.numbers, self.order, one.present.tobytes(), two.present.tobytes(), at_once)
+        for first, second, starts, target in plan:
+            terms[target] = np.add.reduceat(multiply(self.terms[first], other.terms[second]), starts, axis=0)
+        return self._like(terms, rest)
 
     def scaled(self, model: TaylorModel | Any) -> Polynomials:
         """The matrices times a number."""
@@ -423,11 +464,15 @@ class Polynomials:
         if halvings > BITS:
             raise UnresolvedError(self.widest())
         scaled = scaled.times(0.5**halvings)
-        one = Polynomials.constant(np.eye(n), self.numbers, self.order)
-        total = one
-        for term in range(TERMS, 0, -1):
-            total = one + (scaled @ total).times(1 / term)
-            total = self._like(total.terms, total.rest + 2 * UNIT * total.whole)  # 1/term is rounded
+        powers = [Polynomials.constant(np.eye(n), self.numbers, self.order), scaled]
+        while len(powers) <= BLOCK:
+            powers.append(powers[-1] @ scaled)
+        largest = powers.pop()
+        total = largest.times(1 / factorial(TERMS))
+        for begin in range(TERMS - BLOCK, -1, -BLOCK):
+            total = total + _combined(powers, [1 / factorial(begin + k) for k in range(BLOCK)])
+            if begin:
+                total = total @ largest
         size = scaled.whole
         left_out = np.linalg.matrix_power(size, TERMS + 1) @ (np.eye(n) + 2 * size) / factorial(TERMS + 1)
         total = self._like(total.terms, total.rest + left_out)
@@ -441,8 +486,8 @@ class Polynomials:
     def inverse(self) -> Polynomials:
         """The inverse of one square matrix: with C near to that of its middle, `(I - D)^-1 C` for `D = I - C A`.
 
-        The geometric series is summed up to D^(order + 1); the rest is at most `X^(order + 2) (I - X)^-1`, entry by entry, for
-        the sizes X of D. Errors: UnresolvedError if these do not shrink.
+        The geometric series is `(I + D)(I + D^2)(I + D^4) ...`, up to a degree k - 1 above that of its polynomials; the rest is
+        at most `X^k (I - X)^-1`, entry by entry, for the sizes X of D. Errors: UnresolvedError if these do not shrink.
         """
         n = len(self.rest)
         with np.errstate(all="ignore"):
@@ -463,6 +508,17 @@ class Polynomials:
             total = one + D @ total
         left_out = np.linalg.matrix_power(size, self.order + 2) @ np.abs(np.linalg.inv(np.eye(n) - size)) * (1 + 1e-6)
         return self._like(total.terms, total.rest + left_out) @ C
+
+
+def _combined(matrices, factors):
+    """The sum of matrices times positive factors, each of which is rounded."""
+    roundings = (len(factors) + 2) * UNIT
+    terms = np.zeros_like(matrices[0].terms)
+    rest = np.zeros_like(matrices[0].rest)
+    for each, factor in zip(matrices, factors, strict=True):
+        terms += factor * each.terms
+        rest += factor * (each.rest + roundings * each.whole)
+    return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
 
 
 def _units(size):
