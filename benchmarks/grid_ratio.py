@@ -13,7 +13,7 @@ import numpy as np
 
 import wavesweep
 from bench.measuring import Patience, interleaved
-from wavesweep.haptics.controller_drawings import wall_cut
+from wavesweep.haptics.controller_page import wall_cut
 
 PAPER = Path(__file__).parents[1] / "sweeps" / "paper"
 CASES = {  # loop, and the least ratio

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.haptics.controller_drawings import wall_cut
+from wavesweep.haptics.controller_page import wall_cut
 from wavesweep.program.analyses.interval_jobs import job_of
 from wavesweep.program.spec import load
 

@@ -13,7 +13,7 @@ import numpy as np
 from bench.measuring import Patience, Row, interleaved
 from bench.problems import SPECS, load_paper
 from bench.this_tool import run
-from wavesweep.haptics.controller_drawings import wall_cut
+from wavesweep.haptics.controller_page import wall_cut
 from wavesweep.program.tables.interval_table import intervals
 
 RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)

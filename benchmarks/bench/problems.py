@@ -18,9 +18,9 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec, WavesweepError
-from wavesweep.engine.loops.batch import distinct_rows, selected
 from wavesweep.engine.monodromy.cut import LinearFractional
-from wavesweep.haptics.controller_drawings import keys_of_page, wall_cut
+from wavesweep.engine.rows import distinct_rows, selected
+from wavesweep.haptics.controller_page import keys_of_page, wall_cut
 from wavesweep.program.spec import sweep_axes
 from wavesweep.program.sweep.grid import groups, make_grid
 

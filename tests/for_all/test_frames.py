@@ -17,7 +17,7 @@ from wavesweep.for_all.frame_families import FRAME, LOST, FramesInAnyOrder
 from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.patterns import growth
-from wavesweep.haptics.controller_drawings import loop_drawing, wall_cut
+from wavesweep.haptics.controller_page import loop_drawing, wall_cut
 from wavesweep.program.spec import load
 
 LENGTHS = 16, 20, 25, 33

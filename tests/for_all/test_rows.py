@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
-from wavesweep.engine.loops.batch import distinct
+from wavesweep.engine.rows import distinct
 from wavesweep.for_all import rows as for_all_module
 from wavesweep.for_all import unknown as unknown_module
 from wavesweep.for_all.frame_families import SlowFrames

@@ -22,7 +22,7 @@ from wavesweep.engine.loops import blocks
 from wavesweep.for_all.frame_families import FramesInAnyOrder
 from wavesweep.for_all.joint import PROVED, REFUTED, decide
 from wavesweep.for_all.patterns import growth
-from wavesweep.haptics import controller_drawings as controllers
+from wavesweep.haptics import controller_page as controllers
 from wavesweep.haptics.controller_page import BlockDiagram
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.haptics.direct import dc_slow

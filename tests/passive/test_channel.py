@@ -8,7 +8,7 @@ import wavesweep
 from wavesweep.engine.energy import hinf
 from wavesweep.engine.energy.hinf import hinf_norm
 from wavesweep.engine.errors import UsageError
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.passive.channel import channel_of
 
 THETA = np.pi * np.linspace(0, 1, 801) ** 2

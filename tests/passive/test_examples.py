@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 from support.held import channel_norm
 
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.passive.channel import channel_of, filter_table, sufficient_order
 
 

@@ -11,7 +11,7 @@ from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.diagram import WIDEST, placed
 from wavesweep.picture.layout import APART, ROW
 from wavesweep.picture.wiring import wiring_of_drawing

@@ -59,10 +59,8 @@ HAPTICS = (
     "direct",
     "virtual_coupling",
     "pmw",
-    "controller_drawings",
     "held_loop",
     "resting",
-    "resting_frame",
     "felt",
 )
 HOUSES = {"engine": ENGINE, "haptics": HAPTICS, "program": PROGRAM}
@@ -200,7 +198,6 @@ def test_the_simulator_knows_nothing_of_blocks_and_lifting():
     known = {name for name in names if layer_of(name) in rooms}
     assert known <= {
         "wavesweep.haptics.controllers",
-        "wavesweep.haptics.controller_drawings",
         "wavesweep.haptics.controller_page",
     }
     assert not {name for name in names if capability_of(name) == "passive"}

@@ -12,8 +12,7 @@ from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.haptics.controller_drawings import wall_cut
-from wavesweep.haptics.controller_page import BlockDiagram
+from wavesweep.haptics.controller_page import BlockDiagram, wall_cut
 from wavesweep.haptics.controllers import CONTROLLERS, Controller
 from wavesweep.program.analyses.assumptions import assumes
 

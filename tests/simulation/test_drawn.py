@@ -5,8 +5,8 @@ import pytest
 from support.drawings import pmw, random_drawing
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.from_drawing import Ports
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.response.lifted import Lifted

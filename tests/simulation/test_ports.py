@@ -9,8 +9,8 @@ from support.drawn import DRIVE, NETWORK, WALL, drive
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
+from wavesweep.program.columns import RUN_COLUMNS
 from wavesweep.program.spec import load
-from wavesweep.program.spec.drawn_spec import RUN_COLUMNS
 from wavesweep.program.tables import kind_named
 from wavesweep.simulation.keys import entry_of
 from wavesweep.simulation.table import simulate

@@ -12,7 +12,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_search import intervals_of
 from wavesweep.engine.search.open_loops import Opened
 from wavesweep.engine.search.question import Question, Slices
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.haptics.controllers import WALL
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together

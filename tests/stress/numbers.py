@@ -11,7 +11,7 @@ from support.specs import nested
 
 import wavesweep
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_page import keys_of_page
 
 ASIDE = 1e-7  # relative: how far from an end the counts are taken
 RANGES = {

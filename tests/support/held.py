@@ -5,8 +5,8 @@ import numpy as np
 import wavesweep
 from support.specs import nested
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct, selected
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.engine.rows import distinct, selected
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
 

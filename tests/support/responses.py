@@ -5,7 +5,7 @@ import numpy as np
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 
 
 def loop_of(values) -> Lifted:

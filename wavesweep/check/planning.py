@@ -13,8 +13,7 @@ from wavesweep.engine.drawing.expressions import sum_of, value_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.open_loops import exact_cut
-from wavesweep.haptics.controller_drawings import keys_of_page
-from wavesweep.haptics.controller_page import steps_of
+from wavesweep.haptics.controller_page import keys_of_page, steps_of
 from wavesweep.program.analyses.interval_jobs import job_of, method
 from wavesweep.program.analyses.plane_columns import seconds_of_curves
 from wavesweep.program.analyses.response_jobs import response_job

@@ -12,8 +12,7 @@ from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
 from wavesweep.engine.drawing.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Mistakes, Rejected, apart, check, show
-from wavesweep.engine.keys.key import Key, Names
-from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.keys.key import Key, Leaf, Names, Place
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS

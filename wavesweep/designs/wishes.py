@@ -11,12 +11,11 @@ from wavesweep.designs.bands import HIGH, NODES, BandModes, Sampled, over_band
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.response.at_hand import responses_of
 from wavesweep.engine.response.static import Response
-from wavesweep.engine.rows import Rows
+from wavesweep.engine.rows import Rows, distinct_rows
 from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, size_gone, slowest
-from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.felt import felt_of
 from wavesweep.program.analyses.hardware_limits import peaks_of
 from wavesweep.program.analyses.interval_jobs import at_points

@@ -18,13 +18,13 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import Rejected, check, computable, nearest
 from wavesweep.engine.keys.key import Key, Names
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct
 from wavesweep.engine.loops.from_drawing import OUTPUT
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port
 from wavesweep.engine.response.steady import transfer
+from wavesweep.engine.rows import distinct
 from wavesweep.engine.search.interval_search import Search, Searches
 from wavesweep.engine.search.question import Prover
 from wavesweep.engine.stability.modes import certain_modes, named_modes

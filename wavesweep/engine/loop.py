@@ -9,12 +9,12 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops import dead_time, domain, from_drawing
-from wavesweep.engine.loops.batch import distinct, items_of, selected
 from wavesweep.engine.loops.common_tick import with_common_tick
+from wavesweep.engine.loops.from_drawing import hand_of
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import hand_of
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.periodic import Ticks
+from wavesweep.engine.rows import distinct, items_of, selected
 from wavesweep.engine.stability.spectrum import radius_of
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]

@@ -14,7 +14,7 @@ from wavesweep.engine.drawing.drawing_keys import is_name
 from wavesweep.engine.drawing.drawing_tables import TABLES, read_drawing
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.keys.checking import Mistakes
-from wavesweep.engine.keys.places import Place, leaves_of, read_dict, split_names
+from wavesweep.engine.keys.key import Place, leaves_of, read_dict, split_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,10 +1,15 @@
-"""Arrays with the same first axis, and their different values."""
+"""Arrays with the same first axis: rows, their different values, and which of them are alike."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, Self
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    pass
+
+from dataclasses import dataclass, fields
+from typing import Self
 
 
 def different(values: np.ndarray) -> np.ndarray:
@@ -26,3 +31,49 @@ class Rows:
         if len(parts) == 1:
             return parts[0]
         return cls(*(np.concatenate([getattr(rows, field.name) for rows in parts]) for field in fields(cls)))
+
+
+def distinct(columns: Sequence[np.ndarray], size: int) -> list[np.ndarray]:
+    """Indices of the rows that agree in all columns, in order of first appearance."""
+    if not size:
+        return []
+    varied = [alike for column in columns if not (alike := column == column[0]).all()]
+    if not varied:
+        return [np.arange(size)]
+    if len(varied) == 1 and all(column.dtype == bool for column in columns):
+        return [np.flatnonzero(varied[0]), np.flatnonzero(~varied[0])]
+    label = _labels(columns, size)[1]
+    order = np.argsort(label, kind="stable")
+    return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
+
+
+def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first of each distinct row of `size` rows, in the order of their values, and the number of its distinct row for each.
+
+    columns: arrays `(size,)` of numbers; none: all rows are the same.
+    """
+    return _labels(list(columns.values()), size)
+
+
+def _labels(columns: Sequence[np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """`distinct_rows`, from the first row of every run of equal ones: many neighbours of a sweep have the same loop."""
+    begins = np.append(True, np.zeros(size - 1, bool))
+    for column in columns:
+        begins[1:] |= column[1:] != column[:-1]
+    starts = np.flatnonzero(begins)
+    label = np.zeros(starts.size, int)
+    for column in columns:
+        values, place = np.unique(column[starts], return_inverse=True)
+        label = np.unique(label * values.size + place, return_inverse=True)[1]
+    first = np.unique(label, return_index=True)[1]
+    return starts[first], np.repeat(label, np.diff(starts, append=size))
+
+
+def items_of(values: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
+    """The pairs of flat values, by which a loop is remembered; arrays of one as tuples."""
+    return tuple((path, tuple(value.tolist()) if isinstance(value, np.ndarray) else value) for path, value in values.items())
+
+
+def selected(values: Mapping[str, Any], part: Any) -> dict[str, Any]:
+    """The flat values of some of the loops; part: an index, a slice or an array of indices."""
+    return {path: v[part] if np.ndim(v) else v for path, v in values.items()}

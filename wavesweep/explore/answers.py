@@ -17,7 +17,7 @@ from wavesweep.engine.response.steady import respond
 from wavesweep.engine.search.interval_records import LINES, OPEN
 from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
-from wavesweep.haptics.controller_drawings import wall_cut
+from wavesweep.haptics.controller_page import wall_cut
 from wavesweep.haptics.controllers import WALL
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Way, cost_of, job_over

@@ -7,7 +7,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
 from wavesweep.engine.errors import SpecError
-from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.program.analyses.own_design import FAR, USUAL
 from wavesweep.program.reading.keys import BAND_EDGES, HIGHEST_RATIO
 from wavesweep.program.spec import SYMBOLS, Key, Spec, load

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct
+from wavesweep.engine.rows import distinct
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import operator_of
 from wavesweep.for_all.patterns import short_words

@@ -18,7 +18,7 @@ from wavesweep.engine.drawing.expressions import names_in, text_of
 from wavesweep.engine.errors import Mistake, SpecError
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.plan import Plan, Schedule
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 
 FRAME = "frame"  # as a delay: the result is in place with the next sample, whenever that is
 LOST = "lost"  # as a delay: the result never arrives, and the last one is held

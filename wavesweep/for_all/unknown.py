@@ -9,9 +9,9 @@ from types import MappingProxyType
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct
 from wavesweep.engine.loops.resolution import Resolution
 from wavesweep.engine.loops.resolution import Side as Expressed
+from wavesweep.engine.rows import distinct
 from wavesweep.engine.search.frames_along import frames_where_solvable
 from wavesweep.engine.search.interval_search import Search
 from wavesweep.engine.search.open_loops import TINY

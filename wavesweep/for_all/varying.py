@@ -48,7 +48,7 @@ from wavesweep.for_all.plan import Plan
 from wavesweep.for_all.sides import as_sides, side_of
 from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
 FROM_ZERO = 1e-3  # of the high end, from which on is proved for ranges what begins at 0

@@ -1,20 +1,30 @@
-"""The language of a controller's page: blocks and wires as texts, with the paths of a spec's keys as numbers."""
+"""Pages of controllers: blocks and wires as texts, with the paths of a spec's keys as numbers, and the loops that they draw."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.errors import UsageError
+from wavesweep.haptics.controllers import CONTROLLERS, WALL
+
+if TYPE_CHECKING:
+    from wavesweep.engine.monodromy.cut import LinearFractional
+
+
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import lru_cache
 from math import ceil, floor
-from typing import Any
 
 from wavesweep.engine.drawing.block_types import TYPES
-from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.drawing.drawn_block import DrawnBlock
 from wavesweep.engine.drawing.expressions import Tree, linear
 from wavesweep.engine.drawing.parsing import parse
-from wavesweep.haptics.controllers import MOST_SLOW_STEPS, WALL
+from wavesweep.haptics.controllers import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
 F_S = "environment.K_VE*{x} + environment.B_VE*{v}"  # the wall's force on a displacement x and a velocity v
@@ -137,3 +147,93 @@ def _block(name: str, keys: dict[str, Any]) -> DrawnBlock:
 @lru_cache(maxsize=256)
 def _tree(value: Any) -> Tree:
     return parse(value) if isinstance(value, str) else ("number", float(value), 0)
+
+
+_DECIDING = (
+    *("rates.ratio", "environment.delay", "environment.integration", "device.velocity"),
+    *("local_model.delay", "local_model.integration"),
+)
+_AMPLIFIER, _DEAD_TIME = "device.delay", "device.dead_time"
+_GAIN = "controller.Kp"  # without it, nothing holds the avatar's position
+
+
+def loop_drawing(values: Mapping[str, Any], varied: Iterable[str] = ()) -> Drawing:
+    """Return the loop that a spec's controller is, as a drawing whose numbers are the keys of a spec.
+
+    values: flat keys; arrays over a batch may stand for floats. varied: paths of gains that count as other than 0.
+    Errors: UsageError for a kind that no page draws.
+    """
+    return _drawing(*_page_of(values, varied))
+
+
+def keys_of_page(values: Mapping[str, Any]) -> frozenset[str]:
+    """Return the keys that the loop of a spec's controller depends on, with those of the wall."""
+    return _read(*_page_of(values))
+
+
+def assumption_of_page(values: Mapping[str, Any]) -> str:
+    """Return what the page of a spec's controller declares of its wall."""
+    kind, items = _page_of(values)
+    page: BlockDiagram = CONTROLLERS[kind].page(dict(items))
+    return page.assumes
+
+
+def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
+    """Return the loops of a controller cut at both numbers of its wall; None if its frame reads these more than once.
+
+    values: flat keys, with numbers or arrays over the loops.
+    """
+    from wavesweep.engine.loop import Loops
+    from wavesweep.engine.search.open_loops import open_loops
+
+    loops = Loops(loop_drawing(values), values).read
+    opened = open_loops(loops, *WALL, per_loop=True)
+    return opened.cut if opened else None
+
+
+_Items = tuple[tuple[str, Any], ...]
+
+
+def _page_of(values: Mapping[str, Any], varied: Iterable[str] = ()) -> tuple[str, _Items]:
+    """The kind of a controller, and the values that decide how its page draws it."""
+    kind = values["controller.kind"]
+    if kind not in CONTROLLERS:
+        known = ", ".join(CONTROLLERS)
+        raise UsageError(f"controller.kind: expected one of {known}, found {kind}, which has no page")
+    items = [(path, values[path]) for path in _DECIDING]
+    items.append((_AMPLIFIER, int(values.get(_AMPLIFIER, 0))))
+    for path in (_GAIN, _DEAD_TIME):
+        items.append((path, path in varied or bool(np.any(values.get(path, 0.0)))))
+    return kind, tuple(items)
+
+
+@lru_cache(maxsize=256)
+def _drawing(kind: str, items: _Items) -> Drawing:
+    return drawing_of_page(_late(kind, dict(items)))
+
+
+@lru_cache(maxsize=256)
+def _read(kind: str, items: _Items) -> frozenset[str]:
+    watched = _Watched(items)
+    page = _late(kind, watched)
+    reads: frozenset[str] = drawing_of_page(page).reads
+    return reads | watched.seen | {"controller.kind", *WALL}
+
+
+def _late(kind: str, values: Mapping[str, Any]) -> BlockDiagram:
+    """The page of a controller, its force as late as the amplifier is."""
+    page: BlockDiagram = CONTROLLERS[kind].page(values)
+    dead_time = _DEAD_TIME if values[_DEAD_TIME] else ""
+    return page.behind_amplifier(values[_AMPLIFIER], dead_time)
+
+
+class _Watched(dict[str, Any]):
+    """Values that remember which of them were asked for."""
+
+    def __init__(self, items: _Items) -> None:
+        super().__init__(items)
+        self.seen: set[str] = set()
+
+    def __getitem__(self, path: str) -> Any:
+        self.seen.add(path)
+        return super().__getitem__(path)

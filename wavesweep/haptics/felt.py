@@ -8,18 +8,15 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place, seen_by_hand
+from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, Ports, hand_of, scalar_place, seen_by_hand
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import Ports, hand_of
-from wavesweep.engine.rows import different
+from wavesweep.engine.rows import different, distinct_rows
 from wavesweep.engine.search.at_ends import AtPort, buildable
 from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN
 from wavesweep.engine.search.open_loops import Opened, by_zeros
 from wavesweep.engine.search.question import Question
-from wavesweep.haptics.resting import DcGain, tick_dcgain
-from wavesweep.haptics.resting_frame import frame_dcgain, shows_at_rest
+from wavesweep.haptics.resting import DcGain, frame_dcgain, shows_at_rest, tick_dcgain
 
 FELT = ("felt_low", "felt_high")
 RECORD = np.dtype([*FIELDS, *((name, "<f8") for name in (*FELT, *LINES)), *OPEN])

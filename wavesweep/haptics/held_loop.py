@@ -10,8 +10,8 @@ from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import ONE
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import built, shares
+from wavesweep.engine.loops.from_drawing import axes_of
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.loops.values import values_of
 from wavesweep.engine.response.port import Port, port_of
 from wavesweep.haptics.controllers import HAND

@@ -30,7 +30,7 @@ from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive
 from wavesweep.engine.stability.sampled_frames import Frames
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.loop_margins import MOST, BrokenLoop, Margin, disk_margins

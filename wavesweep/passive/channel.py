@@ -14,7 +14,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.block import Block
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 
 MOST_ENTRIES = 100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5
 

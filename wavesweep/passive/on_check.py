@@ -29,7 +29,7 @@ def _kept(spec):
 @lru_cache(maxsize=64)
 def _channel_of(kept):
     """The wave channel; None without one."""
-    from wavesweep.haptics.controller_drawings import loop_drawing
+    from wavesweep.haptics.controller_page import loop_drawing
     from wavesweep.passive.channel import channel_of
     from wavesweep.program.reading.keys import VALUE_PATHS
     from wavesweep.program.spec import KEYS

@@ -18,8 +18,8 @@ import numpy as np
 
 from wavesweep.engine.energy.hinf import SOFT, Peak, angles, hinf_norm, tick
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
+from wavesweep.engine.loops.from_drawing import axes_of
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import axes_of
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve

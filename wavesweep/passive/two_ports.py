@@ -23,8 +23,7 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import ENVIRONMENT
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.from_drawing import OUTPUT, POSITION
-from wavesweep.engine.loops.ports import Ports
+from wavesweep.engine.loops.from_drawing import OUTPUT, POSITION, Ports
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
 from wavesweep.engine.response.port import port_of
 from wavesweep.engine.stability.positive import FunctionValues

@@ -5,7 +5,7 @@ def channel(loops, size: int) -> tuple:
     """The norm of the wave channel of each loop, 0 without waves, and whether it is certified, `(size,)` both."""
     import numpy as np
 
-    from wavesweep.haptics.controller_drawings import loop_drawing
+    from wavesweep.haptics.controller_page import loop_drawing
     from wavesweep.passive.channel import channel_norm
 
     norm = channel_norm(loop_drawing(loops.values), loops.values)

@@ -4,7 +4,7 @@ from functools import lru_cache
 from typing import Any
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.picture.layout import ROW, Box, Routes, dots, lay_out
 from wavesweep.picture.wiring import CONTINUOUS, Terms, Wiring, WiringPart, wiring_of_drawing
 from wavesweep.program.plots.labels import as_it_stands

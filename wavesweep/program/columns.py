@@ -1,10 +1,42 @@
-"""Columns of a table, those of complex numbers and of ends of intervals."""
+"""Columns of a table, those of complex numbers and of ends of intervals, and their names."""
+
+from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
-Columns = Mapping[str, np.ndarray]  # of a table, by their names
+Columns = Mapping[str, "np.ndarray"]  # of a table, by their names
+# Names of columns of tables, which a number must not have, since it may be an axis.
+TAKEN = frozenset(
+    (
+        *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
+        *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
+        *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
+        *("open_places", "open_low", "open_high", "low_set_by", "high_set_by", "channel_hz", "port_hz", "ports_hz"),
+        *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
+        *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
+        *("absolutely_stable", "ports_certified", "llewellyn", "damping_margin", "from_input", "to_output", "unit"),
+        *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
+        *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
+    )
+)
+FREE = "a name that no column of a table has; `wavesweep keys numbers` lists those"
+# Names of columns of a simulation; an input, output or named signal with one of these has another column, see `run_column`.
+RUN_COLUMNS = frozenset(
+    (
+        *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),
+        *("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2"),
+        *(f"energy_{part}" for part in ("hand", "device", "user", "slow", "local", "channel")),
+    )
+)
+
+
+def run_column(table: str, name: str) -> str:
+    """The column of a simulation that shows an input, output or signal; table: inputs, outputs or signals."""
+    return f"{table}.{name}" if name in RUN_COLUMNS else name
 
 
 def complex_columns(name: str, values) -> dict[str, np.ndarray]:
@@ -12,6 +44,8 @@ def complex_columns(name: str, values) -> dict[str, np.ndarray]:
 
     A number that is not known, or beyond double precision, is NaN in all four.
     """
+    import numpy as np
+
     with np.errstate(over="ignore", invalid="ignore"):
         finite = np.where(np.isfinite(np.abs(values)), values, complex(np.nan, np.nan))
         arrays = {"re": finite.real, "im": finite.imag, "abs": np.abs(finite), "deg": np.degrees(np.angle(finite))}
@@ -20,6 +54,8 @@ def complex_columns(name: str, values) -> dict[str, np.ndarray]:
 
 def joined(blocks: Iterable[Columns]) -> Columns:
     """Blocks of rows as one table."""
+    import numpy as np
+
     listed = list(blocks)
     return listed[0] if len(listed) == 1 else {name: np.concatenate([block[name] for block in listed]) for name in listed[0]}
 
@@ -37,6 +73,8 @@ def whose_column(columns: Columns) -> str:
 
 def columns_of_ends(records: np.ndarray, *, set_by: bool) -> Columns:
     """The omegas of records of intervals as columns and, if `set_by`, what sets each end: a mode, or a gain."""
+    import numpy as np
+
     ends = ("low", "high")
     columns = {f"{end}_omega": np.abs(records[f"{end}_omega"]) for end in ends}
     for end in ends if set_by else ():

@@ -10,8 +10,8 @@ import numpy as np
 from wavesweep.capabilities import library_names, of_library
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.from_drawing import Ports
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import port_of

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.program.analyses.plane_columns import spec_of
-from wavesweep.program.columns import Columns, complex_columns
+from wavesweep.program.columns import Columns, complex_columns, run_column
 from wavesweep.program.plots.labels import assumption, at_hand, printed, with_unit
 from wavesweep.program.plots.sampling import POINTS_OF_A_LINE, extremes
 from wavesweep.program.plots.style import (
@@ -27,7 +27,6 @@ from wavesweep.program.plots.style import (
     warn_above,
     wide,
 )
-from wavesweep.program.spec.drawn_spec import run_column
 from wavesweep.program.tables.columns import signals_of
 from wavesweep.simulation.keys import RANDOM
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import AT, Drawing
 from wavesweep.engine.errors import UsageError
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold
 from wavesweep.simulation.hardware import Effects, encoder, lateness, losses, tick_lengths
 from wavesweep.simulation.record import Simulation, energies

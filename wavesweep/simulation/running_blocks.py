@@ -14,7 +14,7 @@ from wavesweep.engine.drawing.block_types import TYPES, without_rule
 from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
 from wavesweep.engine.drawing.expressions import degree, names_in, value_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.program.spec.drawn_spec import run_column
+from wavesweep.program.columns import run_column
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
 
 FORCE = "wall force"  # the number that all wires read in which the wall's stiffness and damping stand

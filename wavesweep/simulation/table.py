@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.program.columns import Columns
-from wavesweep.program.reading.devices import DEVICES
-from wavesweep.program.spec.drawn_spec import run_column
+from wavesweep.program.columns import Columns, run_column
+from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.tables.kind import Line, Numbers, Recompute, counted_doubts, in_doubt, plain, whole_kind
 from wavesweep.program.tables.table import Table, facts_of
 from wavesweep.simulation.columns import TICKS

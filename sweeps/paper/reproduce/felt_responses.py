@@ -17,7 +17,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.response.at_hand import ports_of_batch
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond as respond_at
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.columns import Columns
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.

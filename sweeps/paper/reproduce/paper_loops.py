@@ -13,7 +13,7 @@ from reproduce.specs import load_paper
 from wavesweep import Spec
 from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.stability.stable import stable_intervals
-from wavesweep.haptics.controller_drawings import keys_of_page, loop_drawing, wall_cut
+from wavesweep.haptics.controller_page import keys_of_page, loop_drawing, wall_cut
 from wavesweep.passive.channel import ChannelNorm, channel_norm
 from wavesweep.program.spec import find_key
 from wavesweep.program.spec.studies import K_VE_SPAN

@@ -7,7 +7,7 @@ from support.specs import INTEGRATIONS, random_values
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.blocks import defined
 from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 
 
 def random_row(seed, n):

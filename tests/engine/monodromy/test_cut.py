@@ -6,7 +6,7 @@ from support import exact
 from support.specs import KINDS, random_values, values_of
 
 from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY
-from wavesweep.haptics.controller_drawings import wall_cut
+from wavesweep.haptics.controller_page import wall_cut
 
 SPECS = [(kind, seed) for kind in KINDS for seed in (range(2) if kind == "dc" else range(5))]
 

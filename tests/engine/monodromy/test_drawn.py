@@ -11,8 +11,8 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops import blocks
+from wavesweep.engine.loops.from_drawing import Ports
 from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import cut_of, open_frame

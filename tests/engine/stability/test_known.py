@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.engine.monodromy.cut import FIRST, SECOND
 from wavesweep.engine.stability.crossings import poles_at_one
 from wavesweep.engine.stability.stable import stable_intervals
-from wavesweep.haptics.controller_drawings import wall_cut
+from wavesweep.haptics.controller_page import wall_cut
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 import wavesweep as package
-from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.cli.init import STARTING_RECIPES, starter
-from wavesweep.program.reading.devices import DEVICES
+from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.reading.tables import study_keys
 from wavesweep.program.spec import KEYS, load, sweep_axes
 

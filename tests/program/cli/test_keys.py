@@ -7,8 +7,7 @@ import pytest
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.cli import main
-from wavesweep.program.reading.devices import DEVICES
-from wavesweep.program.reading.keys import AXIS_KEYS
+from wavesweep.program.reading.keys import AXIS_KEYS, DEVICES
 from wavesweep.program.reading.tables import study_keys
 from wavesweep.program.spec import KEYS, SYMBOLS
 

@@ -4,8 +4,7 @@ import pytest
 
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import check
-from wavesweep.program.reading.devices import DEVICES
-from wavesweep.program.reading.keys import HARDWARE_KEYS
+from wavesweep.program.reading.keys import DEVICES, HARDWARE_KEYS
 from wavesweep.program.spec import KEYS, load
 
 LOOP = {"controller": {"kind": "pmw"}}

@@ -9,8 +9,8 @@ from support.drawn import ARM, NETWORK, PD, WALL
 import wavesweep
 from wavesweep.engine.drawing.expressions import value_of
 from wavesweep.engine.errors import SpecError
+from wavesweep.program.columns import TAKEN
 from wavesweep.program.spec import load, sweep_axes
-from wavesweep.program.spec.drawn_spec import COLUMNS
 from wavesweep.program.tables import kind_named
 
 
@@ -90,7 +90,7 @@ def test_a_wire_may_read_what_the_hand_s_position_may_not_be_made_of():
 def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
     assert {
         field.name for kind in ("zwidth", "bode", "passivity") for field in kind_named(kind).fields if not field.derived
-    } <= COLUMNS
+    } <= TAKEN
 
 
 def test_a_number_in_a_block_is_an_axis_by_its_path():

@@ -8,7 +8,7 @@ from scipy import signal
 
 import wavesweep
 from wavesweep.engine.errors import SpecError
-from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.spec import load
 from wavesweep.program.spec.resolving import butterworth_order

@@ -7,7 +7,7 @@ from reproduce.felt_responses import respond
 from reproduce.paper_loops import PaperLoops
 from reproduce.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, Reading, readings, under
 from reproduce.specs import load_paper
-from wavesweep.haptics.controller_drawings import keys_of_page
+from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.tables.interval_table import intervals
 

@@ -82,7 +82,7 @@ def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(a
 
 def test_along_the_wall_it_finds_what_the_exact_way_finds():
     """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
-    from wavesweep.haptics.controller_drawings import wall_cut
+    from wavesweep.haptics.controller_page import wall_cut
 
     spec = {
         "controller": {"kind": "pmw"},
@@ -104,7 +104,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
     from wavesweep.engine.monodromy.cut import FIRST
-    from wavesweep.haptics.controller_drawings import wall_cut
+    from wavesweep.haptics.controller_page import wall_cut
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
     cut, span = wall_cut(values), (low, 20000.0)

@@ -11,7 +11,7 @@ from typing import Any
 
 from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.keys.checking import Mistakes, nearest, show
-from wavesweep.engine.keys.places import Leaf
+from wavesweep.engine.keys.key import Leaf
 
 PARTS = ("numbers", "block", "signals", "wire", "ports")
 PORTS = ("inputs", "outputs")

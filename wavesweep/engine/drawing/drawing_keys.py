@@ -23,8 +23,7 @@ from wavesweep.engine.drawing.mass_matrix import shape_fault
 from wavesweep.engine.drawing.parsing import parse
 from wavesweep.engine.errors import Mistake
 from wavesweep.engine.keys.checking import Mistakes, Rejected, check, expectation, nearest, show
-from wavesweep.engine.keys.key import FORMULA, VALUE_WORDS, Key
-from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.keys.key import FORMULA, VALUE_WORDS, Key, Leaf, Place
 
 PERIOD = "dt"  # the name of a block's own period in its expressions
 ALIKE = (("mass", "inertia", "m", "I", "J"), ("stiffness", "k"), ("damping", "d", "c"))  # each type has one name of each group

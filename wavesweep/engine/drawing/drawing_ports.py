@@ -8,8 +8,7 @@ from wavesweep.engine.drawing.drawing_keys import NAME, KeyReader, is_dotted, is
 from wavesweep.engine.drawing.drawn_block import DrawnBlock
 from wavesweep.engine.drawing.expressions import ONE, RESERVED, Terms
 from wavesweep.engine.keys.checking import nearest, show
-from wavesweep.engine.keys.key import TURNED, Key
-from wavesweep.engine.keys.places import Leaf
+from wavesweep.engine.keys.key import TURNED, Key, Leaf
 
 # The parts of a port; of inputs and outputs each has a name.
 PORTS = MappingProxyType(

@@ -27,8 +27,7 @@ from wavesweep.engine.drawing.expressions import (
 )
 from wavesweep.engine.drawing.parsing import parse
 from wavesweep.engine.keys.checking import Mistakes, nearest, show
-from wavesweep.engine.keys.key import Key, Names
-from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.keys.key import Key, Leaf, Names, Place
 
 TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
 NUMBER_PARTS = ("value", "unit", "description")

@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from wavesweep.engine.errors import Mistake
-from wavesweep.engine.keys.key import LARGEST, SMALLEST, Key
-from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.keys.key import LARGEST, SMALLEST, Key, Leaf, Place
 
 LONGEST_SHOWN = 60
 SIZES = f"a number from {SMALLEST:g} to {LARGEST:g} in size, or 0"

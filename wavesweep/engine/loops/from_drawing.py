@@ -1,7 +1,7 @@
-"""From a loop that a spec draws to its blocks: numbers put in, and twins of it with other numbers."""
+"""From a drawn loop to its blocks: numbers put in, twins of it with other numbers, and the names of its port's signals."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from zlib import crc32
 
@@ -291,3 +291,38 @@ def _twins(drawing, one, other, out, beside):
         drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
         drawn_twins.append(replace(drawn, exact=partial(equations_of, drawing, values, varied, out)))
     return drawn_twins[0], drawn_twins[-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """The hand's port of a drawn loop: the input `force` (N), and the signals of its position (m) and of the force against it.
+
+    reaction: empty if none is known; then the impedance is that of the whole port, force over position. others: input and
+    position of each further port, or axis of the hand, of which no reaction is known.
+    """
+
+    force: str
+    position: str
+    reaction: str = ""
+    others: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def forces(self) -> list[str]:
+        """The inputs of the ports."""
+        return [self.force, *(force for force, _ in self.others)]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The outputs of the ports."""
+        return (self.position, *(position for _, position in self.others), *([self.reaction] if self.reaction else ()))
+
+
+def hand_of(drawing: Drawing) -> Ports:
+    """The signals at the port of a hand that the drawing has."""
+    return Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
+
+
+def axes_of(drawing: Drawing) -> Ports:
+    """The signals at the port of a hand with all its axes."""
+    further = tuple((force, OUTPUT + name) for name, force, _ in drawing.further)
+    return Ports(drawing.hand[0], POSITION, others=further)

@@ -8,13 +8,12 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import path_of
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct_rows
-from wavesweep.engine.loops.from_drawing import OUTPUT
-from wavesweep.engine.loops.ports import hand_of
+from wavesweep.engine.loops.from_drawing import OUTPUT, hand_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port, port_between, port_of
 from wavesweep.engine.response.static import Response, dcgain
 from wavesweep.engine.response.steady import GOOD, respond
+from wavesweep.engine.rows import distinct_rows
 
 Route = tuple[str, str]  # names of an input and an output
 

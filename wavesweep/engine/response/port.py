@@ -6,8 +6,8 @@ import numpy as np
 
 from wavesweep.engine.drawing.conditions import OF_PLANT
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.loops.from_drawing import Ports
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING

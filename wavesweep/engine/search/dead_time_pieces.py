@@ -11,8 +11,8 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.loops.dead_time import structure, timing
+from wavesweep.engine.rows import distinct_rows
 from wavesweep.engine.search.interval_records import RECORD, records_of
 from wavesweep.engine.search.question import Question, Rest, Slices
 from wavesweep.engine.stability.intervals import Intervals, by_slice, joined, without_seams

@@ -9,7 +9,6 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct_rows
 from wavesweep.engine.loops.domain import domains
 from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
 from wavesweep.engine.loops.resolution import ResolvedAlong
@@ -17,6 +16,7 @@ from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.monodromy.radius import errors_within, within
+from wavesweep.engine.rows import distinct_rows
 from wavesweep.engine.search.open_loops import TINY
 from wavesweep.engine.search.question import Question
 from wavesweep.engine.stability.intervals import Intervals

@@ -12,13 +12,12 @@ from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.algebraic import WORST_CONDITION
-from wavesweep.engine.loops.batch import distinct, distinct_rows
-from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, scalar_place, shares_wire
+from wavesweep.engine.loops.from_drawing import BESIDE, FACTOR, PRODUCT, Ports, scalar_place, shares_wire
 from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.ports import Ports
 from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_frame import OpenFrame, cut_of, open_frame
+from wavesweep.engine.rows import distinct, distinct_rows
 
 # From the blocks of loops without some numbers, their drawing, these numbers, and the signals of theirs that the frame is
 # opened at, to a port that the frame is to show as well; None for none.

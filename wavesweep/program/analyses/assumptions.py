@@ -12,8 +12,8 @@ from wavesweep.engine.drawing.drawing import name_of, path_of, scalars
 from wavesweep.engine.drawing.expressions import names_in, text_of, value_of
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.loop import Loops
-from wavesweep.haptics.controller_drawings import assumption_of_page, keys_of_page
-from wavesweep.program.reading.devices import DEVICES
+from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page
+from wavesweep.program.reading.keys import DEVICES
 from wavesweep.program.spec import KEYS, Axis, Spec
 from wavesweep.program.spec.resolving import longest_delay
 from wavesweep.program.sweep.grid import Grid

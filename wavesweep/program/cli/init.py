@@ -18,8 +18,7 @@ from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.bundled import bundled
 from wavesweep.program.cli.file_places import write_whole
 from wavesweep.program.cli.options import PATH, overwriting
-from wavesweep.program.reading.devices import DEVICES
-from wavesweep.program.reading.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS
+from wavesweep.program.reading.keys import DEVICES, KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS
 from wavesweep.program.reading.reading import read_override, scan
 from wavesweep.program.reading.tables import SpecTable, missing, tables
 from wavesweep.program.spec import load
@@ -200,7 +199,7 @@ def starter(kind: str, device: str | None, path: str, settings: Sequence[str] = 
     path: the file's name in the commands that the text shows. Errors: KeyError if there is no such kind or device, UsageError
     for a setting of a key that the loop does not read, SpecError for a value that a spec refuses.
     """
-    from wavesweep.haptics.controller_drawings import keys_of_page
+    from wavesweep.haptics.controller_page import keys_of_page
 
     values = {path: KEYS[path].default for path in VALUE_PATHS}
     read = keys_of_page(values | {"controller.kind": kind, "controller.Kp": 1.0})  # as if no gain were zero

@@ -12,9 +12,10 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import show
 from wavesweep.program.cli import completions
 from wavesweep.program.cli.verbosity import verbosity
+from wavesweep.program.columns import TAKEN
 from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.tables import tables
-from wavesweep.program.spec import describing, drawn_spec
+from wavesweep.program.spec import describing
 from wavesweep.program.spec.describing import Description, default_of, meaning_of
 
 NARROWEST = 24  # letters of a meaning in a line
@@ -118,7 +119,7 @@ def _own_names(name: str, table: Description) -> Iterator[str]:
         options = f"; options: {', '.join(kind['options'])}" if kind["options"] else ""
         yield f"  {wish} ({unit}, {kind['bound']}): {kind['description']}{options}"
     if name == "numbers":
-        yield f"  names of columns of tables, which are taken: {', '.join(sorted(drawn_spec.COLUMNS))}"
+        yield f"  names of columns of tables, which are taken: {', '.join(sorted(TAKEN))}"
 
 
 def _types(types: Mapping[str, Description]) -> Iterator[str]:

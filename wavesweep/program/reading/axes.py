@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from wavesweep.engine.keys.checking import Mistakes, Rejected, check, show
-from wavesweep.engine.keys.key import Key, Names
-from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.keys.key import Key, Leaf, Names, Place
 from wavesweep.program.reading.keys import AXIS_KEYS, BUILT_IN
 from wavesweep.program.reading.tables import study_keys
 

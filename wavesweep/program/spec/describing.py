@@ -8,8 +8,7 @@ from typing import Any
 from wavesweep.engine.drawing.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.engine.keys.checking import expectation, nearest, show
 from wavesweep.engine.keys.key import Key
-from wavesweep.program.reading.devices import DEVICES, HapticDevice
-from wavesweep.program.reading.keys import AXIS_KEYS, HARDWARE_KEYS, KEYS, SYMBOLS, find_key
+from wavesweep.program.reading.keys import AXIS_KEYS, DEVICES, HARDWARE_KEYS, KEYS, SYMBOLS, HapticDevice, find_key
 from wavesweep.program.reading.tables import study_keys, study_tables, tables
 from wavesweep.program.spec.shipped_classes import shipped_classes
 

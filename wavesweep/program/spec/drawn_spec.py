@@ -4,39 +4,11 @@ from collections.abc import Iterable, Mapping
 
 from wavesweep.engine.drawing.drawing_tables import TABLES, Surroundings
 from wavesweep.engine.keys.checking import Mistakes, nearest
-from wavesweep.engine.keys.places import Leaf, Path
+from wavesweep.engine.keys.key import Leaf, Path
+from wavesweep.program.columns import FREE, TAKEN
 from wavesweep.program.reading.sorting import names_in_list, normal_path
 from wavesweep.program.reading.tables import section_of, study_tables, tables
 from wavesweep.program.spec.shipped_classes import shipped_classes
-
-# Names of columns of tables, which a number must not have, since it may be an axis.
-COLUMNS = frozenset(
-    (
-        *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
-        *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
-        *("low_hz", "high_hz", "guarantee", "fails_below", "fails_from", "counterexample", "left_open"),
-        *("open_places", "open_low", "open_high", "low_set_by", "high_set_by", "channel_hz", "port_hz", "ports_hz"),
-        *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
-        *("channel_passive", "port_passive", "damping_needed", "ports_margin", "ports_omega"),
-        *("absolutely_stable", "ports_certified", "llewellyn", "damping_margin", "from_input", "to_output", "unit"),
-        *(f"{name}_{part}" for name in ("admittance", "impedance", "response") for part in ("re", "im", "abs", "deg", "error")),
-        *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
-    )
-)
-FREE = "a name that no column of a table has; `wavesweep keys numbers` lists those"
-# Names of columns of a simulation; an input, output or named signal with one of these has another column, see `run_column`.
-RUN_COLUMNS = frozenset(
-    (
-        *("tick", "frame", "phase", "time_s", "f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device", "touching", "late"),
-        *("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2"),
-        *(f"energy_{part}" for part in ("hand", "device", "user", "slow", "local", "channel")),
-    )
-)
-
-
-def run_column(table: str, name: str) -> str:
-    """The column of a simulation that shows an input, output or signal; table: inputs, outputs or signals."""
-    return f"{table}.{name}" if name in RUN_COLUMNS else name
 
 
 def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
@@ -44,7 +16,7 @@ def beside_drawing(leaves: Mapping[Path, Leaf]) -> Surroundings:
     signals = ("bode.to", *(path for table in tables().values() for path in table.signals))
     asking = (leaves[path] for path in (tuple(name.split(".")) for name in signals) if path in leaves)
     outputs = {name: leaf for leaf in asking for name in names_in_list(leaf)}
-    return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), COLUMNS, FREE)
+    return Surroundings(own_axes(leaves), outputs, tuple(shipped_classes()), TAKEN, FREE)
 
 
 def with_corrected_names(leaves: Mapping[Path, Leaf], mistakes: Mistakes) -> dict[Path, Leaf]:

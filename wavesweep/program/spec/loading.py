@@ -9,7 +9,7 @@ from itertools import islice
 from wavesweep.engine.drawing.drawing import MARKS, RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.keys.checking import Mistakes
-from wavesweep.engine.keys.places import Leaf, Path, Place, leaves_of, read_dict
+from wavesweep.engine.keys.key import Leaf, Path, Place, leaves_of, read_dict
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import normal_path, sort_leaves

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from wavesweep.engine.drawing.block_types import LONGEST_DELAY
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.keys.checking import Mistakes, expectation, show
-from wavesweep.engine.keys.key import HIGHEST_ORDER, LONGEST_FRAME
-from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.keys.key import HIGHEST_ORDER, LONGEST_FRAME, Leaf, Place
 from wavesweep.haptics.controllers import CONTROLLERS, MOST_SLOW_STEPS
-from wavesweep.program.reading.devices import DEVICES, HapticDevice
-from wavesweep.program.reading.keys import BAND_EDGES, FILTERS, HIGHEST_RATIO, KEYS, VALUE_PATHS
+from wavesweep.program.reading.keys import BAND_EDGES, DEVICES, FILTERS, HIGHEST_RATIO, KEYS, VALUE_PATHS, HapticDevice
 
 DELAY = "environment.delay"
 TWINS = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}  # which displace each other

@@ -8,11 +8,9 @@ from dataclasses import dataclass, field, replace
 from wavesweep.engine.drawing.drawing import RATE, Drawing
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import Mistakes, apart, nearest, show
-from wavesweep.engine.keys.key import Names
-from wavesweep.engine.keys.places import Leaf, Place
+from wavesweep.engine.keys.key import Leaf, Names, Place
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis, logarithmic
-from wavesweep.program.reading.devices import HapticDevice
-from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS
+from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS, HapticDevice
 from wavesweep.program.reading.sorting import Sorted
 from wavesweep.program.reading.tables import TableValue, missing, table_at, tables
 from wavesweep.program.spec.resolving import LIMITS, Given, exceeds_limit

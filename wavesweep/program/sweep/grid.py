@@ -8,8 +8,8 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.batch import distinct
-from wavesweep.haptics.controller_drawings import keys_of_page, loop_drawing
+from wavesweep.engine.rows import distinct
+from wavesweep.haptics.controller_page import keys_of_page, loop_drawing
 from wavesweep.program.spec import Axis, Spec
 
 FAST = "rates.fast_hz"

@@ -11,10 +11,9 @@ from wavesweep.capabilities import home_of
 from wavesweep.engine.drawing.drawn_block import keys_of_block
 from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.keys.key import TURNED
-from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.columns import Columns, run_column, whose_column
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import KEYS, SYMBOLS
-from wavesweep.program.spec.drawn_spec import run_column
 from wavesweep.program.spec.studies import K_VE_SPAN
 from wavesweep.program.tables import HOMES, kind_named, kinds
 from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, FieldKind

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.engine.drawing.drawing import Drawing
 from wavesweep.engine.errors import UsageError
-from wavesweep.haptics.controller_drawings import loop_drawing
+from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Spec
 from wavesweep.simulation.from_spec import effects_of, frames_in_turn, frames_of, hand_force, lengths_at
 from wavesweep.simulation.keys import entry_of
