@@ -20,6 +20,7 @@ LONGEST = 34  # characters of a gain
 PLAIN_PORTS = ("", "u", "y")
 NO_RATE = "0.35"
 BETWEEN = "continuous: acts between ticks too, as physics does"
+MOST_DISTINCT = 5  # rates with colours that are told apart by their hue
 MOST_WIRES = 500  # beyond which a picture is a black area that takes minutes
 
 
@@ -29,9 +30,12 @@ def diagram(spec: Spec) -> Any:
     loop = wiring_of_drawing(drawing, spec.values)
     frame = f"{loop.ticks} tick{'' if loop.ticks == 1 else 's'}"
     title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * loop.ticks * loop.tick_s:.6g} ms"
-    wall = zip(("stiffness", "damping"), drawing.wall or (), strict=False)
-    named = " and ".join(f"{wall_part} {name.rpartition('.')[2]}" for wall_part, name in wall)
-    return wiring(loop, as_it_stands(f"{title}; wall of {named}" if named else title))
+    if drawing.wall:
+        named = [
+            f"{part} {name.rpartition('.')[2]}" for part, name in zip(("stiffness", "damping"), drawing.wall, strict=False)
+        ]
+        title += f"; wall of {' and '.join(named)}"
+    return wiring(loop, as_it_stands(title))
 
 
 def wiring(loop: Wiring, title: str) -> Any:
@@ -40,20 +44,24 @@ def wiring(loop: Wiring, title: str) -> Any:
     Columns go from the hand's force to the right; if they are too many for one row, the next row goes on below.
     """
     boxes, routes = placed(loop)
-    rates = sorted({box.every for box in loop.parts} - {0})
-    looks = family_looks(len(rates)) if len(rates) > 5 else [distinct_look(n) for n in range(len(rates))]
-    colours = {0: NO_RATE} | {rate: look.colour for rate, look in zip(rates, looks, strict=True)}  # ports are grey
+    rates = sorted({part.every for part in loop.parts} - {0})
+    colours = {0: NO_RATE}  # of ports
+    if len(rates) > MOST_DISTINCT:
+        looks = family_looks(len(rates))
+    else:
+        looks = [distinct_look(number) for number in range(len(rates))]
+    for rate, look in zip(rates, looks, strict=True):
+        colours[rate] = look.colour
     legend = {every: f"{_when(every)}: {1 / (every * loop.tick_s):.6g} Hz" for every in rates}
-    gains = [gain for box in loop.parts for _, terms in box.inputs for _, gain in terms]
-    note = BETWEEN * any(gain.startswith(CONTINUOUS) for gain in gains)
+    note = BETWEEN if _acts_continuously(loop) else ""
     head = 0.24 + 0.2 * (len(legend) + bool(note))
-    wide = max(routes.width, _width(title, TITLE) + MARGIN, _width(note, SMALL) + MARGIN, NARROWEST)
-    size = wide + 2 * MARGIN, routes.height + head + 2 * MARGIN
-    with figure(*size) as canvas:
+    width = max(routes.width, _width(title, TITLE) + MARGIN, _width(note, SMALL) + MARGIN, NARROWEST) + 2 * MARGIN
+    height = routes.height + head + 2 * MARGIN
+    with figure(width, height) as canvas:
         canvas.set_layout_engine("none")
         axes = canvas.add_axes((0, 0, 1, 1))
         axes.set_axis_off()
-        axes.set(xlim=(-MARGIN, size[0] - MARGIN), ylim=(size[1] - MARGIN - head, -MARGIN - head))
+        axes.set(xlim=(-MARGIN, width - MARGIN), ylim=(height - MARGIN - head, -MARGIN - head))
         axes.text(0, 0.02 - head, title, fontsize=TITLE, va="center")
         for n, (every, text) in enumerate(legend.items()):
             y = 0.26 + 0.2 * n - head
@@ -64,15 +72,27 @@ def wiring(loop: Wiring, title: str) -> Any:
     return canvas
 
 
+def _acts_continuously(loop):
+    """Whether some gain of the loop does."""
+    for part in loop.parts:
+        for _, terms in part.inputs:
+            if any(gain.startswith(CONTINUOUS) for _, gain in terms):
+                return True
+    return False
+
+
 def _draw_loop(axes, loop, boxes, routes, colours):
     """Draw wires, their branches and the boxes in the colours of their rates."""
-    wires = {signal: colours[box.every] for box in loop.parts for _, signal in box.outputs}
+    wires = {}
+    for part in loop.parts:
+        for _, signal in part.outputs:
+            wires[signal] = colours[part.every]
     for net, a, b, c, d in routes.lines:
         axes.plot([a, c], [b, d], color=wires[net], linewidth=1.0, solid_capstyle="projecting", zorder=1)
     for net, x, y in dots(routes.lines):
         axes.plot([x], [y], "o", color=wires[net], markersize=3.2, zorder=2)
-    for number, box in enumerate(loop.parts):
-        _draw(axes, box, boxes[number], routes, number, wires, colours[box.every])
+    for number, part in enumerate(loop.parts):
+        _draw(axes, part, boxes[number], routes, number, wires, colours[part.every])
 
 
 def placed(loop: Wiring) -> tuple[list[Box], Routes]:
@@ -105,20 +125,18 @@ def _texts(part: WiringPart) -> list[tuple[str, float, str]]:
 
 
 def _box(part: WiringPart) -> Box:
-    rows, inputs = 0, []
-    for _, terms in part.inputs:
-        inputs += [(rows + n, signal, 0.16 + _width(_gain(terms, gain), SMALL)) for n, (signal, gain) in enumerate(terms)]
-        rows += max(1, len(terms))
-    texts = _texts(part)
+    rows = sum(max(1, len(terms)) for _, terms in part.inputs)
     height = max(rows, len(part.outputs), 3 if part.kind == "block" else 1)
-    shift, below = (height - rows) // 2, (height - len(part.outputs)) // 2
-    wide = _sum_width(part) + sum(_port_widths(part)) + max(_width(*text) for text in texts) + 0.16
-    return Box(
-        wide,
-        height,
-        tuple((row + shift, net, label) for row, net, label in inputs),
-        tuple((row + below, net) for row, (_, net) in enumerate(part.outputs)),
-    )
+    inputs = []
+    first = (height - rows) // 2
+    for _, terms in part.inputs:
+        for row, (signal, gain) in enumerate(terms, first):
+            inputs.append((row, signal, 0.16 + _width(_gain(terms, gain), SMALL)))
+        first += max(1, len(terms))
+    above = (height - len(part.outputs)) // 2
+    outputs = [(row, signal) for row, (_, signal) in enumerate(part.outputs, above)]
+    width = _sum_width(part) + sum(_port_widths(part)) + max(_width(*text) for text in _texts(part)) + 0.16
+    return Box(width, height, tuple(inputs), tuple(outputs))
 
 
 def _sum_width(part: WiringPart) -> float:
@@ -128,16 +146,21 @@ def _sum_width(part: WiringPart) -> float:
 
 def _port_widths(part: WiringPart) -> tuple[float, float]:
     """Widths of the names of the input and output ports within a block."""
-    sides = (part.inputs, part.outputs)
-    widths = ([_width(name, SMALL) for name, _ in side if name not in PLAIN_PORTS] for side in sides)
-    return tuple(max((width + 0.08 for width in side), default=0.0) for side in widths)
+    return _names_width(part.inputs), _names_width(part.outputs)
+
+
+def _names_width(ports):
+    widths = [_width(name, SMALL) + 0.08 for name, _ in ports if name not in PLAIN_PORTS]
+    return max(widths, default=0.0)
 
 
 def _gain(terms: Terms, gain: str) -> str:
     """A gain as it stands at a wire: a sign alone for one, and nothing at a wire that is not summed."""
+    if gain == "1":
+        return "" if len(terms) == 1 else "+"
+    if gain == "-1":
+        return "\N{MINUS SIGN}"
     text = gain if len(gain) <= LONGEST else f"{gain[: LONGEST - 1]}…"
-    if gain in ("1", "-1"):
-        text = "" if gain == "1" and len(terms) == 1 else "+" if gain == "1" else "-"
     return text.replace("**", "^").replace("*", "·").replace("-", "\N{MINUS SIGN}")
 
 
@@ -154,23 +177,28 @@ def _width(text: str, size: float, weight: str = "normal") -> float:
 def _rectangle(x, y, width, height, colour, shade=0.18, radius=0.04):
     from matplotlib.patches import FancyBboxPatch
 
-    style, pale = f"round,pad=0,rounding_size={radius}", paler(colour, shade)
+    style = f"round,pad=0,rounding_size={radius}"
+    pale = paler(colour, shade)
     return FancyBboxPatch((x, y), width, height, boxstyle=style, facecolor=pale, edgecolor=colour, linewidth=1.0, zorder=3)
 
 
 def _draw(axes, part, box, routes, number, wires, colour):
     """Draw a part at its place, with the ends of its wires. wires: colour of each signal. colour: of the part."""
-    (x, y), sums = routes.places[number], _sum_width(part)
-    left, width = x + sums, box.width - sums
+    x, y = routes.places[number]
+    sums = _sum_width(part)
+    left = x + sums
+    width = box.width - sums
     rows = iter(box.inputs)
     levels = []
     for _, terms in part.inputs:
+        at = left if len(terms) == 1 else x
         ys = []
         for signal, gain in terms:
             row, _, _ = next(rows)
-            ys.append(_end(axes, routes.ends[number, row], left if len(terms) == 1 else x, wires[signal], _gain(terms, gain)))
+            ys.append(_end(axes, routes.ends[number, row], at, wires[signal], _gain(terms, gain)))
         levels.append(ys)
-    inset, shade = (0.03, 0.18) if part.kind == "block" else (0.0, 0.05)
+    inset = 0.03 if part.kind == "block" else 0.0
+    shade = 0.18 if part.kind == "block" else 0.05
     axes.add_patch(_rectangle(left, y + inset, width, ROW * box.rows - 2 * inset, colour, shade))
     ports_in, ports_out = _port_widths(part)
     middle = left + ports_in + (width - ports_in - ports_out) / 2
@@ -182,7 +210,8 @@ def _draw(axes, part, box, routes, number, wires, colour):
     for (name, terms), ys in zip(part.inputs, levels, strict=True):
         level = sum(ys) / len(ys) if ys else y + ROW * (next(free) + 0.5)
         if len(terms) > 1:  # a sum of several wires
-            low, high = min(ys) - 0.075, max(ys) + 0.075
+            low = min(ys) - 0.075
+            high = max(ys) + 0.075
             axes.add_patch(_rectangle(x, low, PILL, high - low, colour, 0.0, PILL / 2))
             axes.text(x + PILL / 2, (low + high) / 2, "Σ", fontsize=SMALL, ha="center", va="center", zorder=5)
             axes.annotate("", (left, level), (x + PILL, level), arrowprops=_arrow(colour), zorder=4)
@@ -191,9 +220,8 @@ def _draw(axes, part, box, routes, number, wires, colour):
     for (row, _), (name, _) in zip(box.outputs, part.outputs, strict=True):
         if name not in PLAIN_PORTS:
             level = y + ROW * (row + 0.5)
-            axes.text(
-                left + width - 0.05, level, as_it_stands(name), fontsize=SMALL, va="center", ha="right", color="0.25", zorder=5
-            )
+            right = left + width - 0.05
+            axes.text(right, level, as_it_stands(name), fontsize=SMALL, va="center", ha="right", color="0.25", zorder=5)
 
 
 def _end(axes, end, x, colour, text):

@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from itertools import count, pairwise
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,30 +60,39 @@ class _Track:
 
 def lay_out(boxes: Sequence[Box], width: float, beside: float = 0.0) -> Routes:
     """The places and routes of a picture of about that width (inch) at most; beside: what of it wires between bands take."""
-    bands, top, tracks = _bands(boxes, width - beside), {}, []
+    bands = _bands(boxes, width - beside)
+    top: dict[int, float] = {}
+    tracks = []
     for columns in bands:
         top |= _rows(boxes, columns)
-        tracks.append([])
+        tracks_of_band = []
         for number, (before, after) in enumerate(pairwise([[], *columns, []])):
-            here = _between(boxes, before, after)
-            if (order := _in_order(here, top)) is None:  # half a row lower, no two wires can be on one line
-                top |= {i: top[i] + 0.5 for column in columns[number:] for i in column}
-                order = _in_order(here, top)
-            tracks[-1].append(order)
+            nets = _between(boxes, before, after)
+            order = _in_order(nets, top)
+            if order is None:  # half a row lower, no two wires can be on one line
+                for column in columns[number:]:
+                    for i in column:
+                        top[i] += 0.5
+                order = _in_order(nets, top)
+            tracks_of_band.append(order)
+        tracks.append(tracks_of_band)
     routes = _routes(boxes, bands, top, tracks)
-    return routes if routes.width <= width or beside else lay_out(boxes, width, routes.width - width)
+    if routes.width <= width or beside:
+        return routes
+    return lay_out(boxes, width, routes.width - width)
 
 
 def _bands(boxes, width):
     """The columns, in groups that are not wider than the width."""
-    layer = _layers(boxes)
-    bands, used, outputs = [], np.inf, set()
-    for c in range(1 + max(layer, default=0)):
-        column = [i for i in range(len(boxes)) if layer[i] == c]
-        nets = outputs | {net for i in column for _, net, _ in boxes[i].inputs}
+    columns = _columns(boxes)
+    bands = []
+    used = np.inf
+    outputs = set()
+    for column in columns:
+        inputs = {net for i in column for _, net, _ in boxes[i].inputs}
+        nets_before = outputs | inputs
         outputs = {net for i in column for _, net in boxes[i].outputs}
-        labels = max((label for i in column for _, _, label in boxes[i].inputs), default=0.0)
-        need = max((boxes[i].width for i in column), default=0.0) + labels + 2 * SPACE + TRACK * len(nets)
+        need = _widest_label(boxes, column) + _widest(boxes, column) + 2 * SPACE + TRACK * len(nets_before)
         if used + need + TRACK * len(outputs) > width:
             bands.append([])
             used = 0.0
@@ -92,36 +101,64 @@ def _bands(boxes, width):
     return bands
 
 
+def _widest(boxes, column):
+    return max((boxes[i].width for i in column), default=0.0)
+
+
+def _widest_label(boxes, column):
+    return max((label for i in column for _, _, label in boxes[i].inputs), default=0.0)
+
+
+def _columns(boxes):
+    layers = _layers(boxes)
+    columns = [[] for _ in range(1 + max(layers, default=0))]
+    for i, layer in enumerate(layers):
+        columns[layer].append(i)
+    return columns
+
+
 def _forward(readers, order):
     """The pairs of a box and a reader of it that close no loop, by depth-first search; order: in which boxes are begun with."""
-    forward, state = [], [0] * len(readers)
+    forward = []
+    unseen, being_visited, done = range(3)
+    state = [unseen] * len(readers)
 
     def visit(i):
-        state[i] = 1
+        state[i] = being_visited
         for j in readers[i]:
-            if state[j] != 1:  # a wire back to a box that is being visited closes a loop
+            if state[j] != being_visited:  # a wire back to it closes a loop
                 forward.append((i, j))
-            if state[j] == 0:
+            if state[j] == unseen:
                 visit(j)
-        state[i] = 2
+        state[i] = done
 
     for i in order:
-        if state[i] == 0:
+        if state[i] == unseen:
             visit(i)
     return forward
 
 
 def _layers(boxes):
     """The column of each box: one behind the last box that it reads; what reads nothing stands before its first reader."""
-    maker = {net: i for i, box in enumerate(boxes) for _, net in box.outputs}
-    reads = [{maker[net] for _, net, _ in box.inputs} for box in boxes]
-    readers = [[j for j, read in enumerate(reads) if i in read] for i in range(len(boxes))]
+    maker = {}
+    for i, box in enumerate(boxes):
+        for _, net in box.outputs:
+            maker[net] = i
+    readers = [[] for _ in boxes]
+    for j, box in enumerate(boxes):
+        for i in {maker[net] for _, net, _ in box.inputs}:
+            readers[i].append(j)
+    sources_first = sorted(range(len(boxes)), key=lambda i: bool(boxes[i].inputs))
+    forward = _forward(readers, sources_first)
     layer = [0] * len(boxes)
-    for i, j in _forward(readers, sorted(range(len(boxes)), key=lambda i: bool(boxes[i].inputs))) * len(boxes):
-        layer[j] = max(layer[j], layer[i] + 1)
-    return [
-        layer[i] if box.inputs else min((layer[j] - 1 for j in readers[i]), default=layer[i]) for i, box in enumerate(boxes)
-    ]
+    for _ in boxes:  # a way through all of them is the longest
+        for i, j in forward:
+            layer[j] = max(layer[j], layer[i] + 1)
+    at_readers = list(layer)
+    for i, box in enumerate(boxes):
+        if not box.inputs and readers[i]:
+            at_readers[i] = min(layer[j] for j in readers[i]) - 1
+    return at_readers
 
 
 def _rows(boxes, columns):
@@ -130,23 +167,38 @@ def _rows(boxes, columns):
     In turns to the right and to the left each column follows the last one: a box wants the median of the rows at which one of
     its wires is straight, and boxes that would overlap share a mean.
     """
-    top, links = {}, []
+    top = {}
     for column in columns:
         top |= dict(zip(column, _stacked(boxes, column).tolist(), strict=True))
-    for left, right in pairwise(columns):
-        made = {net: (i, row) for i in left for row, net in boxes[i].outputs}
-        links.append([(*made[net], j, row) for j in right for row, net, _ in boxes[j].inputs if net in made])
+    wires = [_wires_between(boxes, left, right) for left, right in pairwise(columns)]
     for turn in range(SWEEPS):
         rightward = turn % 2 == 0
-        for step in range(len(links)) if rightward else reversed(range(len(links))):
-            _straighten(boxes, columns[step + rightward], links[step], top, rightward)
+        steps = range(len(wires)) if rightward else reversed(range(len(wires)))
+        for step in steps:
+            column = columns[step + 1] if rightward else columns[step]
+            _straighten(boxes, column, wires[step], top, rightward)
     least = min(top.values(), default=0)
     return {i: row - least for i, row in top.items()}
 
 
+def _wires_between(boxes, left, right):
+    """The wires from a column to the next: box and row of both ends."""
+    made = {}
+    for i in left:
+        for row, net in boxes[i].outputs:
+            made[net] = (i, row)
+    wires = []
+    for j in right:
+        for row, net, _ in boxes[j].inputs:
+            if net in made:
+                wires.append((*made[net], j, row))
+    return wires
+
+
 def _stacked(boxes, column):
     """The rows at which boxes begin that stand closely below each other."""
-    return np.cumsum([0, *(boxes[i].rows + 1 for i in column)])[: len(column)]
+    heights = [boxes[i].rows + 1 for i in column]
+    return np.cumsum([0, *heights])[: len(column)]
 
 
 def _straighten(boxes, column, wires, top, rightward):
@@ -155,30 +207,47 @@ def _straighten(boxes, column, wires, top, rightward):
 
     wanted = {}
     for i, a, j, b in wires:
-        near, row = (j, top[i] + a - b) if rightward else (i, top[j] + b - a)
-        wanted.setdefault(near, []).append(row)
+        if rightward:
+            wanted.setdefault(j, []).append(top[i] + a - b)
+        else:
+            wanted.setdefault(i, []).append(top[j] + b - a)
     goals = {i: float(np.median(wanted.get(i, top[i]))) for i in column}
     column.sort(key=lambda i: goals[i] + boxes[i].rows / 2)
     above = _stacked(boxes, column)
-    weights = [1.0 if i in wanted else 0.1 for i in column]
-    rows = isotonic_regression(np.array([goals[i] for i in column]) - above, weights=weights).x if column else above
-    top |= dict(zip(column, (np.floor(rows + 0.5) + above).astype(int).tolist(), strict=True))
+    rows = above
+    if column:
+        weights = [1.0 if i in wanted else 0.1 for i in column]
+        offsets = np.array([goals[i] for i in column]) - above
+        offsets = isotonic_regression(offsets, weights=weights).x
+        rows = (np.floor(offsets + 0.5) + above).astype(int)
+    top |= dict(zip(column, rows.tolist(), strict=True))
 
 
 def _between(boxes, before, after):
     """The nets between two columns of a band."""
-    left = {net: [(i, row)] for i in before for row, net in boxes[i].outputs}
-    wires = [(net, (j, row)) for j in after for row, net, _ in boxes[j].inputs]
-    elsewhere = {net for j, box in enumerate(boxes) if j not in after for _, net, _ in box.inputs}
-    tracks = {net: _Track(net, left.get(net, []), [], net not in left or net in elsewhere) for net in (*left, *dict(wires))}
-    for net, port in wires:
-        tracks[net].right.append(port)
+    tracks = {}
+    for i in before:
+        for row, net in boxes[i].outputs:
+            tracks[net] = _Track(net, [(i, row)], [], lane=False)
+    for j in after:
+        for row, net, _ in boxes[j].inputs:
+            if net not in tracks:
+                tracks[net] = _Track(net, [], [], lane=True)
+            tracks[net].right.append((j, row))
+    for j, box in enumerate(boxes):
+        if j not in after:
+            for _, net, _ in box.inputs:
+                if net in tracks:  # it is read elsewhere
+                    tracks[net].lane = True
     return list(tracks.values())
 
 
-def _levels(track, top):
-    """The rows at which a net comes from the left and goes on to the right."""
-    return [{top[i] + row for i, row in side} for side in (track.left, track.right)]
+def _rows_at_left(track, top):
+    return {top[i] + row for i, row in track.left}
+
+
+def _rows_at_right(track, top):
+    return {top[i] + row for i, row in track.right}
 
 
 def _in_order(tracks, top):
@@ -188,12 +257,18 @@ def _in_order(tracks, top):
     """
 
     def turn(track):
-        left, right = (min(side, default=0) for side in _levels(track, top))
-        return not track.left, right if not track.left else -left if track.lane or right > left else left
+        left = min(_rows_at_left(track, top), default=0)
+        right = min(_rows_at_right(track, top), default=0)
+        if not track.left:
+            return True, right
+        goes_down = track.lane or right > left
+        return False, -left if goes_down else left
 
     nets = {track.net: track for track in sorted(tracks, key=turn)}
-    lefts = {net: _levels(track, top)[0] for net, track in nets.items()}
-    earlier = {later: [net for net in nets if net != later and lefts[net] & _levels(nets[later], top)[1]] for later in nets}
+    earlier = {}
+    for later, track in nets.items():
+        right = _rows_at_right(track, top)
+        earlier[later] = [net for net, other in nets.items() if net != later and _rows_at_left(other, top) & right]
     try:
         return [nets[net] for net in TopologicalSorter(earlier).static_order()]
     except CycleError:
@@ -202,54 +277,92 @@ def _in_order(tracks, top):
 
 def _routes(boxes, bands, top, tracks):
     """The places of boxes, tracks and lanes in inches, and the lines."""
-    down = [{track.net for between in band for track in between if track.lane} for band in tracks]
-    joined = {net: [b for b, nets in enumerate(down) if net in nets] for net in sorted(set().union(*down))}
-    lane_places = {net: TRACK * (n + 0.5) for net, n in _packed({net: of for net, of in joined.items() if len(of) > 1}).items()}
+    lane_places = _places_of_joints(tracks)
     left = max(lane_places.values(), default=-TRACK / 2) + 1.5 * TRACK
-    places, lines, ends, lanes, width, y = {}, [], {}, {}, left, 0.0
+    places = {}
+    lines = []
+    ends = {}
+    joints = {}
+    width = left
+    y = 0.0
 
-    def point(i, row, side):
-        return places[i][0] + side * boxes[i].width, round(places[i][1] + ROW * (row + 0.5), 9)
+    def port_place(port, at_right):
+        i, row = port
+        x = places[i][0] + at_right * boxes[i].width
+        return x, round(places[i][1] + ROW * (row + 0.5), 9)
 
     for columns, band in zip(bands, tracks, strict=True):
-        x, band_tracks = left, [track for between in band for track in between]
+        x = left
         for column, between in zip([*columns, []], band, strict=True):
             x += SPACE
             for track in between:
                 track.x = x
-                x += TRACK * (track.lane or len(set().union(*_levels(track, top))) > 1)  # or it is straight
-            x += SPACE + max((label for i in column for _, _, label in boxes[i].inputs), default=0.0)
-            wide = max((boxes[i].width for i in column), default=0.0)
-            places |= {i: (x + (wide - boxes[i].width) / 2, y + ROW * top[i]) for i in column}
+                rows = _rows_at_left(track, top) | _rows_at_right(track, top)
+                is_straight = len(rows) <= 1 and not track.lane
+                if not is_straight:
+                    x += TRACK
+            x += SPACE + _widest_label(boxes, column)
+            wide = _widest(boxes, column)
+            for i in column:
+                places[i] = (x + (wide - boxes[i].width) / 2, y + ROW * top[i])
             x += wide
         y += ROW * max((top[i] + boxes[i].rows for column in columns for i in column), default=0)
+        band_tracks = [track for between in band for track in between]
         spans = {}
-        for track in (track for track in band_tracks if track.lane):
-            spans.setdefault(track.net, [lane_places.get(track.net, track.x)]).append(track.x)
-        level = {net: y + TRACK * (1 + n) for net, n in _packed(spans).items()}
-        lines += [(net, min(xs), level[net], max(xs), level[net]) for net, xs in spans.items()]
         for track in band_tracks:
-            leaves, enters = ([point(*port, side) for port in ports] for side, ports in ((1, track.left), (0, track.right)))
-            lines += [(track.net, *start, track.x, start[1]) for start in leaves]
-            lines += [(track.net, track.x, end[1], *end) for end in enters]
+            if track.lane:
+                spans.setdefault(track.net, [lane_places.get(track.net, track.x)]).append(track.x)
+        level = {net: y + TRACK * (1 + lane) for net, lane in _packed(spans).items()}
+        for net, xs in spans.items():
+            lines.append((net, min(xs), level[net], max(xs), level[net]))
+        for track in band_tracks:
+            leaves = [port_place(port, at_right=1) for port in track.left]
+            enters = [port_place(port, at_right=0) for port in track.right]
+            for start in leaves:
+                lines.append((track.net, *start, track.x, start[1]))
+            for end in enters:
+                lines.append((track.net, track.x, end[1], *end))
             ends |= dict(zip(track.right, enters, strict=True))
-            ys = [leaf[1] for leaf in leaves + enters] + ([level[track.net]] if track.lane else [])
+            ys = [end[1] for end in leaves + enters]
+            if track.lane:
+                ys.append(level[track.net])
             lines.append((track.net, track.x, min(ys), track.x, max(ys)))
-        for net in (net for net in level if net in lane_places):
-            lanes.setdefault(net, []).append(level[net])
-        width, y = max(width, x), max([y, *level.values()]) + 2 * ROW * (columns is not bands[-1])
-    lines += [(net, lane_places[net], min(levels), lane_places[net], max(levels)) for net, levels in lanes.items()]
-    return Routes(places, [line for line in lines if line[1:3] != line[3:]], ends, width + 2 * APART, y)
+        for net, lane_y in level.items():
+            if net in lane_places:
+                joints.setdefault(net, []).append(lane_y)
+        width = max(width, x)
+        y = max([y, *level.values()])
+        if columns is not bands[-1]:
+            y += 2 * ROW
+    for net, levels in joints.items():
+        lines.append((net, lane_places[net], min(levels), lane_places[net], max(levels)))
+    lines = [line for line in lines if line[1:3] != line[3:]]
+    return Routes(places, lines, ends, width + 2 * APART, y)
+
+
+def _places_of_joints(tracks):
+    """At the left of all boxes, the x of each net that joins lanes of several bands."""
+    bands_of = defaultdict(list)
+    for number, band in enumerate(tracks):
+        for net in {track.net for between in band for track in between if track.lane}:
+            bands_of[net].append(number)
+    joined = {net: bands_of[net] for net in sorted(bands_of) if len(bands_of[net]) > 1}
+    return {net: TRACK * (lane + 0.5) for net, lane in _packed(joined).items()}
 
 
 def _packed(spans: Mapping[str, Iterable[float]]) -> dict[str, int]:
     """A lane for each net, such that nets in one lane do not meet; short ones are near the boxes."""
-    occupied, numbers = defaultdict(list), {}
+    occupied = defaultdict(list)
+    lanes = {}
     for net in sorted(spans, key=lambda net: max(spans[net]) - min(spans[net])):
-        low, high = min(spans[net]), max(spans[net])
-        numbers[net] = next(n for n in count() if all(high + TRACK < a or b + TRACK < low for a, b in occupied[n]))
-        occupied[numbers[net]].append((low, high))
-    return numbers
+        low = min(spans[net])
+        high = max(spans[net])
+        lane = 0
+        while any(a <= high + TRACK and low <= b + TRACK for a, b in occupied[lane]):
+            lane += 1
+        lanes[net] = lane
+        occupied[lane].append((low, high))
+    return lanes
 
 
 def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
@@ -257,9 +370,15 @@ def dots(lines: Sequence[Line]) -> set[tuple[str, float, float]]:
     joints = set()
     for net in dict.fromkeys(line[0] for line in lines):
         own_lines = [[round(coordinate, 6) for coordinate in line[1:]] for line in lines if line[0] == net]
-        for x, y in {end for a, b, c, d in own_lines for end in ((a, b), (c, d))}:
-            ends = sum((x, y) in ((a, b), (c, d)) for a, b, c, d in own_lines)
-            inside = [min(a, c) <= x <= max(a, c) and min(b, d) <= y <= max(b, d) for a, b, c, d in own_lines]
-            if 2 * sum(inside) - ends > 2:  # two ends of a line that it is inside, one of a line that ends there
+        starts = [(a, b) for a, b, _, _ in own_lines]
+        stops = [(c, d) for _, _, c, d in own_lines]
+        for x, y in {*starts, *stops}:
+            ending = sum((x, y) in pair for pair in zip(starts, stops, strict=True))
+            through = 0
+            for a, b, c, d in own_lines:
+                within_x = min(a, c) <= x <= max(a, c)
+                within_y = min(b, d) <= y <= max(b, d)
+                through += within_x and within_y
+            if 2 * through - ending > 2:  # two ends of a line that it is inside, one of a line that ends there
                 joints.add((net, x, y))
     return joints

@@ -43,32 +43,54 @@ class Wiring:
 
 def wiring_of_drawing(drawing: Drawing, values: Mapping[str, object]) -> Wiring:
     """Return the wiring of a loop that is drawn; the gains are expressions in its numbers. values: flat numbers."""
-    numbers, boxes, ticks, wires = scalars(values), [], [], _wires(drawing)
+    numbers = scalars(values)
+    wires = _wires(drawing)
+    force = ""
+    sources = []
+    blocks = []
+    sinks = []
+    ticks = []
     for block in drawing.blocks:
-        every, phase = (int(evaluate(tree, numbers)) for tree in (block.every, block.phase))
+        every = int(evaluate(block.every, numbers))
+        phase = int(evaluate(block.phase, numbers))
+        runs_in_every = len(block.phases) if block.phases else 1
         inputs, outputs = block.ports
-        ticks.append(every)
-        boxes.append(
+        blocks.append(
             WiringPart(
-                block.name,
-                "block",
-                tuple((port, wires[f"{block.name}.{port}"]) for port in inputs),
-                tuple((port, f"{block.name}.{port}") for port in outputs),
-                block.type.replace("_", " "),
-                every / len(block.phases or (phase,)),
-                phase,
-                block.plant,
+                name=block.name,
+                kind="block",
+                inputs=tuple((port, wires[f"{block.name}.{port}"]) for port in inputs),
+                outputs=tuple((port, f"{block.name}.{port}") for port in outputs),
+                type=block.type.replace("_", " "),
+                every=every / runs_in_every,
+                phase=phase,
+                plant=block.plant,
             )
         )
+        ticks.append(every)
     if drawing.hand:
-        force, *displayed = drawing.hand
-        boxes.insert(0, WiringPart(force, "port", (), (("", force),)))
-        named = zip(("displacement", "reaction"), displayed, strict=True)
-        boxes += [WiringPart(name, "port", (("", _texts(terms)),), ()) for name, terms in named if terms is not None]
-    force = (drawing.hand or ("",))[0]
-    boxes[:0] = [WiringPart(name, "port", (), (("", signal),)) for name, signal, _ in drawing.inputs if signal != force]
-    boxes += [WiringPart(name, "port", (("", _texts(terms)),), ()) for name, terms, _ in drawing.outputs]
-    return _read(boxes, 1 / drawing.rate(values), lcm(*ticks))
+        force, displacement, reaction = drawing.hand
+        sinks.append(_sink("displacement", displacement))
+        if reaction is not None:
+            sinks.append(_sink("reaction", reaction))
+    for name, signal, _ in drawing.inputs:
+        if signal != force:
+            sources.append(_source(name, signal))
+    if drawing.hand:
+        sources.append(_source(force, force))
+    for name, terms, _ in drawing.outputs:
+        sinks.append(_sink(name, terms))
+    return _read([*sources, *blocks, *sinks], 1 / drawing.rate(values), lcm(*ticks))
+
+
+def _source(name, signal) -> WiringPart:
+    """A port from which a signal comes into the loop."""
+    return WiringPart(name, "port", inputs=(), outputs=(("", signal),))
+
+
+def _sink(name, terms) -> WiringPart:
+    """A port that shows a sum of signals."""
+    return WiringPart(name, "port", inputs=(("", _texts(terms)),), outputs=())
 
 
 def _wires(drawing: Drawing) -> dict[str, tuple[tuple[str, str], ...]]:
@@ -79,13 +101,21 @@ def _wires(drawing: Drawing) -> dict[str, tuple[tuple[str, str], ...]]:
     """
     plants = {block.name for block in drawing.blocks if block.plant}
     members = {block.name for plant in drawing.plants if plant.couplings for block in plant.members}
-    wires = {port: _texts(terms) for port, terms in drawing.wires}
-    for port in (port for port in wires if port.rpartition(".")[0] in members):
-        wires[port] = tuple((name, HELD * (name.rpartition(".")[0] in plants) + gain) for name, gain in wires[port])
-    for port, terms in drawing.couplings:
+    wires = {}
+    for port, terms in drawing.wires:
         texts = _texts(terms)
-        wires[port] += tuple((name, CONTINUOUS * (gain not in ("1", "-1")) + gain) for name, gain in texts)
+        if _block_of(port) in members:
+            texts = tuple((name, f"{HELD}{gain}" if _block_of(name) in plants else gain) for name, gain in texts)
+        wires[port] = texts
+    for port, terms in drawing.couplings:
+        for name, gain in _texts(terms):
+            shown = gain if gain in ("1", "-1") else f"{CONTINUOUS}{gain}"
+            wires[port] += ((name, shown),)
     return wires
+
+
+def _block_of(signal: str) -> str:
+    return signal.rpartition(".")[0]
 
 
 def _texts(terms) -> Terms:
@@ -104,7 +134,12 @@ def _shown(gain):
 
 def _read(parts, tick_s, ticks):
     """The wiring with the outputs alone that some part reads."""
-    parts = tuple(parts)
-    read = {signal for box in parts for _, terms in box.inputs for signal, _ in terms}
-    read_boxes = tuple(replace(box, outputs=tuple(output for output in box.outputs if output[1] in read)) for box in parts)
-    return Wiring(read_boxes, tick_s, ticks)
+    read = set()
+    for part in parts:
+        for _, terms in part.inputs:
+            read |= {signal for signal, _ in terms}
+    shown = []
+    for part in parts:
+        outputs = tuple((port, signal) for port, signal in part.outputs if signal in read)
+        shown.append(replace(part, outputs=outputs))
+    return Wiring(tuple(shown), tick_s, ticks)
