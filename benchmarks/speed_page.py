@@ -17,8 +17,11 @@ HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs" / "speed.md"
 BLOCK = re.compile(r"^<!-- measured: (\w+) -->\n(.*?)^<!-- end -->$", re.MULTILINE | re.DOTALL)
 COMMANDS = {
+    "questions": "python benchmarks/what_takes_how_long.py",
+    "rivals": "python benchmarks/rival_times.py",
     "grid": "python benchmarks/grid_ratio.py",
     "panels": "python benchmarks/panel_speed.py --least --rounds 3",
+    "growth": "python benchmarks/cliffs.py --least",
 }
 
 

@@ -1,13 +1,11 @@
-"""What takes how long: questions about loops and the processor time of each, as the table of docs/speed.md.
+"""What takes how long: questions about loops and the processor time of each, as a table for docs/speed.md.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/what_takes_how_long.py
 
 A question is asked once, of a loop that no call has seen, after calls of another loop have loaded what is needed. Times are
-those of this process, which has no workers. With --write the table of the page is replaced.
+those of this process, which has no workers.
 """
 
-import re
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +13,6 @@ from pathlib import Path
 import wavesweep
 from wavesweep.program.platform_compat import keep_memory
 
-PAGE = Path(__file__).parents[1] / "docs" / "speed.md"
 TEMPLATES = Path(__file__).parents[1] / "sweeps" / "templates"
 WALLS = {"sweep": {"K_VE": {"start": 0, "stop": 5000}, "B_VE": {"start": 0, "stop": 10, "num": 41}}}
 ENGINE = {"device": {"velocity": "difference"}, "environment": {"integration": "explicit", "delay": "frame"}}
@@ -83,20 +80,14 @@ QUESTIONS: tuple[tuple[str, str, Callable], ...] = (
 
 
 def main() -> None:
-    """Measure, print, and write the page if that is asked for."""
+    """Measure and print."""
     keep_memory()  # as commands do
     load_all()
-    rows = ["| question | loop | processor time |", "| --- | --- | --- |"]
-    print("\n".join(rows))
+    print("| question | loop | processor time |\n| --- | --- | --- |")
     for question, loop, ask in QUESTIONS:
         started = time.process_time()
         ask()
-        rows.append(f"| {question} | {loop} | {in_words(time.process_time() - started)} |")
-        print(rows[-1], flush=True)
-    if "--write" in sys.argv[1:]:
-        text = PAGE.read_text(encoding="utf-8")
-        table = "\n".join(rows)
-        PAGE.write_text(re.sub(r"\| question \| loop [\s\S]*?\n\n", lambda _: f"{table}\n\n", text, count=1), encoding="utf-8")
+        print(f"| {question} | {loop} | {in_words(time.process_time() - started)} |", flush=True)
 
 
 def load_all() -> None:

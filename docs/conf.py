@@ -23,8 +23,8 @@ copybutton_line_continuation_character = "\\"
 SECTIONS = {
     "Start": "haptics drives first-drawing gallery",
     "Concepts": "concepts controllers",
-    "Guides": "check sweeps identify for-all contact frames margins drawn-loops axes design results",
-    "Reference": "commands keys blocks tables other-programs json library engine",
+    "Guides": "check sweeps identify for-all frames margins drawn-loops design results",
+    "Reference": "commands keys blocks tables library engine",
     "Background": "proof accuracy speed",
 }
 

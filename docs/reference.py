@@ -235,7 +235,7 @@ def summaries() -> str:
     """What commands print with --json for a small spec."""
     parts = [f"`mine.toml`:\n\n```toml\n{SAMPLE}```"]
     for name, line, printed in sampled():
-        parts += [f"## `{name} --json`", f"    wavesweep {line} --json", f"```json\n{_laid_out(_short(printed))}\n```"]
+        parts += [f"#### `{name} --json`", f"    wavesweep {line} --json", f"```json\n{_laid_out(_short(printed))}\n```"]
     return "\n\n".join(parts)
 
 

@@ -13,7 +13,7 @@ from wavesweep.program import results
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 
-PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "other-programs.md").read_text(encoding="utf-8")
+PAGE = (pathlib.Path(__file__).parents[2] / "docs" / "tables.md").read_text(encoding="utf-8")
 # Two slices with an interval, whose ends have different numbers of digits, one without: that is what the traps are about.
 SPEC = {
     "controller": {"kind": "dc-slow"},
@@ -25,7 +25,7 @@ EXPECTED = [124.0499027569, 80.78186538087, 1]
 
 def blocks(title, language):
     """The examples under a heading."""
-    section = PAGE.split(f"\n## {title}\n", 1)[1].split("\n## ", 1)[0]
+    section = PAGE.split(f"\n### {title}\n", 1)[1].split("\n### ", 1)[0]
     return re.findall(rf"```{language}\n(.*?)```", section, re.DOTALL)
 
 

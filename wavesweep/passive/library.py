@@ -39,7 +39,7 @@ class LoopPassive(api.Loop):
 
         Notes
         -----
-        Accuracy: see ACCURACY.md.
+        Accuracy: see docs/accuracy.md.
         """
         spec = naming(self.spec, axes)
         return self._frame("passivity", table.in_memory(spec, axes_asked(spec, axes)))

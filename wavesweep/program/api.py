@@ -196,7 +196,7 @@ class Loop:
 
         Notes
         -----
-        Accuracy: ends usually to 1e-12 relative along K_VE and B_VE, 1e-9 along other axes, see ACCURACY.md.
+        Accuracy: ends usually to 1e-12 relative along K_VE and B_VE, 1e-9 along other axes, see docs/accuracy.md.
 
         Examples
         --------

@@ -16,7 +16,7 @@ import wavesweep
 
 pytestmark = pytest.mark.slow
 QUESTIONS, EXPECTED = questions(), expected()
-SAME = 1e-9  # of an end, and 1e-12 of the range: what ACCURACY.md promises along any number
+SAME = 1e-9  # of an end, and 1e-12 of the range: what docs/accuracy.md promises along any number
 MORE = 2  # times as much work as was needed once
 
 

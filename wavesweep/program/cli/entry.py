@@ -136,7 +136,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     "--json",
     is_flag=True,
     expose_value=False,
-    help="Print the summary as one JSON object on stdout, and no text. docs/json.md explains its keys.",
+    help="Print the summary as one JSON object on stdout, and no text. docs/commands.md explains its keys.",
 )
 @click.option("--debug", is_flag=True, expose_value=False, help="Show a traceback if the command fails.")
 @click.pass_context
