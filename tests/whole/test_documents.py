@@ -208,5 +208,6 @@ def test_documents_name_files_that_there_are(name):
 def test_the_page_on_what_takes_how_long_has_the_questions_that_are_measured():
     from what_takes_how_long import QUESTIONS
 
-    shown = re.findall(r"^\| (.+?) \| (.+?) \| [\d.]+ (?:ms|s|min) \|$", PAGES["speed.md"].partition("## Beside")[0], re.MULTILINE)
+    questions = PAGES["speed.md"].partition("## Beside")[0]
+    shown = re.findall(r"^\| (.+?) \| (.+?) \| [\d.]+ (?:ms|s|min) \|$", questions, re.MULTILINE)
     assert shown == [(question, loop) for question, loop, _ in QUESTIONS]
