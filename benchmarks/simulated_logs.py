@@ -51,20 +51,20 @@ def force_of(kind: str, ticks: int, period: float, source: np.random.Generator) 
     return source.standard_normal(ticks)
 
 
-def marched(mass, damping, coulomb, stribeck, slow, pushes):
-    """Positions at the ticks, `(ticks, logs)`, from rest. pushes: forces of each part of a tick, `(ticks, PARTS, logs)`.
+def marched(mass, damping, coulomb, stribeck, slow, pushes, lengths):
+    """Positions at the ticks, `(ticks, logs)`, from rest.
 
-    The others are of each log: kg, N*s/m, N, N beyond Coulomb's at rest, and the speed of a Stribeck curve (m/s). The parts
-    are of the length `1/PARTS`, in units of time in which a tick is 1.
+    pushes: forces of each part of a tick, `(ticks, parts, logs)`, and lengths: of the parts, `(parts, logs)`, in units of time
+    in which a tick is 1. The others are of each log: kg, N*s/m, N, N beyond Coulomb's at rest, and the speed of a Stribeck
+    curve (m/s).
     """
-    length = 1.0 / PARTS
     rate = damping / mass
     x = np.zeros_like(mass)
     v = np.zeros_like(mass)
     places = np.empty((len(pushes), len(mass)))
     for tick, parts in enumerate(pushes):
         places[tick] = x
-        for push in parts:
+        for push, length in zip(parts, lengths, strict=True):
             friction = coulomb + stribeck * np.exp(-((v / slow) ** 2))
             way = np.where(v == 0, np.sign(push) * (np.abs(push) > friction), np.sign(v))
             end = (push - way * friction) / damping  # the speed that it would reach
@@ -104,15 +104,21 @@ def of_one_mass(kind: str, logs: int, seed: int, seconds: float, rate_hz: float 
         times = period * np.arange(ticks)[:, None]
         beside += 0.5 * hand * sizes * np.sin(2 * np.pi * (0.6 * times + source.uniform(size=logs)))
         beside += 0.1 * hand * sizes * np.sin(2 * np.pi * (source.uniform(8, 12, logs) * times + source.uniform(size=logs)))
-    places = np.zeros((ticks, logs))
     coulomb = rub * sizes
     stribeck = 0.6 * coulomb * (special == "stribeck")
-    at = (np.arange(ticks * PARTS)[:, None] - np.round(delay * PARTS).astype(int)) // PARTS
-    late = np.where(at < 0, 0.0, np.take_along_axis(force, np.maximum(at, 0), axis=0))
-    pushes = late.reshape(ticks, PARTS, logs) + beside[:, None]
+    # Friction that falls with speed is held over a sixteenth of a tick; else a tick has two parts, before and after the force
+    # of the log changes.
+    lengths = np.stack([delay % 1.0, 1.0 - delay % 1.0])
+    if special == "stribeck":
+        lengths = np.full((PARTS, logs), 1.0 / PARTS)
+    begun = np.cumsum(lengths, axis=0) - lengths
+    at = np.floor(np.arange(ticks)[:, None, None] + begun - delay).astype(int)
+    late = np.where(at < 0, 0.0, np.take_along_axis(force[:, None], np.maximum(at, 0), axis=0))
+    pushes = late + beside[:, None]
     slow = 0.02 * sizes / mass / 5
     # A tick is the unit of time: v is per tick, and a force moves T^2 as far.
-    places = marched(mass, damping * period, coulomb * period**2, stribeck * period**2, slow * period, pushes * period**2)
+    unit = period**2
+    places = marched(mass, damping * period, coulomb * unit, stribeck * unit, slow * period, pushes * unit, lengths)
     steps = np.minimum(10 ** source.uniform(-8, -4, logs), np.ptp(places, axis=0) / 50)
     noise = source.choice([0.0, 1.0], logs) * steps
     places = places + noise * source.standard_normal(places.shape)

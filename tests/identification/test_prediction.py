@@ -21,7 +21,8 @@ def test_innovations_are_those_of_a_kalman_filter_that_runs_row_by_row(load, mea
     """Whose gain is that of scipy's Riccati solver, and whose state at the first row that counts is fitted."""
     source = np.random.default_rng(0)
     reading, force = source.standard_normal((2, 200))
-    tick = tick_of(Model(load=load, measured=measured), SHAPE, 1e-3, 0.3)
+    tick = tick_of(Model(load=load, measured=measured), SHAPE, 1e-3)
+    begun = tick.begun(0.3)
     noise = WHITE * np.outer(tick.held, tick.held)
     noise[-1, -1] += DRIFT
     covariance = solve_discrete_are(tick.A.T, tick.C[:, None], noise, np.eye(1))
@@ -30,13 +31,13 @@ def test_innovations_are_those_of_a_kalman_filter_that_runs_row_by_row(load, mea
     errors = []
     for row in range(200):
         errors.append(reading[row] - tick.C @ state)
-        state = tick.A @ state + gain * errors[-1] + tick.rest * force[row]
+        state = tick.A @ state + gain * errors[-1] + begun * force[row]
     M = tick.A - np.outer(gain, tick.C)
     free = np.stack([tick.C @ np.linalg.matrix_power(M, row) for row in range(197)])
     left = np.array(errors[3:])
     expected = left - free @ np.linalg.lstsq(free, left, rcond=1e-12)[0]
     predictor = Predictor(tick, WHITE, DRIFT, 197)
-    found = predictor.innovations(reading, 3) - predictor.effect([(tick.rest, force)], 3)
+    found = predictor.innovations(reading, 3) - predictor.effect([(begun, force)], 3)
     assert found == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
 
 

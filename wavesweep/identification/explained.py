@@ -79,9 +79,9 @@ def lacking(fit: Fit, found: Prediction) -> Verdict:
     model = replace(model, without=())
     missing, most = ("force", float("nan"), 0.0), LIKELIER
     effects = list(_larger(model))
-    alone = innovations_of(model, *log) if effects else None
+    alone = innovations_of(model, found.searched, *log) if effects else None
     for name, larger in effects:
-        left = innovations_of(larger, *log)
+        left = innovations_of(larger, found.searched, *log)
         if not np.isfinite(left.rms):
             continue
         likelier = len(force) * np.log(alone.rms / left.rms)

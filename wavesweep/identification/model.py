@@ -152,8 +152,13 @@ def tick_of_two(found, period, part):
 
 def late(force: np.ndarray, ticks: int) -> np.ndarray:
     """The force, delayed by some ticks; before the log it has its first value."""
-    at = np.clip(np.arange(len(force)) - ticks, 0, len(force) - 1)
-    return force[at] if ticks else force
+    rows = len(force)
+    ticks = min(max(ticks, -rows), rows)
+    if ticks > 0:
+        return np.concatenate([np.full(ticks, force[0]), force[:-ticks]])
+    if ticks < 0:
+        return np.concatenate([force[-ticks:], np.full(-ticks, force[-1])])
+    return force
 
 
 def reach(found, length):

@@ -13,11 +13,11 @@ An interval is the widest of those of white innovations and of sums of scores ov
 other variances and the last round of the smoother change.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -47,6 +47,8 @@ WILD = 5.0  # standard deviations at which an innovation is clipped in the score
 OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))  # decades by which the variances are changed
 CHANGED, CHANGED_OF_TWO = 20_000, 6_000  # rows at most, with which they are changed; of two masses
 NORMAL = 1.96
+KEPT = 8  # values that a log remembers
+FILTERING = ("rate", "square", "share", "load_rate", "coupling_rate", "white", "drift")  # numbers on which the filter depends
 RESONANCES, RINGING = 150, 0.03  # frequencies of a resonance that are tried, and its damping ratio
 COUPLED_DELAYS = (0.0, 2.0, 5.0)  # ticks, tried with them
 FILTERS = ((1e-2, 1e-6), (1e-5, 1e-9))  # variances, white and of the walk, of the filters through which they are looked for
@@ -71,6 +73,7 @@ class ScaledLog:
     """A log in units of its own: ticks, `unit` for what is read (m, m/s or m/s^2), `pushed` for forces (N).
 
     speeds: velocity per tick at each row, for friction, which turns round at `slowest` or more. moving: 0 while it rests.
+    The last values that `remembered` made are kept: a search asks for most of them again with one other number.
     """
 
     model: Model
@@ -82,6 +85,15 @@ class ScaledLog:
     moving: np.ndarray | float = 1.0
     speeds: np.ndarray | None = None
     slowest: float = 0.0
+    _kept: dict[Hashable, Any] = field(init=False, default_factory=dict, repr=False)
+
+    def remembered(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """What `make` gives for a key."""
+        if key not in self._kept:
+            if len(self._kept) == KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[key] = make()
+        return self._kept[key]
 
     def part(self, first: int, end: int) -> "ScaledLog":
         """Some of its rows."""
@@ -92,6 +104,9 @@ class ScaledLog:
 
     def side(self, turning: float) -> np.ndarray:
         """The mean of tanh(v/turning) over each tick, in which the velocity is a straight line."""
+        return self.remembered(("side", turning), lambda: self._side(turning))
+
+    def _side(self, turning):
         now = self.speeds / turning
         then = np.append(now[1:], now[-1])
         change = then - now
@@ -106,6 +121,7 @@ class Prediction:
 
     left: innovations, in the unit of the reading, from row `skip` on; used: false for those of outliers. noise: of the reading
     alone. walked: the rms of the force that is not in the log (N), from a smoother. correlation: of neighbouring innovations.
+    searched: the numbers of the search by their names.
     """
 
     model: Model
@@ -117,6 +133,7 @@ class Prediction:
     noise: float
     walked: float
     correlation: float
+    searched: Mapping[str, float]
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -153,29 +170,40 @@ def scaled(model: Model, force: np.ndarray, reading: np.ndarray, period: float, 
 
 
 def _errors(log: ScaledLog, found: Mapping[str, float], skip: int):
-    """The predictor of some numbers, the innovations of the readings alone, and what unit gains add to them."""
-    whole_ticks = int(np.floor(found["delay"]))
-    tick = tick_of(log.model, found, log.period, found["delay"] - whole_ticks)
-    predictor = Predictor(tick, found["white"], found["drift"], len(log.reading) - skip)
-    columns = [predictor.effect(parts, skip) for parts in _pushes(log, found, tick, whole_ticks)]
-    return predictor, predictor.innovations(log.reading, skip), np.stack(columns, axis=1)
+    """The predictor of some numbers, the innovations of the readings alone, and what unit gains add to them.
+
+    The last are `(gains, rows)`.
+    """
+
+    def filtered():
+        tick = tick_of(log.model, found, log.period)
+        predictor = Predictor(tick, found["white"], found["drift"], len(log.reading) - skip)
+        return predictor, predictor.innovations(log.reading, skip)
+
+    filter_numbers = tuple(found[name] for name in FILTERING if name in found)
+    predictor, errors = log.remembered((skip, *filter_numbers), filtered)
+    effects = [predictor.effect(parts, skip) for parts in _pushes(log, found, predictor.tick)]
+    return predictor, errors, np.stack(effects)
 
 
-def _pushes(log, found, tick, whole_ticks):
+def _pushes(log, found, tick):
     """The effects of unit gains: of the force over the mass and, with friction, of that of friction."""
-    now, before = (late(log.force, ticks) * log.moving for ticks in (whole_ticks, whole_ticks + 1))
-    pushes = [[(tick.rest, now), (tick.held - tick.rest, before)]]
+    whole_ticks = int(np.floor(found["delay"]))
+    now = late(log.force, whole_ticks) * log.moving
+    before = late(log.force, whole_ticks + 1) * log.moving
+    begun = tick.begun(found["delay"] - whole_ticks)
+    pushes = [[(begun, now), (tick.held - begun, before)]]
     if log.model.friction:
         pushes.append([(tick.held, -log.side(found["turning"]))])
     return pushes
 
 
-def _projected(errors, columns):
-    """The gains that leave least of the errors, and what they leave."""
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    unit = columns / size
-    gains = np.linalg.pinv(unit.T @ unit, rcond=1e-12) @ (unit.T @ errors)
-    return gains / size, errors - unit @ gains
+def _projected(errors, effects):
+    """The gains that leave least of the errors, and what they leave. effects: of unit gains, `(gains, rows)`."""
+    products = effects @ effects.T
+    size = np.maximum(np.sqrt(np.diag(products)), 1e-150)
+    gains = np.linalg.pinv(products / np.outer(size, size), rcond=1e-12) @ (effects @ errors / size) / size
+    return gains, errors - gains @ effects
 
 
 class _Search:
@@ -246,8 +274,8 @@ def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: floa
         point = _least(whole, search, point, skip, 5)
     log, moved, before = whole, 0.0, None
     for _ in range(PASSES * model.friction):
-        predictor, errors, columns = _errors(log, search.found(point), skip)
-        gains, _ = _projected(errors, columns)
+        predictor, errors, effects = _errors(log, search.found(point), skip)
+        gains, _ = _projected(errors, effects)
         if not gains[0] > 0:
             break
         now = _theta(log, search.found(point), gains)
@@ -285,70 +313,84 @@ class Innovations(NamedTuple):
     tone_hz: float
 
 
-def innovations_of(model: Model, force: np.ndarray, reading: np.ndarray, period: float, resolution: float) -> Innovations:
-    """The innovations of a model that is fitted to a log; infinite if it does not fit."""
+def innovations_of(
+    model: Model, near: Mapping[str, float], force: np.ndarray, reading: np.ndarray, period: float, resolution: float
+) -> Innovations:
+    """The innovations of a model that is fitted to a log; infinite if it does not fit.
+
+    near: `Prediction.searched` of the same model, or of one that lacks an effect.
+    """
     log = scaled(model, force, reading, period, resolution)
     try:
-        search, point, skip = _near(log, log)
+        search, point, skip = _near(log, log, near)
     except UsageError:
         return Innovations(np.inf, np.inf, float("nan"))
     found = search.found(point)
-    _, errors, columns = _errors(log, found, skip)
-    left = _projected(errors, columns)[1]
+    _, errors, effects = _errors(log, found, skip)
+    left = _projected(errors, effects)[1]
     tone_hz = float("nan")
     if model.load:
         tone_hz = float(np.sqrt(found["square"] * (1 + 1 / found["share"]))) / (2 * np.pi)
     return Innovations(float(left.std()) * log.unit, _walked(log, search, point, skip), tone_hz)
 
 
-def _near(log, whole):
-    """The search, its best point for `log`, a part of the whole log, and the rows that are left out."""
+def _near(log, whole, near=None):
+    """The search, its best point for `log`, a part of the whole log, and the rows that are left out.
+
+    near: numbers of a smaller model to begin with.
+    """
     if not log.model.load:
-        begun = _begun(log)
+        begun = _begun(log, near)
         skip = int(max(begun["delay"], 0.0)) + SPARE
         search = _Search(whole, begun)
         return search, _least(log, search, search.begun, skip, 20), skip
     alone = replace(log, model=replace(log.model, load=False))
-    begun = _begun(alone)
+    begun = _begun(alone, near)
     search = _Search(alone, begun)
     skip = int(max(begun["delay"], 0.0)) + SPARE
     point = _least(alone, search, search.begun, skip, 20)
     without = _square(alone, search, point, skip)
     skip = int(MOST) // 2 + SPARE
-    best = np.inf, search, point
     found = search.found(point) | {"rate": RATES[0]}  # that of one mass is not that of two
+    tried = []
     for begun in _resonances(alone, found, skip):
         search = _Search(whole, begun)
         point = _least(log, search, search.begun, skip, 10)
-        best = min(best, (_square(log, search, point, skip), search, point), key=itemgetter(0))
-    _, search, point = best
-    point = _least(log, search, point, skip, 30)
-    best = _square(log, search, point, skip), search, point
-    if not (len(log.reading) / 2 * np.log(without / best[0]) > LIKELIER):
+        tried.append((_square(log, search, point, skip), search, point))
+    if not tried:
         raise UsageError(NO_RESONANCE)
-    return best[1], best[2], skip
+    _, search, point = min(tried, key=itemgetter(0))
+    point = _least(log, search, point, skip, 30)
+    square = _square(log, search, point, skip)
+    if not square < without * np.exp(-2 * LIKELIER / len(log.reading)):
+        raise UsageError(NO_RESONANCE)
+    return search, point, skip
 
 
 def _square(log, search, point, skip):
     """The mean square of the innovations; infinite for a mass that is not positive."""
-    _, errors, columns = _errors(log, search.found(point), skip)
-    gains, left = _projected(errors, columns)
+    _, errors, effects = _errors(log, search.found(point), skip)
+    gains, left = _projected(errors, effects)
     return float(np.mean(left**2)) if gains[0] > 0 else np.inf
 
 
 def _resonances(log, found, skip):
     """Two masses, by the resonances that explain most beside one mass, apart from each other."""
-    model, period, rows = log.model, log.period, len(log.reading)
-    tones = np.geomspace(3 / (rows * period), 0.4 / period, RESONANCES)
+    model = log.model
+    period = log.period
+    tones = np.geomspace(3 / (len(log.reading) * period), 0.4 / period, RESONANCES)
+    unit = period ** (2 - ORDER[model.measured])
+    pushing = log.force - log.force[0]  # a constant force does not move the resonance
+    modes = [resonance(pushing, tone, RINGING, period, 0.0, model.measured) / unit for tone in tones]
     delays = COUPLED_DELAYS if model.delay is None else (model.delay,)
     pairs = []
     for delay, (white, drift) in product(delays, FILTERS):
         filtered = found | {"delay": delay, "white": white, "drift": drift}
-        predictor, errors, columns = _errors(log, filtered, skip)
-        alone = _projected(errors, columns)[1]
-        for tone in tones:
-            mode = resonance(log.force, tone, RINGING, period, delay, model.measured) / period ** (2 - ORDER[model.measured])
-            both = np.column_stack([columns[:, 0], predictor.innovations(mode, skip)])
+        predictor, errors, effects = _errors(log, filtered, skip)
+        alone = _projected(errors, effects)[1]
+        whole_ticks = round(delay)
+        for tone, mode in zip(tones, modes, strict=True):
+            both = np.stack([effects[0], predictor.innovations(late(mode, whole_ticks), skip)])
             gains, left = _projected(errors, both)
             if (gains > 0).all():
                 share = float(left @ left) / float(alone @ alone)
@@ -364,9 +406,8 @@ def _resonances(log, found, skip):
 
 def _smoothed(log, predictor, found, gains, skip):
     """The states at each row, from all readings."""
-    whole_ticks = int(np.floor(found["delay"]))
     push = np.zeros((len(predictor.M), len(log.reading)))
-    for gain, parts in zip(gains, _pushes(log, found, predictor.tick, whole_ticks), strict=True):
+    for gain, parts in zip(gains, _pushes(log, found, predictor.tick), strict=True):
         for effect, force in parts:
             push += gain * np.outer(effect, force)
     return predictor.smoothed(log.reading, push, skip)
@@ -374,14 +415,14 @@ def _smoothed(log, predictor, found, gains, skip):
 
 def _walked(log, search, point, skip):
     """The rms of the force that is not in the log (N), from a smoother."""
-    predictor, errors, columns = _errors(log, search.found(point), skip)
-    gains, _ = _projected(errors, columns)
+    predictor, errors, effects = _errors(log, search.found(point), skip)
+    gains, _ = _projected(errors, effects)
     walk = _smoothed(log, predictor, search.found(point), gains, skip)[-1]
     return float(walk.std()) / abs(gains[0]) * log.pushed
 
 
-def _begun(log: ScaledLog) -> dict[str, float]:
-    """The best of a grid of numbers."""
+def _begun(log: ScaledLog, near: Mapping[str, float] | None = None) -> dict[str, float]:
+    """The best of a grid of numbers; with those of a smaller model, near these."""
     model, rows = log.model, len(log.reading)
     least = _least_variances(rows)
     rough, delays = (ROUGH, DELAYS) if model.delay is None else ((model.delay,), (model.delay,))
@@ -397,11 +438,11 @@ def _begun(log: ScaledLog) -> dict[str, float]:
 
     def tried(rates, squares, delays, whites, drifts):
         nonlocal best, sign
-        for rate, square, delay, white, drift in product(rates, squares, delays, whites, drifts):
+        for rate, square, white, drift, delay in product(rates, squares, whites, drifts, delays):
             found = {"rate": rate, "square": square, "delay": delay, "white": white, "drift": drift, "turning": log.slowest}
             with np.errstate(all="ignore"):
-                _, errors, columns = _errors(log, found, skip)
-                gains, left = _projected(errors, columns)
+                _, errors, effects = _errors(log, found, skip)
+                gains, left = _projected(errors, effects)
             # Errors are compared as those of predictions.
             error = float(left @ left)
             if not np.isfinite(error):
@@ -409,9 +450,14 @@ def _begun(log: ScaledLog) -> dict[str, float]:
             if gains[0] > 0 and error < best[0]:
                 best = error, found
             if gains[0] < 0:
-                noise = np.sqrt(error / len(left)) / np.linalg.norm(columns[:, 0])
+                noise = np.sqrt(error / len(left)) / np.linalg.norm(effects[0])
                 sign = max(sign, -gains[0] / noise)
 
+    if near is not None:
+        tried([near["rate"]], [near["square"], *squares], [near["delay"], *delays], [near["white"]], [near["drift"]])
+        if not best[1]:
+            raise UsageError(NO_MASS)
+        return best[1]
     tried(RATES, squares, rough, whites[:3], drifts[1:2])
     if not best[1]:
         tried(RATES, squares, delays[::2], whites, drifts[::2])
@@ -432,12 +478,12 @@ def _least(log, search, point, skip, most):
         nonlocal scale
         with np.errstate(all="ignore"):
             try:
-                _, errors, columns = _errors(log, search.found(part * search.size), skip)
+                _, errors, effects = _errors(log, search.found(part * search.size), skip)
             except np.linalg.LinAlgError:
                 return np.full(len(log.reading) - skip, 1e6)
-            if not (np.isfinite(errors).all() and np.isfinite(columns).all()):
+            if not (np.isfinite(errors).all() and np.isfinite(effects).all()):
                 return np.full(len(log.reading) - skip, 1e6)
-            gains, rest = _projected(errors, columns)
+            gains, rest = _projected(errors, effects)
             if not gains[0] > 0:  # no mass is negative
                 rest = errors
         scale = scale or float(rest.std())
@@ -470,8 +516,8 @@ def _theta(log, found, gains):
 
 def _estimated(log, search, point, skip, before, moved):
     """The numbers with their intervals."""
-    _, errors, columns = _errors(log, search.found(point), skip)
-    gains, left = _projected(errors, columns)
+    _, errors, effects = _errors(log, search.found(point), skip)
+    gains, left = _projected(errors, effects)
     if not gains[0] > 0:
         raise UsageError(NO_MASS)
     theta = _theta(log, search.found(point), gains)
@@ -496,8 +542,8 @@ def _estimated(log, search, point, skip, before, moved):
         if (other < search.low).any() or (other > search.high).any():
             continue
         with np.errstate(all="ignore"):
-            _, errors, columns = _errors(few, search.found(other), skip)
-            changed_gains, changed = _projected(errors, columns)
+            _, errors, effects = _errors(few, search.found(other), skip)
+            changed_gains, changed = _projected(errors, effects)
             if not (changed_gains[0] > 0 and np.isfinite(changed).all()):
                 continue
             changed_slopes = _slopes(few, search, other, changed_gains, skip)
@@ -518,13 +564,14 @@ def _estimated(log, search, point, skip, before, moved):
         log.unit * spread / np.sqrt(predictor.spread),
         _walked(log, search, point, skip),
         float(left[1:] @ left[:-1] / (left @ left)),
+        search.found(point),
     )
 
 
 def _step(log, search, point, skip, free):
     """Gains and numbers of one step of Gauss and Newton from a point with its variances held, `(free,)`."""
-    _, errors, columns = _errors(log, search.found(point), skip)
-    gains, left = _projected(errors, columns)
+    _, errors, effects = _errors(log, search.found(point), skip)
+    gains, left = _projected(errors, effects)
     slopes = _slopes(log, search, point, gains, skip)[:, free]
     size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
     step = -np.linalg.lstsq(slopes / size, left, rcond=1e-10)[0] / size
@@ -536,11 +583,11 @@ def _slopes(log, search, point, gains, skip):
     """Derivatives of the innovations with respect to gains and numbers, `(rows, gains + numbers)`."""
 
     def left(at):
-        _, errors, columns = _errors(log, search.found(at), skip)
-        return errors - columns @ gains
+        _, errors, effects = _errors(log, search.found(at), skip)
+        return errors - gains @ effects
 
-    _, _, columns = _errors(log, search.found(point), skip)
-    return np.hstack([-columns, _differences(left, point, DIFFERENCE * search.size)])
+    _, _, effects = _errors(log, search.found(point), skip)
+    return np.hstack([-effects.T, _differences(left, point, DIFFERENCE * search.size)])
 
 
 def _differences(function, point, steps):

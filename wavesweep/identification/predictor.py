@@ -9,6 +9,7 @@ right, whatever w has done to the device until then (Anderson and Moore, Optimal
 A tick is the unit of time here.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,26 +27,35 @@ FORGOTTEN = 1e-9  # effect of the initial state below which it no longer matters
 class Tick:
     """A tick of a unit mass with the walking force as its last state: `s[k+1] = A s[k] + ...`, of which `C s` is read.
 
-    held: the effect of a unit force over the whole tick. rest: that of a force which begins a part of a tick late.
-    speed: the state that is the velocity.
+    held: the effect of a unit force over the whole tick. speed: the state that is the velocity. flow: the equations in which a
+    unit force is the last state, of which those from `first` on are kept.
     """
 
     A: np.ndarray
     held: np.ndarray
-    rest: np.ndarray
     C: np.ndarray
     speed: int
+    flow: np.ndarray
+    first: int
+
+    def begun(self, part: float) -> np.ndarray:
+        """The effect of a unit force that begins a part of the tick late, `(states,)`."""
+        moved = expm((1 - part) * self.flow)[self.first : -1, -1]
+        return np.append(moved, np.zeros(len(self.A) - len(moved)))
 
 
-def tick_of(model: Model, shape: dict[str, float], period: float, part: float) -> Tick:
+def tick_of(model: Model, shape: Mapping[str, float], period: float) -> Tick:
     """The tick of a model.
 
     shape: `rate`, the damping over the mass (1/s), and `square`, the stiffness over it; of two masses also `share`, the load
     over the first mass, `load_rate`, its damping over it, and of the spring `square` and `coupling_rate`, over the first mass.
     """
     if model.load:
-        rate, square, loss = shape["rate"], shape["square"], shape["coupling_rate"]
-        share, load_rate = shape["share"], shape["load_rate"]
+        rate = shape["rate"]
+        square = shape["square"]
+        loss = shape["coupling_rate"]
+        share = shape["share"]
+        load_rate = shape["load_rate"]
         flow = np.array(  # of x_1, v_1, x_1 - x_2, v_2
             [
                 [0, 1, 0, 0],
@@ -62,20 +72,20 @@ def tick_of(model: Model, shape: dict[str, float], period: float, part: float) -
     wide[:size, :size] = period * flow * units[None, :] / units[:, None]
     wide[1, size] = 1.0
     whole = expm(wide)
-    rest = expm((1 - part) * wide)[:size, size]
     with_position = model.measured == "position" or model.spring
-    kept = slice(0 if with_position else 1, size)  # of a velocity nothing else depends on the position
-    speed = 1 if with_position else 0
-    A, held, rest = whole[:size, :size][kept, kept], whole[:size, size][kept], rest[kept]
+    first = 0 if with_position else 1  # of a velocity nothing else depends on the position
+    speed = 1 - first
+    A = whole[first:size, first:size]
+    held = whole[first:size, size]
     C = np.zeros(len(A))
     C[0 if model.measured == "position" else speed] = 1.0
     if model.measured == "acceleration":  # the change of the velocity over the tick before
         A = np.pad(A, ((0, 1), (0, 1)))
         A[-1, speed] = 1.0
-        held, rest = np.append(held, 0.0), np.append(rest, 0.0)
+        held = np.append(held, 0.0)
         C = np.append(C, -1.0)
     A = np.block([[A, held[:, None]], [np.zeros((1, len(A))), np.ones((1, 1))]])
-    return Tick(A, np.append(held, 0.0), np.append(rest, 0.0), np.append(C, 0.0), speed)
+    return Tick(A, np.append(held, 0.0), np.append(C, 0.0), speed, wide, first)
 
 
 class Predictor:

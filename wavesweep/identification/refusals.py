@@ -12,6 +12,7 @@ from wavesweep.identification.prediction import FEWEST, MOST, predicted
 PIECES = (2, 4, 8)  # into how many equal pieces a log is cut
 ENOUGH = 3000  # rows with which a column is shifted
 SHORTEST = 200  # rows of a piece at least
+KNOWN_DELAY = 1.0  # half the width of the interval of its delay (ticks)
 KNOWN = 1.2  # the highest over the lowest mass of a piece that helps
 FURTHEST = 4  # times the range of delays, to which a column is shifted against the other, either way
 
@@ -69,11 +70,17 @@ def _piece(model, log, resolution):
 
 
 def _known(model, log, resolution):
-    """The fit by predictions, if it knows the mass."""
+    """The fit by predictions, if it knows the mass.
+
+    Of many pieces one seems to know it by chance: with a delay that is anything, or a negative damping.
+    """
     if np.ptp(log.reading) < 3 * resolution or not np.ptp(log.force):
         return None
     try:
         found = predicted(model, log.force, log.reading - log.reading[0], log.period, resolution)
     except (UsageError, np.linalg.LinAlgError):
         return None
-    return found if 2 * found.half[0] < np.log(KNOWN) else None
+    half = dict(zip(found.model.names, found.half, strict=True))
+    knows_delay = half.get("delay", 0.0) < KNOWN_DELAY
+    with_damping = found.numbers["damping"] + half["damping"] > 0
+    return found if 2 * half["log_mass"] < np.log(KNOWN) and knows_delay and with_damping else None
