@@ -190,7 +190,7 @@ class _Test:
         self.pad = 4 * EPS * np.abs(span).max() / half
         length = (open_.high - open_.low) / half
         x = (open_.place - panels.middle[open_.panel]) / half
-        self.models = DominanceTests(panels, open_.panel, x, self.pad, length / 2, exact)
+        self.models = DominanceTests.of(panels, open_.panel, x, self.pad, length / 2, exact)
         self.radius, roots = self.models.radius(), self.models.crossings()
         nearest = np.argmin(np.abs(roots), 1)[:, None]
         h, unsure, slope = (np.take_along_axis(a, nearest, 1)[:, 0] for a in (roots, self.models.unsure, self.models.slope))
