@@ -91,8 +91,8 @@ def test_what_few_loops_of_a_box_lack_is_not_proved(name):
     """About a = 7.93 the gain is half as large again."""
     bump = "k*(1 + 0.5*exp(-((a - 7.93)/0.02)**2))"
     spec = load(LAG | {"block": LAG["block"] | {"pd": {"type": "gain", "k": bump, "every": "every"}}})
-    ranges = load(spec.tables() | {"for_all": {"a": {"start": 7.85, "stop": 8.05}}}).for_all.unknown
-    (case,) = box_margins._cases(spec, "net.y", ranges, {})
+    spec = load(spec.tables() | {"for_all": {"a": {"start": 7.85, "stop": 8.05}}})
+    (case,) = box_margins._cases(spec, "net.y", spec.for_all.unknown, {})
     sizes = [box_margins.size_of(case._at((a,))[name], case.period) for a in (7.93, 7.85)]
     assert sizes[0] < 0.9 * sizes[1]
     assert case._proved(name, 0.99 * sizes[0])[0] == pytest.approx(0.99 * sizes[0], rel=1e-9)

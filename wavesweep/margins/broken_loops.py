@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
@@ -33,11 +34,10 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
     times = _times_per_frame(loop)
     if signal not in times:
         shown = [re.sub(r"\.tap(\d+)\.y$", r".y\1", name) for name in times]  # of a delay with taps, as wires read it
-        hint = nearest(signal, [*shown, *named])
-        raise UsageError(
-            f"cut: expected an output of a block that some wire reads ({', '.join(shown) or 'this loop has none'}), found "
-            f"{signal!r}" + (f"; did you mean `{hint}`?" if hint else "")
-        )
+        close = nearest(signal, [*shown, *named])
+        hint = f"; did you mean `{close}`?" if close else ""
+        expected = f"an output of a block that some wire reads ({', '.join(shown) or 'this loop has none'})"
+        raise UsageError(f"cut: expected {expected}, found {signal!r}{hint}")
     if times[signal] > MOST_TIMES:
         raise UsageError(
             f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} "
@@ -48,13 +48,15 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
         drawn = loop.drawn()
         ticks = OpenTicks.of(loop.drawn(GAIN), drawn, PRODUCT, FACTOR)
     drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
-    break_block = next(placed_block for placed_block in drawn.placed if placed_block.block.name == BLOCK)
-    places = np.flatnonzero(break_block.runs(drawn.ticks)) / drawn.ticks
+    (gain,) = (placed for placed in drawn.placed if placed.block.name == BLOCK)
+    places = np.flatnonzero(gain.runs(drawn.ticks)) / drawn.ticks
     lifted = LiftedLoop(ticks, drift, float(drawn.period) * drawn.ticks, places)
     if not lifted.returns:
         raise UsageError(f"cut: expected a signal of a loop, found {signal!r}, which does not come back to itself")
-    opened = open_loops(loop, GAIN) if times[signal] == 1 else None
-    return lifted if opened is None or opened.cut is None else BrokenLoop(opened.cut, lifted)
+    if times[signal] > 1:
+        return lifted
+    opened = open_loops(loop, GAIN)
+    return lifted if opened.cut is None else BrokenLoop(opened.cut, lifted)
 
 
 def _with_gain(loop: Loops, signal: str) -> Loops:
@@ -64,38 +66,52 @@ def _with_gain(loop: Loops, signal: str) -> Loops:
 def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
     """The strongest line (Hz) of the oscillation at each margin, `(margins,)`, NaN if it has no frequency.
 
-    It is that of the loop with the factor that puts an eigenvalue on the circle at the frequency of the margin: its gain, or
-    -1/L: of the eigenvalues of a lifted L the one that meets the phase, or has the largest |1 - L|/|1 + L| (disk), |1/(1 + L)|
-    (sensitivity) or |L/(1 + L)|. No factor does so for an L of 0, as a lifted one has whose samples are not all read; if there
-    is no other, it is the frequency itself.
+    It is that of the loop with the factor that puts an eigenvalue on the circle at the frequency of
+    the margin: its gain, or -1/L: of the eigenvalues of a lifted L the one that meets the phase, or
+    has the largest |1 - L|/|1 + L| (disk), |1/(1 + L)| (sensitivity) or |L/(1 + L)|. No factor does
+    so for an L of 0, as a lifted one has whose samples are not all read; if there is no other, it is
+    the frequency itself.
     """
-    lines, at, factors = np.array([margin.omega for margin in margins]) / (2 * np.pi), [], []
-    for i, margin in enumerate(margins):
-        if not np.isfinite(margin.omega):
-            continue
-        L, turn = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE))), np.exp(1j * np.radians(margin.value))
-        L = L[abs(L) > 1 / MOST]
-        if margin.name.startswith("gain"):
-            factor = margin.value
-        elif len(L):
-            with np.errstate(divide="ignore"):
-                far = {
-                    "phase": np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L)),
-                    "sensitivity": abs(1 + L),
-                    "complementary": abs(1 + L) / abs(L),
-                }.get(margin.name, abs(1 + L) / abs(1 - L))
-            factor = -1 / L[np.argmin(far)]
-        else:
-            continue
-        at.append(i)
-        factors.append(factor)
+    lines = np.array([margin.omega for margin in margins]) / (2 * np.pi)
+    at = []
+    factors = []
+    for number, margin in enumerate(margins):
+        factor = _factor_at(margin, broken)
+        if factor is not None:
+            at.append(number)
+            factors.append(factor)
     if not at:
         return lines
     spec, signal = with_block(spec, signal)
-    loop = _with_gain(own_loop(spec), signal)
-    omega = np.array([margins[i].omega for i in at])
-    lines[at] = lines_in_loops(loop.changed({path_of(GAIN): np.array(factors)}), 1j * omega[:, None] * broken.period)[:, 0]
+    loops = _with_gain(own_loop(spec), signal).changed({path_of(GAIN): np.array(factors)})
+    omega = np.array([margins[number].omega for number in at])
+    logarithms = 1j * omega * broken.period
+    lines[at] = lines_in_loops(loops, logarithms[:, None])[:, 0]
     return lines
+
+
+def _factor_at(margin: Margin, broken: BrokenLoop | LiftedLoop) -> complex | None:
+    """The factor of the signal that puts an eigenvalue on the circle at a margin, None if none does; see `lines_at`."""
+    if not np.isfinite(margin.omega):
+        return None
+    if margin.name.startswith("gain"):
+        return margin.value
+    L = np.ravel(broken.response(max(margin.omega * broken.period, BESIDE)))
+    L = L[abs(L) > 1 / MOST]
+    if not len(L):
+        return None
+    with np.errstate(divide="ignore"):
+        match margin.name:
+            case "phase":
+                turn = np.exp(1j * np.radians(margin.value))
+                distance = np.minimum(abs(1 + turn * L), abs(1 + turn.conj() * L))
+            case "sensitivity":
+                distance = abs(1 + L)
+            case "complementary":
+                distance = abs(1 + L) / abs(L)
+            case _:
+                distance = abs(1 + L) / abs(1 - L)
+    return complex(-1 / L[np.argmin(distance)])
 
 
 def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
@@ -104,35 +120,55 @@ def with_block(spec: Spec, signal: str) -> tuple[Spec, str]:
     The block is a gain of 1, which runs when the only block that reads it does, else in every tick.
     """
     tables = spec.tables()
-    named, block = tables.get("signals", {}), f"cut_at_{signal}"
+    named = tables.get("signals", {})
     if signal not in named:
         return spec, signal
-    tables["wire"] |= {f"{block}.u": named[signal]}
-    named[signal], tables["block"][block] = f"{block}.y", {"type": "gain"}
+    block = f"cut_at_{signal}"
+    output = f"{block}.y"
+    gain = {"type": "gain"}
+    tables["wire"][f"{block}.u"] = named[signal]
+    tables["block"][block] = gain
+    named[signal] = output
     wires = load(tables).drawing.wires
-    readers = {port.rpartition(".")[0] for port, terms in wires if f"{block}.y" in dict(terms)}
-    block_keys = tables["block"].get(readers.pop(), {}) if len(readers) == 1 else {}
-    tables["block"][block] |= {key: block_keys[key] for key in ("every", "phase") if key in block_keys}
-    return load(tables), f"{block}.y"
+    readers = {_block_of(port) for port, terms in wires if output in dict(terms)}
+    if len(readers) == 1:
+        reader = tables["block"].get(readers.pop(), {})
+        for key in ("every", "phase"):
+            if key in reader:
+                gain[key] = reader[key]
+    return load(tables), output
+
+
+def _block_of(port: str) -> str:
+    """The block of an input or output such as "pid.u"."""
+    return port.rpartition(".")[0]
 
 
 def cuts_of(spec: Spec) -> list[str]:
-    """The signals at which the spec's own loop can be broken, first those of controllers that a plant reads and rare ones."""
+    """The signals at which the spec's own loop can be broken.
+
+    First those of controllers that a plant reads, and rare ones.
+    """
     loop = own_loop(spec)
-    plants = {block.name for block in loop.drawing.blocks if block.plant}
-    joined = [*loop.drawing.wires, *loop.drawing.couplings]
-    pairs = {(port.rpartition(".")[0], name.rpartition(".")[0]) for port, terms in joined for name, _ in terms}
-    for block in loop.drawing.blocks:  # what depends on what, by S. Warshall's method
-        pairs |= {(reader, source) for reader, a in pairs if a == block.name for b, source in pairs if b == block.name}
-    late = {name for plant in loop.drawing.plants for _, name in plant.arriving}
-    acting = {name for port, terms in loop.drawing.wires if port.rpartition(".")[0] in plants | late for name, _ in terms}
-    times_of = {
-        name: times
-        for name, times in _times_per_frame(loop).items()
-        if times <= MOST_TIMES
-        if (name.rpartition(".")[0],) * 2 in pairs
-    }
-    return sorted(times_of, key=lambda name: (name.rpartition(".")[0] in plants, name not in acting, times_of[name]))
+    drawing = loop.drawing
+    reads = set()  # pairs of blocks: the first one reads the second one
+    for port, terms in (*drawing.wires, *drawing.couplings):
+        reads |= {(_block_of(port), _block_of(name)) for name, _ in terms}
+    for block in drawing.blocks:  # also through others, by S. Warshall's method
+        readers = [reader for reader, source in reads if source == block.name]
+        sources = [source for reader, source in reads if reader == block.name]
+        reads |= set(product(readers, sources))
+    plants = {block.name for block in drawing.blocks if block.plant}
+    arriving = {name for plant in drawing.plants for _, name in plant.arriving}
+    acting = set()  # signals that plants read
+    for port, terms in drawing.wires:
+        if _block_of(port) in plants | arriving:
+            acting |= {name for name, _ in terms}
+    times = {}
+    for name, often in _times_per_frame(loop).items():
+        if often <= MOST_TIMES and (_block_of(name), _block_of(name)) in reads:
+            times[name] = often
+    return sorted(times, key=lambda name: (_block_of(name) in plants, name not in acting, times[name]))
 
 
 def _times_per_frame(loop: Loops) -> dict[str, int]:
@@ -140,10 +176,22 @@ def _times_per_frame(loop: Loops) -> dict[str, int]:
 
     Those that dead times bring to plants, or read of them, between two ticks are left out: a gain there would be in the tick.
     """
-    drawn, plants, read = loop.drawn(), loop.drawing.plants, {name for _, terms in loop.drawing.wires for name, _ in terms}
-    read -= {name for plant in plants for name, _ in plant.sensed}
-    read -= {f"{name}.y" for plant in plants for _, name in plant.arriving}
-    runs = [(placed_block.block, int(placed_block.runs(drawn.ticks).sum())) for placed_block in drawn.placed]
-    times_of = {name: count for block, count in runs for port in block.outputs if (name := f"{block.name}.{port}") in read}
-    of_plants = [name for plant in plants for name in plant.drawn_ports[1] if name in read]
-    return times_of | dict.fromkeys(of_plants, drawn.ticks)
+    drawn = loop.drawn()
+    plants = loop.drawing.plants
+    read = {name for _, terms in loop.drawing.wires for name, _ in terms}
+    for plant in plants:
+        read -= {name for name, _ in plant.sensed}
+        read -= {f"{name}.y" for _, name in plant.arriving}
+    times = {}
+    for placed in drawn.placed:
+        often = int(placed.runs(drawn.ticks).sum())
+        for port in placed.block.outputs:
+            name = f"{placed.block.name}.{port}"
+            if name in read:
+                times[name] = often
+    for plant in plants:
+        _, outputs = plant.drawn_ports
+        for name in outputs:
+            if name in read:
+                times[name] = drawn.ticks
+    return times

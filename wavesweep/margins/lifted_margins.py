@@ -58,10 +58,19 @@ class LiftedLoop:
     @cached_property
     def returned(self) -> LiftedMap:
         """H, from the samples of a frame back to themselves."""
-        maps = self.ticks.ticks.maps
-        return TickMaps.of(
-            [(tick_map.E, tick_map.B, tick_map.C, tick_map.D) for tick_map in maps], self.ticks.ticks.kind, ()
-        ).lifted(measured=False)
+        maps = TickMaps.of(self._maps, self.ticks.ticks.kind, ())
+        return maps.lifted(measured=False)
+
+    @property
+    def _maps(self):
+        """E, B, C and D of each kind of tick."""
+        return [(each.E, each.B, each.C, each.D) for each in self.ticks.ticks.maps]
+
+    @property
+    def _returned_matrices(self):
+        """E, G, O and T of H: a state from frame to frame, how samples reach it, how they read it, and each other."""
+        H = self.returned
+        return H.E[0], H.G[0], H.O[0], H.T[0]
 
     @property
     def times(self) -> int:
@@ -71,8 +80,8 @@ class LiftedLoop:
     @property
     def returns(self) -> bool:
         """Whether the signal comes back to itself."""
-        maps = [(tick_map.E, tick_map.B, tick_map.C, tick_map.D) for tick_map in self.ticks.ticks.maps]
-        return bool((read(maps) & reached(maps)).any() or self.returned.T.any())
+        acts_on_itself = read(self._maps) & reached(self._maps)
+        return bool(acts_on_itself.any() or self.returned.T.any())
 
     def response(self, theta) -> np.ndarray:
         """Return the eigenvalues of L = -H at the angles theta (rad per frame), `(..., samples)`; of one sample L, `(...)`.
@@ -91,11 +100,12 @@ class LiftedLoop:
         these are off the diagonal of the harmonic transfer matrix, which has the eigenvalues of L (N. Wereley, thesis, MIT
         1991); without anything slower than the signal there are none, and L is that of a loop of one rate.
         """
-        E, T, O, G = (array[0] for array in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
+        E, G, O, T = self._returned_matrices
         angles = np.asarray(theta, float)[..., None, None]
         sine = np.exp(1j * angles * self.places[:, None])
         A = on_circle(angles) * np.eye(len(E)) - E
-        return -(sine.conj() * (O @ solve(A, G @ sine) + T @ sine)).mean((-2, -1))
+        comes_back = O @ solve(A, G @ sine) + T @ sine
+        return -(sine.conj() * comes_back).mean((-2, -1))
 
     def _sensitivity_at(self, theta):
         E, B, C, D = (array[0] for array in self.sensitivity.maps[0])
@@ -109,20 +119,30 @@ class LiftedLoop:
         The eigenvalue 1 of a drift v with the left vector w, `w v = 1`, is moved to 0, by `E - v w`, if S does not have it:
         `C v w B` is 0. Otherwise S has no bound at 0 rad/s. A drift by constant factors has `C v = 0`, and any w will do.
         """
-        E, T, O, G = (array[0] for array in (self.returned.E, self.returned.T, self.returned.O, self.returned.G))
+        E, G, O, T = self._returned_matrices
         left = np.linalg.inv(np.eye(len(T)) - T)
-        E, B, C = E + G @ left @ O, G @ left, left @ O
-        for lead, trailing in [*self.drift.constant, *((state, ()) for state in self.drift.unobserved)]:
-            E[:, lead] -= np.eye(len(E))[lead]
+        E = E + G @ left @ O
+        B = G @ left
+        C = left @ O
+        identity = np.eye(len(E))
+        for lead in self.drift.unobserved:
+            E[:, lead] -= identity[lead]
+        for lead, trailing in self.drift.constant:
+            E[:, lead] -= identity[lead]
             for state, factor in trailing:
                 E[state, lead] -= factor
-        matrices = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units().maps[0]
-        if count := len(self.drift.varying):
+        in_even_units = TickMaps.of([(E, B, C, left)], np.zeros(1, int), ()).in_even_units()
+        (matrices,) = in_even_units.maps
+        count = len(self.drift.varying)
+        if count:
             E, B, C, _ = (matrix[0] for matrix in matrices)
             U, _, V = np.linalg.svd(E)
-            v, w = V[-count:].T, U[:, -count:].T
+            v = V[-count:].T
+            w = U[:, -count:].T
             v = v @ np.linalg.inv(w @ v)
-            if (np.abs(C @ v @ w @ B) <= STILL * (np.abs(C) @ np.abs(v) @ np.abs(w) @ np.abs(B))).all():
+            seen = np.abs(C @ v @ w @ B)
+            sizes = np.abs(C) @ np.abs(v) @ np.abs(w) @ np.abs(B)
+            if (seen <= STILL * sizes).all():
                 matrices = ((E - v @ w)[None], *matrices[1:])
         return TickMaps((matrices,), np.zeros(1, int))
 
@@ -135,17 +155,22 @@ class LiftedLoop:
         theta = np.asarray(theta, float)
         peaks = np.linalg.eigvals(self._sensitivity_at(theta)) - 0.5
         size = np.abs(peaks).max(-1)
-        if self.drift.varying:
-            largest = np.take_along_axis(peaks, np.abs(peaks).argmax(-1)[..., None], -1)[..., 0].ravel()
-            with np.errstate(all="ignore"):
-                modes = np.linalg.eigvals(np.nan_to_num(self.frames((2 * largest + 1) / (2 * largest - 1)).E))
-            size = np.where(np.abs(modes - on_circle(theta).reshape(-1, 1)).min(-1).reshape(theta.shape) <= MET, size, 0.0)
-        return size
+        if not self.drift.varying:
+            return size
+        at = np.abs(peaks).argmax(-1)[..., None]
+        largest = np.take_along_axis(peaks, at, -1)[..., 0].ravel()
+        with np.errstate(all="ignore"):
+            factor = (2 * largest + 1) / (2 * largest - 1)
+            modes = np.linalg.eigvals(np.nan_to_num(self.frames(factor).E))
+        distance = np.abs(modes - on_circle(theta).reshape(-1, 1)).min(-1)
+        met = distance.reshape(theta.shape) <= MET
+        return np.where(met, size, 0.0)
 
     def frames(self, k) -> Frames:
         """Return the frames of the loop with the number k, `(n,)`, real or complex."""
         E, pivot, condition = self.ticks.frames(np.zeros(k.size, int), k)
-        pivot, condition = (np.broadcast_to(array, k.shape) for array in (pivot, condition))
+        pivot = np.broadcast_to(pivot, k.shape)
+        condition = np.broadcast_to(condition, k.shape)
         return Frames(self.drift.removed_from(E), pivot[:, None], condition)
 
     def errors(self, k) -> tuple[np.ndarray, np.ndarray]:
@@ -167,24 +192,33 @@ class LiftedLoop:
 
         def frames(_, p):
             p = p.ravel()
-            up, down = (self.frames(factor(parameter) + 0j) for parameter in (p, -p))
-            E, pivots = _real_form(up.E, down.E), up.pivots * down.pivots
-            E, pivots = (E, pivots) if np.iscomplexobj(p) else (E.real, pivots.real)
+            up = self.frames(factor(p) + 0j)
+            down = self.frames(factor(-p) + 0j)
+            E = _real_form(up.E, down.E)
+            pivots = up.pivots * down.pivots
+            if not np.iscomplexobj(p):
+                E = E.real
+                pivots = pivots.real
             return Frames(E, pivots, up.condition + down.condition)
 
         def errors(_, p):
             p = p.ravel()
-            (up, of_up), (down, of_down) = (self.errors(factor(parameter) + 0j) for parameter in (p, -p))
-            error = np.maximum(of_up.real, of_down.real)
-            return _real_form(up, down).real, np.concatenate([np.concatenate([error] * 2, -1)] * 2, -2)
+            up, error_of_up = self.errors(factor(p) + 0j)
+            down, error_of_down = self.errors(factor(-p) + 0j)
+            error = np.maximum(error_of_up.real, error_of_down.real)
+            across = np.concatenate([error, error], -1)
+            return _real_form(up, down).real, np.concatenate([across, across], -2)
 
         return stable_along_any(frames, (0.0, np.pi), 1, np.array([self.period]), errors=errors)
 
 
 def _real_form(up, down):
     """[[Re, -Im], [Im, Re]] of matrices with the conjugates `down`."""
-    real, imaginary = (up + down) / 2, (up - down) / 2j
-    return np.concatenate([np.concatenate(row, -1) for row in ((real, -imaginary), (imaginary, real))], -2)
+    real = (up + down) / 2
+    imaginary = (up - down) / 2j
+    upper = np.concatenate([real, -imaginary], -1)
+    lower = np.concatenate([imaginary, real], -1)
+    return np.concatenate([upper, lower], -2)
 
 
 def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
@@ -192,11 +226,13 @@ def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
     if isinstance(loop, LiftedLoop):
         return lifted_margins(loop)
     margins, doubt = scalar_margins(loop)
-    if not (doubt or any(margin.doubt not in (NONE, FAST) for margin in margins)):
+    in_doubt = any(margin.doubt not in (NONE, FAST) for margin in margins)
+    if not doubt and not in_doubt:
         return margins, doubt
-    lifted_ones, of_others = lifted_margins(loop.lifted)
-    certain = {margin.name: margin for margin in lifted_ones if not margin.doubt}
-    return ([certain.get(margin.name, margin) if margin.doubt else margin for margin in margins] or lifted_ones), of_others
+    others, doubt_of_others = lifted_margins(loop.lifted)
+    certain = {margin.name: margin for margin in others if not margin.doubt}
+    settled = [certain.get(margin.name, margin) if margin.doubt else margin for margin in margins]
+    return settled or others, doubt_of_others
 
 
 def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
@@ -209,32 +245,28 @@ def lifted_margins(loop: LiftedLoop) -> tuple[list[Margin], int]:
     """
     for most in SPANS:
         intervals = loop.along_gain((1 / most, most))
-        own_interval = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
-        if not own_interval.low.size or (own_interval.high[0] < most and own_interval.low[0] > 1 / most):
+        around_1 = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
+        if not around_1.low.size or (around_1.high[0] < most and around_1.low[0] > 1 / most):
             break
     doubt = int(intervals.doubt[0])
-    if not own_interval.low.size:
+    if not around_1.low.size:
         return [], doubt
-    gains = [
-        limited_or_not(name, float(value[0]), float(omega[0]), EXACT, doubt)
-        for name, value, omega in (
-            ("gain_up", own_interval.high, own_interval.high_omega),
-            ("gain_down", own_interval.low, own_interval.low_omega),
-        )
-    ]
-    return [*gains, _phase(loop), *_peaks(loop)], doubt
+    low = float(around_1.low[0])
+    high = float(around_1.high[0])
+    up = limited_or_not("gain_up", high, float(around_1.high_omega[0]), EXACT, doubt)
+    down = limited_or_not("gain_down", low, float(around_1.low_omega[0]), EXACT, doubt)
+    return [up, down, _phase(loop), *_peaks(loop)], doubt
 
 
 def _phase(loop):
     intervals = loop.along_turn(lambda angle: np.exp(1j * angle))
-    doubt, known_intervals = (
-        int(intervals.doubt[0]),
-        intervals.take(intervals.index >= 0),
-    )  # not the places where nothing is known
-    if not known_intervals.low.size or known_intervals.low[0] != 0 or np.isnan(known_intervals.high_omega[0]):
+    doubt = int(intervals.doubt[0])
+    known = intervals.take(intervals.index >= 0)  # not the places where nothing is known
+    if not known.low.size or known.low[0] != 0 or np.isnan(known.high_omega[0]):
         return Margin.unlimited("phase", 180.0, doubt)
-    high = float(known_intervals.high[0])
-    return Margin("phase", float(np.degrees(high)), float(known_intervals.high_omega[0]), EXACT * (1 + 1e-3 / high), doubt)
+    high = float(known.high[0])
+    bound = EXACT * (1 + 1e-3 / high)
+    return Margin("phase", float(np.degrees(high)), float(known.high_omega[0]), bound, doubt)
 
 
 def _peaks(loop) -> Iterator[Margin]:
@@ -242,7 +274,8 @@ def _peaks(loop) -> Iterator[Margin]:
     yield from disk_margins(disk, theta / loop.period, GAP, doubt)
     E, B, C, D = loop.sensitivity.maps[0]
     for name, less in (("sensitivity", 0.0), ("complementary", 1.0)):
-        peak = squared_norm(TickMaps(((E, B, C, D - less * np.eye(loop.times)),), np.zeros(1, int)))
+        matrices = (E, B, C, D - less * np.eye(loop.times))
+        peak = squared_norm(TickMaps((matrices,), np.zeros(1, int)))
         yield peak_margin(name, peak, loop.period, TOLERANCE)
 
 
@@ -251,26 +284,42 @@ def _disk(loop):
     from scipy.optimize import minimize_scalar
 
     few = max(100, GRID // loop.times)
-    poles = np.angle(1 + np.linalg.eigvals(loop.sensitivity.maps[0][0][0]))
-    points = np.concatenate([START, SOFT, np.geomspace(1e-6, 1.0, few), np.linspace(0, np.pi, few), np.abs(poles)])
+    E, *_ = loop.sensitivity.maps[0]
+    poles = np.abs(np.angle(1 + np.linalg.eigvals(E[0])))
+    everywhere = [np.geomspace(1e-6, 1.0, few), np.linspace(0, np.pi, few)]
+    points = np.concatenate([START, SOFT, *everywhere, poles])
     points = np.unique(np.clip(points[np.isfinite(points)], BESIDE, np.pi))
-    best, at = 0.0, 0.0
+    direct = np.diagonal(loop.returned.T[0])
+
+    def negative_radius(theta):
+        return -float(loop.radius(theta))
+
+    best = 0.0
+    at = 0.0
     for _ in range(ROUNDS):
         size = np.nan_to_num(loop.radius(points))
         for top in np.argsort(size)[-3:]:
             ends = points[max(top - 1, 0)], points[min(top + 1, points.size - 1)]
-            near = minimize_scalar(lambda t: -float(loop.radius(t)), bounds=ends, method="bounded", options={"xatol": 1e-12})
-            for value, place in ((-near.fun, near.x), (size[top], points[top])):
-                best, at = (float(value), float(place)) if value > best else (best, at)
+            near = minimize_scalar(negative_radius, bounds=ends, method="bounded", options={"xatol": 1e-12})
+            if -near.fun > best:
+                best = float(-near.fun)
+                at = float(near.x)
+            if size[top] > best:
+                best = float(size[top])
+                at = float(points[top])
         disk = min(1 / best, 2.0)
         reach = disk / 2 * (1 - GAP)
-        intervals = loop.along_turn(
-            lambda angle, reach=reach: (1 + reach * np.exp(1j * angle)) / (1 - reach * np.exp(1j * angle))
-        )
-        direct = np.diagonal(loop.returned.T[0])
-        doubt = int(intervals.doubt[0]) or (SEARCH if (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any() else NONE)
+        intervals = loop.along_turn(lambda angle, reach=reach: _on_rim(reach * np.exp(1j * angle)))
+        doubt = int(intervals.doubt[0])
+        if not doubt and (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any():
+            doubt = SEARCH
         if doubt or (intervals.low[0] == 0 and intervals.high[0] == np.pi):
             return disk, at, doubt
         angles = np.concatenate([intervals.low_omega, intervals.high_omega]) * loop.period
         points = np.unique(np.concatenate([points, angles[np.isfinite(angles)]]))
     return disk, at, SEARCH
+
+
+def _on_rim(d):
+    """The factor `(1 + d)/(1 - d)` of a place in the disk."""
+    return (1 + d) / (1 - d)

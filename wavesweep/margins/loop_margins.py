@@ -84,14 +84,19 @@ class BrokenLoop:
 
     def slope_and_error(self, theta: float) -> tuple[complex, float]:
         """Return the derivative of L by the angle, and a bound on its error: of the frame's entries, and of rounding."""
-        (E, B, C, D), (dE, dB, dC, dD) = self.parts, self.errors
-        w, identity = complex(on_circle(theta)), np.eye(len(E))
+        E, B, C, D = self.parts
+        dE, dB, dC, dD = self.errors
+        w = complex(on_circle(theta))
+        identity = np.eye(len(E))
         A = w * identity - E
-        state, read = solve(A, B + 0j), solve(A.T, C.T + 0j).T
-        rounded = len(E) * np.finfo(float).eps * (abs(w) * identity + np.abs(E))
+        state = solve(A, B + 0j)
+        read = solve(A.T, C.T + 0j).T
+        rounding = len(E) * np.finfo(float).eps
+        rounded = rounding * (abs(w) * identity + np.abs(E))
         error = np.abs(read) @ ((dE + rounded) @ np.abs(state) + dB) + dC @ np.abs(state) + dD
-        error = error + len(E) * np.finfo(float).eps * (np.abs(C) @ np.abs(state) + np.abs(D))
-        return complex((read @ state)[0, 0]) * 1j * (1 + w), float(error[0, 0])
+        error = error + rounding * (np.abs(C) @ np.abs(state) + np.abs(D))
+        slope = complex((read @ state)[0, 0]) * 1j * (1 + w)
+        return slope, float(error[0, 0])
 
     def sensitivity(self, less: float = 0.0) -> TickMaps:
         """Return the map S = 1/(1 + L), less a number."""
@@ -119,15 +124,21 @@ class BrokenLoop:
             above = sizes > 0
             change = np.flatnonzero(above[:-1] != above[1:])
             rtol = 4 * np.finfo(float).eps
-            unit_angles = np.array([brentq(size, *points[at : at + 2], xtol=1e-300, rtol=rtol) for at in change])
-        inside = (points > 0) & (points < np.pi)  # at the ends a rotation by 180 degrees is meant, which no other one exceeds
-        near = np.flatnonzero((np.abs(sizes) <= TOUCHES) & (inside | (unit_angles.size == 0)))
+            roots = [brentq(size, points[at], points[at + 1], xtol=1e-300, rtol=rtol) for at in change]
+        unit_angles = np.array(roots)
+        touches = np.abs(sizes) <= TOUCHES
+        if unit_angles.size:
+            # At the ends a rotation by 180 degrees is meant, which no other one exceeds.
+            touches &= (points > 0) & (points < np.pi)
+        near = np.flatnonzero(touches)
         is_beside = np.zeros(near.size, bool)
         for root in unit_angles:
-            slope = abs((self.slope_and_error(root)[0] * self.response(root).conj()).real)
-            is_beside |= slope * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
-        direct = abs(float(self.parts[3][0, 0]))
-        return unit_angles, bool(is_beside.all()) and abs(direct - 1) > DIRECT
+            slope, _ = self.slope_and_error(root)
+            slope_of_size = abs((slope * self.response(root).conj()).real)
+            is_beside |= slope_of_size * np.abs(points[near] - root) <= 2 * np.abs(sizes[near]) + 1e-12
+        _, _, _, D = self.parts
+        regular = abs(abs(float(D[0, 0])) - 1) > DIRECT
+        return unit_angles, bool(is_beside.all()) and regular
 
 
 def scalar_margins(loop: BrokenLoop) -> tuple[list[Margin], int]:
@@ -151,24 +162,27 @@ def _gains(loop):
     """The gain margins, none if the loop is not known to be stable, and the doubt about its interval."""
     for most in SPANS:
         intervals = stable_intervals(loop.cut.as_batch(1), FIRST, (0.0, most), np.zeros((1, 1)))
-        own_interval = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
-        if not own_interval.low.size or own_interval.high[0] < most:
+        around_1 = intervals.take((intervals.index >= 0) & (intervals.low < 1) & (intervals.high > 1))
+        if not around_1.low.size or around_1.high[0] < most:
             break
-    doubt, margins = int(intervals.doubt[0]), []
-    if not own_interval.low.size:
+    doubt = int(intervals.doubt[0])
+    if not around_1.low.size:
         return [], doubt
-    for name, (gain,), (omega,) in (
-        ("gain_up", own_interval.high, own_interval.high_omega),
-        ("gain_down", own_interval.low, own_interval.low_omega),
-    ):
+    margins = []
+    ends = (
+        ("gain_up", float(around_1.high[0]), float(around_1.high_omega[0])),
+        ("gain_down", float(around_1.low[0]), float(around_1.low_omega[0])),
+    )
+    for name, gain, omega in ends:
         if not 1 / MOST < gain < MOST:
             margins.append(Margin.unlimited(name, MOST if gain > 1 else 0.0, doubt))
             continue
         theta = omega * loop.period
         response = complex(loop.response(theta))
         free = 0 < theta < np.pi * (1 - 1e-12)
-        bound = _error(loop, theta, response.imag, lambda slope: slope.imag, free=free) / abs(response)
-        margins.append(_margin(name, float(gain), float(omega), bound + abs(1 + gain * response), doubt))
+        error = _error(loop, theta, response.imag, lambda slope: slope.imag, free=free)
+        residual = abs(1 + gain * response)
+        margins.append(_margin(name, gain, omega, error / abs(response) + residual, doubt))
     return margins, doubt
 
 
@@ -186,46 +200,65 @@ def _error(loop, theta, left, along, *, free=True):
 
 
 def _margin(name, value, omega, bound, doubt=NONE):
-    return Margin(name, value, omega, float(bound), doubt if doubt != NONE or bound <= SPARED else ROUNDING)
+    if doubt == NONE and not bound <= SPARED:
+        doubt = ROUNDING
+    return Margin(name, value, omega, float(bound), doubt)
 
 
 def _phases(loop) -> Iterator[Margin]:
     theta, certain = loop.unit_gains()
     doubt = NONE if certain else CROWDED
     slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
-    names = "phase", "delay"
     if not theta.size:
         yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
         yield Margin.unlimited("delay", MOST * loop.period, doubt if slow else FAST)
         return
     response = loop.response(theta)
     lag = np.angle(-response)
-    sizes = {"phase": np.abs(lag), "delay": (lag % (2 * np.pi)) / theta}
-    for name in names if slow else names[:1]:
-        at = int(np.argmin(sizes[name]))
-        L, angle, size = complex(response[at]), float(theta[at]), float(sizes[name][at])
-        error = _error(loop, angle, abs(L) - 1, lambda slope, L=L: (slope * L.conjugate()).real / abs(L))
-        value, turn = (np.degrees(size), size) if name == "phase" else (size * loop.period, size * angle)
-        yield _margin(name, float(value), angle / loop.period, error / turn, doubt)
+    turns = np.abs(lag)
+    at = int(np.argmin(turns))
+    turn = float(turns[at])
+    error = _error_at_unit_gain(loop, theta[at], response[at])
+    yield _margin("phase", float(np.degrees(turn)), float(theta[at]) / loop.period, error / turn, doubt)
     if not slow:
         yield Margin.unlimited("delay", np.nan, FAST)
+        return
+    frames = (lag % (2 * np.pi)) / theta
+    at = int(np.argmin(frames))
+    delay = float(frames[at])
+    error = _error_at_unit_gain(loop, theta[at], response[at])
+    turn = delay * float(theta[at])
+    yield _margin("delay", delay * loop.period, float(theta[at]) / loop.period, error / turn, doubt)
+
+
+def _error_at_unit_gain(loop, theta, response):
+    """A bound on the error of L at an angle at which its size is 1."""
+    L = complex(response)
+    return _error(loop, float(theta), abs(L) - 1, lambda slope: (slope * L.conjugate()).real / abs(L))
 
 
 def _peaks(loop) -> Iterator[Margin]:
     for name, less in (("disk", 0.5), ("sensitivity", 0.0), ("complementary", 1.0)):
         peak = squared_norm(loop.sensitivity(less))
-        theta, size = float(peak.theta[0]), float(np.sqrt(peak.value[0]))
+        theta = float(peak.theta[0])
+        size = float(np.sqrt(peak.value[0]))
         angle = max(theta, BESIDE)  # an integrator has no response at 0
         S = 1 / (1 + complex(loop.response(angle)))
-        bound = TOLERANCE + (abs(S) ** 2 * loop.slope_and_error(angle)[1] + abs(abs(S - less) - size)) / size
+        _, error = loop.slope_and_error(angle)
+        error_of_S = abs(S) ** 2 * error + abs(abs(S - less) - size)
+        bound = TOLERANCE + error_of_S / size
         if name == "disk":
-            yield from disk_margins(1 / size, theta / loop.period, bound, NONE if peak.certified[0] else SEARCH)
+            doubt = NONE if peak.certified[0] else SEARCH
+            yield from disk_margins(1 / size, theta / loop.period, bound, doubt)
         else:
             yield peak_margin(name, peak, loop.period, bound)
 
 
 def peak_margin(name: str, peak: Peak, period: float, bound: float) -> Margin:
-    """Return the margin of the peak of a squared response; beyond MOST it has no limit, as next to a drift that it moves."""
+    """Return the margin of the peak of a squared response.
+
+    Beyond MOST it has no limit, as next to a drift that it moves.
+    """
     doubt = NONE if peak.certified[0] else SEARCH
     if peak.value[0] >= MOST**2:
         return Margin.unlimited(name, MOST, NONE)
@@ -237,9 +270,11 @@ def disk_margins(disk: float, omega: float, bound: float, doubt: int) -> Iterato
     """Yield the disk margin with its gain and its phase, `(1 + a/2)/(1 - a/2)` and `2 atan(a/2)`."""
     yield _margin("disk", disk, omega, bound, doubt)
     gain = (2 + disk) / (2 - disk) if disk < 2 else np.inf
-    yield limited_or_not("disk_gain", gain, omega, bound * 4 * disk / (4 - disk**2) if gain < MOST else 0.0, doubt)
-    half = np.arctan(disk / 2)
-    yield _margin("disk_phase", float(np.degrees(2 * half)), omega, bound * np.sin(2 * half) / (2 * half), doubt)
+    of_gain = bound * 4 * disk / (4 - disk**2) if gain < MOST else 0.0
+    yield limited_or_not("disk_gain", gain, omega, of_gain, doubt)
+    phase = 2 * np.arctan(disk / 2)
+    of_phase = bound * np.sin(phase) / phase
+    yield _margin("disk_phase", float(np.degrees(phase)), omega, of_phase, doubt)
 
 
 def limited_or_not(name: str, gain: float, omega: float, bound: float, doubt: int) -> Margin:
