@@ -179,7 +179,7 @@ def _column(field, only: str) -> str:
 
 def doubts() -> str:
     """The words of the column `doubt`."""
-    from wavesweep.program.doubts import DOUBTS
+    from wavesweep.program.tables.fields import DOUBTS
 
     rows = [(f"`{word}`", _plain(each.meaning), _plain(each.advice)) for word, each in DOUBTS.items() if word]
     return _rows(("word", "meaning", "what to do"), rows)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.program.reproducibility import ONE_THREAD
+from wavesweep.program.platform_compat import ONE_THREAD
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / folder) for folder in ("benchmarks", "sweeps/paper", "tests", "tests/engine")]

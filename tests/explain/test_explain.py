@@ -6,8 +6,8 @@ import pytest
 
 from wavesweep.explain.command import _lines, entries
 from wavesweep.explain.words import MESSAGES, TERMS
-from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.tables import kinds
+from wavesweep.program.tables.fields import DOUBTS
 
 
 def test_all_words_of_doubt_columns_and_values_are_explained_in_five_lines_at_most():

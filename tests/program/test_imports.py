@@ -36,11 +36,9 @@ ENGINE = (
     "loop_sources",
 )
 PROGRAM = (
-    "doubts",
     "bundled",
     "platform_compat",
     "atomic_files",
-    "reproducibility",
     "columns",
     "row_kinds",
     "reading",

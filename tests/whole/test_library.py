@@ -17,7 +17,7 @@ from wavesweep.capabilities import CAPABILITIES, of_library
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.program import api
-from wavesweep.program.reproducibility import one_thread
+from wavesweep.program.platform_compat import one_thread
 from wavesweep.program.spec import load
 from wavesweep.program.tables import fields as tables_fields
 from wavesweep.program.tables import kind_named

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from wavesweep.capabilities import asked, offered
-from wavesweep.program.cli.entry import COMMANDS
+from wavesweep.program.cli.entry import COMMANDS, verbosity
 from wavesweep.program.cli.messages import width
 from wavesweep.program.cli.options import FORMATS, PATH, folder, override
-from wavesweep.program.cli.verbosity import verbosity
-from wavesweep.program.doubts import DOUBTS
+from wavesweep.program.tables.fields import DOUBTS
 
 if TYPE_CHECKING:
     from wavesweep.check.verdict import Facts, Ranked

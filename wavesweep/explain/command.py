@@ -14,13 +14,11 @@ from wavesweep.engine.drawing.block_types import TYPES
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest
 from wavesweep.explain.words import MESSAGES, TERMS
-from wavesweep.program.cli.entry import COMMANDS
+from wavesweep.program.cli.entry import COMMANDS, verbosity
 from wavesweep.program.cli.messages import width
-from wavesweep.program.cli.verbosity import verbosity
-from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.spec import find_key
 from wavesweep.program.spec.describing import EVERY_KEY, SYMBOLS
-from wavesweep.program.tables.fields import OF_ALONG, OF_WALL, Field, all_columns
+from wavesweep.program.tables.fields import DOUBTS, OF_ALONG, OF_WALL, Field, all_columns
 
 MANY = 4  # tables that have a column
 GROUPS = {"doubt": "Words of doubt", "term": "Ideas", "message": "Messages", "value": "Values in columns"}

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, is_given, override, overwriting
-from wavesweep.program.cli.verbosity import verbosity
 
 
 @click.command("explore")

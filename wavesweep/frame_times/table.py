@@ -13,8 +13,8 @@ from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
 from wavesweep.frame_times.times import read_run
 from wavesweep.program.columns import Columns
+from wavesweep.program.platform_compat import versions
 from wavesweep.program.reading.keys import HIGHEST_RATIO
-from wavesweep.program.reproducibility import versions
 from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.tables.kind import Line, Numbers, count, whole_kind
 from wavesweep.program.tables.table import Table

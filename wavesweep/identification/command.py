@@ -11,8 +11,8 @@ import click
 
 from wavesweep.capabilities import offered
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, is_given, overwriting
-from wavesweep.program.cli.verbosity import verbosity
 
 OWN = "# The device of ", "# The frames of "  # what a spec of this command begins with
 OF_FRAMES = "fast_hz", "spec", "every", "columns", "scales", "overwrite", "plot"  # options that frames take

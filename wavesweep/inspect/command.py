@@ -8,8 +8,8 @@ import click
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH
-from wavesweep.program.cli.verbosity import verbosity
 from wavesweep.program.tables.number_words import span_in_words
 
 FACTS = ("spec_name", "spec_sha256", "tool_version", "numpy_version", "assumes")

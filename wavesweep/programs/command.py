@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from wavesweep.program.cli.options import Options, run_options
-from wavesweep.program.reproducibility import ONE_THREAD
+from wavesweep.program.platform_compat import ONE_THREAD
 
 if TYPE_CHECKING:
     from wavesweep.program.tables.table import Table

@@ -6,9 +6,9 @@ from pathlib import Path, PurePath
 import click
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, override, overwriting
 from wavesweep.program.cli.study_commands import for_hands as of_hands
-from wavesweep.program.cli.verbosity import verbosity
 
 FILE = "report.html"
 

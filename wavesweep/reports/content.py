@@ -209,7 +209,7 @@ def _counterexamples(spec: Spec, intervals: ReportSection | None) -> Iterator[st
 
 def _verification(spec: Spec, found: Iterable[ReportSection], name: str, asked: ReportRequest) -> Iterator[str]:
     """Versions, digests, and the commands that give all of it again."""
-    from wavesweep.program.reproducibility import versions
+    from wavesweep.program.platform_compat import versions
 
     found = list(found)
     again = f"wavesweep report {name}{_for_hands(asked)}" + (f" --cut {quote(asked.cut)}" if asked.cut else "")

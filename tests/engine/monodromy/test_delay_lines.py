@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.monodromy.delay_lines import DelayLines
+from wavesweep.engine.monodromy.resolvent import DelayLines
 from wavesweep.engine.monodromy.unit_circle import on_circle
 
 

@@ -6,10 +6,9 @@ import pytest
 
 import wavesweep
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy import triangular
+from wavesweep.engine.monodromy import resolvent
 from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.monodromy.resolvent import ManyStates
-from wavesweep.engine.monodromy.triangular import TriangularForm
+from wavesweep.engine.monodromy.resolvent import ManyStates, TriangularForm
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.search.open_loops import exact_cut
 from wavesweep.engine.stability import arcs
@@ -80,7 +79,7 @@ def test_the_boundary_in_a_form_is_within_its_errors(monkeypatch, seed, close_to
     """Against 60 digits, in eigenvectors and in those of Schur, at and next to lightly damped and equal poles."""
     n = 8
     opened = random_system(seed, n)
-    monkeypatch.setattr(triangular, "CLOSE", close_to)
+    monkeypatch.setattr(resolvent, "CLOSE", close_to)
     form = TriangularForm.of(opened[0])
     assert form.diagonal == (close_to > 0)
     angles = np.abs(np.angle(1 + np.linalg.eigvals(opened[0][0])))

@@ -12,7 +12,7 @@ import pytest
 from support.chunks import DieOnce, finished_in, meet
 
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.reproducibility import versions
+from wavesweep.program.platform_compat import versions
 from wavesweep.program.sweep import clusters, workers
 from wavesweep.program.sweep.pools import in_parallel
 from wavesweep.program.sweep.workers import Workers, results

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.monodromy.delay_lines import DelayLines
+from wavesweep.engine.monodromy.resolvent import DelayLines
 from wavesweep.engine.monodromy.rounding import uneven_units
 from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of

@@ -5,9 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.monodromy.cut import LinearFractional
-from wavesweep.engine.monodromy.delay_lines import DelayLines
-from wavesweep.engine.monodromy.resolvent import FEW_SOLVED, ManyStates
-from wavesweep.engine.monodromy.triangular import TriangularForm
+from wavesweep.engine.monodromy.resolvent import FEW_SOLVED, DelayLines, ManyStates, TriangularForm
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.stability.arc_panels import panel_roots
 from wavesweep.engine.stability.boundary import polish, polish_of_many_states

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.monodromy.delay_lines import DelayLines
+from wavesweep.engine.monodromy.resolvent import DelayLines
 from wavesweep.engine.monodromy.unit_circle import inverse, solve
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.certificate import NONE, ROUNDING

@@ -253,7 +253,7 @@ def _at_least(E, units, w):
     They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the delays that E has, if these
     are most of its states, of the remaining states as their Schur complement, and of the ways between these.
     """
-    from wavesweep.engine.monodromy.delay_lines import DelayLines
+    from wavesweep.engine.monodromy.resolvent import DelayLines
 
     lines = DelayLines.of(E)
     k, d, w = lines.solved, lines.delayed, w[:, None, None]

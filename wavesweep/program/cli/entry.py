@@ -13,18 +13,44 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 from wavesweep.capabilities import CAPABILITIES, OTHER_COMMANDS, QUESTIONS, WITHOUT_SUMMARY, home_of
 from wavesweep.engine.errors import SpecError, WavesweepError
 from wavesweep.program.cli.stopping import Stopped, signals_unwind
-from wavesweep.program.cli.verbosity import Verbosity, verbosity
-from wavesweep.program.reproducibility import ONE_THREAD
+from wavesweep.program.platform_compat import ONE_THREAD
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
+
+
+class Verbosity(NamedTuple):
+    """How the program speaks, whatever the command: options that may stand anywhere in the line.
+
+    words: the whole line after the program's name.
+    """
+
+    words: Sequence[str] = ()
+    quiet: bool = False
+    as_json: bool = False
+    debug: bool = False
+
+    @classmethod
+    def of(cls, words: Sequence[str]) -> tuple[Verbosity, list[str]]:
+        """Take these options out of a line; the words that are left are those of the group and of the command."""
+        end = words.index("--") if "--" in words else len(words)
+        spelt = {"quiet": ("-q", "--quiet"), "as_json": ("--json",), "debug": ("--debug",)}
+        wanted = {name: any(word in spellings for word in words[:end]) for name, spellings in spelt.items()}
+        left = [word for word in words[:end] if not any(word in spellings for spellings in spelt.values())]
+        return cls(tuple(words), **wanted), [*left, *words[end:]]
+
+
+def verbosity() -> Verbosity:
+    """How the running command speaks."""
+    return click.get_current_context().find_root().obj or Verbosity()
+
 
 INTERRUPTED = 130
 # Errors of arithmetic without a result in doubles; LinAlgError is numpy's, which is not imported for this.

@@ -11,7 +11,7 @@ import click
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import show
 from wavesweep.program.cli import completions
-from wavesweep.program.cli.verbosity import verbosity
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.columns import TAKEN
 from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.tables import tables

@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from wavesweep.program.cli.completions import settings
-from wavesweep.program.cli.verbosity import verbosity
+from wavesweep.program.cli.entry import verbosity
 
 STDOUT = "-"
 PATH = click.Path(readable=False)  # which a shell completes; what is at the path is asked where it is opened

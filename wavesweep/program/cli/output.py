@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from wavesweep.capabilities import FOR_ALL_MESSAGES, FOR_ALL_NUMBERS, OVER_AXES, WITH_MESSAGES, listed
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.file_places import own_folder, refuse_inputs
 from wavesweep.program.cli.messages import WRITING, progress, say, show_json, where
 from wavesweep.program.cli.options import Options
-from wavesweep.program.cli.verbosity import verbosity
 
 if TYPE_CHECKING:
     from wavesweep.program.spec import Spec

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from wavesweep.engine.errors import UsageError
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import FORMATS, PATH, folder, is_given
-from wavesweep.program.cli.verbosity import verbosity
 
 NOT_OURS = (AttributeError, KeyError, IndexError, TypeError, ValueError, ArithmeticError)
 

@@ -3,8 +3,8 @@
 import click
 
 from wavesweep.engine.errors import MOST_LINES
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH
-from wavesweep.program.cli.verbosity import verbosity
 
 
 def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:

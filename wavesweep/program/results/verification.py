@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.capabilities import WITH_SPECS, offered
 from wavesweep.engine.errors import UsageError, WavesweepError
 from wavesweep.program.columns import Columns
-from wavesweep.program.reproducibility import versions
+from wavesweep.program.platform_compat import versions
 from wavesweep.program.results.folder import BEST, PACKAGE
 from wavesweep.program.results.package import file_facts, loaded, package_differences, packaged_facts
 from wavesweep.program.results.table_files import GROUP_ROWS, csv_blocks, read_rows, rows_in, schema_facts, schema_fields

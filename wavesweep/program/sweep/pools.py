@@ -14,8 +14,7 @@ from contextlib import closing, contextmanager, suppress
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError, WavesweepError
-from wavesweep.program.platform_compat import MASKS, STOPPING, block, block_only, keep_memory, why_no_processes
-from wavesweep.program.reproducibility import versions
+from wavesweep.program.platform_compat import MASKS, STOPPING, block, block_only, keep_memory, versions, why_no_processes
 
 SAFE_PATH = "PYTHONSAFEPATH"  # no module of the current folder, which Python would otherwise prefer to the standard library
 IDLE = 60  # s after which the processes end if nothing follows

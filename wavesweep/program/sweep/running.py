@@ -17,7 +17,7 @@ from wavesweep.engine.arguments import boolean
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.reproducibility import one_thread, versions
+from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint
 from wavesweep.program.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.program.sweep.job import Job, naming_values

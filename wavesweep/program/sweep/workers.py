@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.program.platform_compat import processors, why_no_processes
-from wavesweep.program.reproducibility import versions
+from wavesweep.program.platform_compat import processors, versions, why_no_processes
 from wavesweep.program.sweep.pools import AHEAD, attested, in_parallel, timed
 
 LOCAL = "loky"  # the backend whose workers share the processors of this machine

@@ -7,9 +7,9 @@ import numpy as np
 from wavesweep.capabilities import where_explained
 from wavesweep.program.analyses.mode_in_the_way import mode_in_words
 from wavesweep.program.analyses.required_words import where_nothing_decides
-from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.row_kinds import row_kinds
+from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.frame_lengths import lengths_in_words
 from wavesweep.program.tables.interval_summary import NEXT
 from wavesweep.program.tables.kind import Line, Numbers, count

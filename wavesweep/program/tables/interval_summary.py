@@ -9,11 +9,11 @@ import numpy as np
 from wavesweep.engine.stability.certificate import FELT_ALIKE
 from wavesweep.program.analyses.required_words import required_in_words
 from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
-from wavesweep.program.doubts import DOUBTS
 from wavesweep.program.reading.tables import members_of
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 from wavesweep.program.spec import find_key
 from wavesweep.program.tables.columns import felt_unit, numbers_of, swept_range
+from wavesweep.program.tables.fields import DOUBTS
 from wavesweep.program.tables.frame_lengths import DecidingLengths, varying_lengths
 from wavesweep.program.tables.refuters import Refuters
 

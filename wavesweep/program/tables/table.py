@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.reproducibility import versions
+from wavesweep.program.platform_compat import versions
 from wavesweep.program.tables import HOMES, kind_named
 
 

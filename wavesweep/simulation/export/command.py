@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
+from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH, folder, override, overwriting
-from wavesweep.program.cli.verbosity import verbosity
 
 
 @click.command("export")
