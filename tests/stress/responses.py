@@ -12,7 +12,7 @@ from support.responses import loop_of
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.response.steady import respond
-from wavesweep.engine.stability.certificate import SPARED
+from wavesweep.program.columns import SPARED
 
 BITS = (256, 512, 1024, 2048, 4096)
 STEP = arb(2) ** -83  # relative and exact, to either side of a frequency where the formula is 0/0

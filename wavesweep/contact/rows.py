@@ -10,13 +10,13 @@ import numpy as np
 from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.stretches import NEAR, Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.cut import FIRST, SECOND, LinearFractional
-from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN, blank_records
+from wavesweep.engine.search.interval_records import blank_records, record_type
 from wavesweep.engine.search.open_loops import open_loops
-from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Guarantee
@@ -28,16 +28,10 @@ TEXT = 1000  # characters of a counterexample
 SETTLED = 1e-2  # of an end, how far proof and refutation may be apart
 LINEAR = "no loss of contact, the linear wall"
 FREE = "no contact at all, the loop without a wall"
-CONTACT_RECORD = np.dtype(
-    [
-        *FIELDS,
-        *((name, "<f8") for name in (*FELT, *LINES)),
-        ("fails_below", "<f8"),
-        ("fails_from", "<f8"),
-        ("settled", "?"),
-        ("counterexample", f"<U{TEXT}"),
-        *OPEN,
-    ]
+CONTACT_RECORD = record_type(
+    *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
+    ("settled", "?"),
+    ("counterexample", f"<U{TEXT}"),
 )
 
 
@@ -110,7 +104,7 @@ def records_through_contact(loop: Loops, along: str, span: tuple[float, float]) 
     ends = np.stack([linear.low, linear.high], axis=1)
     intervals = ends[linear.index >= 0].tolist()
     rows = [row for interval in intervals if (row := _row(line, interval, span))]
-    nowhere = not intervals and bool((linear.doubt == NONE).all())
+    nowhere = not intervals and bool((linear.doubt == Doubt.NONE).all())
     return _recorded(rows, span, none=nowhere)
 
 
@@ -141,7 +135,7 @@ def _recorded(rows: list[Row], span: tuple[float, float], *, none: bool) -> np.n
     records = blank_records(*ends, CONTACT_RECORD)
     known = bool(rows) or none
     records["certified"], records["residual"] = known, 0.0
-    records["doubt"] = NONE if known else SEARCH
+    records["doubt"] = Doubt.NONE if known else Doubt.SEARCH
     records["settled"] = none
     for number, row in enumerate(rows):
         records["fails_below"][number], records["fails_from"][number] = row[2:4]

@@ -1,4 +1,4 @@
-"""Reasons of doubt: a word for each, and what it means."""
+"""Reasons of doubt: a word and a number for each, and what it means."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -25,8 +25,12 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
     }
 )
 """The most severe last."""
-INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
-"""With one of these, part of a range may be neither known to be stable nor known to be unstable."""
+
+
+class Doubt:
+    """The numbers of the reasons in MEANINGS, which records hold in place of their words; NONE: certified."""
+
+    NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE, FAST, CONTRADICTION = range(len(MEANINGS))
 
 
 def words(codes: Any) -> Any:

@@ -14,7 +14,6 @@ from wavesweep.engine.errors import WavesweepError
 from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond
-from wavesweep.engine.search.interval_records import LINES, OPEN
 from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
 from wavesweep.haptics.controller_page import wall_cut
@@ -187,7 +186,7 @@ def plane_of(curve: PlaneCurve, view: View) -> dict:
 
 
 ENDS = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual")
-INTERVAL = (*ENDS, *FELT, *LINES, *(name for name, _ in OPEN))
+INTERVAL = (*ENDS, *FELT, "low_hz", "high_hz", "open_places", "open_low", "open_high")
 
 
 def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_records import blank_records
-from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.for_all.unknown import Case, Part, proofs
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.felt import RECORD
@@ -97,7 +97,7 @@ class BoxGuarantee(Guarantee):
         records = blank_records(low, high, BOX_RECORD)
         records["settled"] = bool(proved_parts) or case.certified
         records["certified"] = case.certified and not proved_parts  # that there are none
-        records["doubt"] = np.where(records["certified"], NONE, SEARCH)
+        records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
         for record, (interval, proved) in zip(records, proved_parts, strict=False):
             record["settled"] &= _all_but_margin(interval, proved)
             for end in ("low", "high"):

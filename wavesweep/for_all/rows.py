@@ -7,13 +7,13 @@ from textwrap import shorten
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing.drawing import SHARES, name_of, path_of
 from wavesweep.engine.drawing.expressions import names_in
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN, blank_records
-from wavesweep.engine.stability.certificate import CONTRADICTION, NONE, SEARCH
+from wavesweep.engine.search.interval_records import blank_records, record_type
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
@@ -51,17 +51,11 @@ OF_KINDS = {  # what a verdict is about, and its words
 TEXT = 1000  # characters of a counterexample, whose pattern is whole so that it can be run
 LEFT_OPEN = 160  # characters about what is left open
 
-FOR_ALL_RECORD = np.dtype(
-    [
-        *FIELDS,
-        *((name, "<f8") for name in (*FELT, *LINES)),
-        ("fails_below", "<f8"),
-        ("fails_from", "<f8"),
-        ("settled", "?"),
-        ("counterexample", f"<U{TEXT}"),
-        ("left_open", f"<U{LEFT_OPEN}"),
-        *OPEN,
-    ]
+FOR_ALL_RECORD = record_type(
+    *((name, "<f8") for name in (*FELT, "fails_below", "fails_from")),
+    ("settled", "?"),
+    ("counterexample", f"<U{TEXT}"),
+    ("left_open", f"<U{LEFT_OPEN}"),
 )
 
 
@@ -440,7 +434,7 @@ def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool =
     """
     records = blank_records(*(np.array([getattr(row, end) for row in rows]) for end in ("low", "high")), FOR_ALL_RECORD)
     records["residual"], records["certified"] = 0.0, bool(rows or (none and certified))
-    records["doubt"] = np.where(records["certified"], NONE, SEARCH)
+    records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
     records["settled"] = none and certified
     for number, row in enumerate(rows):
         records["fails_below"][number] = row.part.low if row.part.low_by is not None else np.nan
@@ -449,5 +443,5 @@ def recorded(rows: Sequence[Row], certified: bool, *, agreed: bool, none: bool =
         records["settled"][number], records["counterexample"][number] = row.settled, row.text
         records["left_open"][number] = row.left_open
     if not agreed:
-        records["certified"], records["settled"], records["doubt"] = False, False, CONTRADICTION
+        records["certified"], records["settled"], records["doubt"] = False, False, Doubt.CONTRADICTION
     return records

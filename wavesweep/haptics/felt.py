@@ -13,13 +13,13 @@ from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, Ports, hand_of,
 from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.rows import different, distinct_rows
 from wavesweep.engine.search.at_ends import AtPort, buildable
-from wavesweep.engine.search.interval_records import FIELDS, LINES, OPEN
+from wavesweep.engine.search.interval_records import record_type
 from wavesweep.engine.search.open_loops import Opened, by_zeros
 from wavesweep.engine.search.question import Question
 from wavesweep.haptics.resting import DcGain, frame_dcgain, shows_at_rest, tick_dcgain
 
 FELT = ("felt_low", "felt_high")
-RECORD = np.dtype([*FIELDS, *((name, "<f8") for name in (*FELT, *LINES)), *OPEN])
+RECORD = record_type(*((name, "<f8") for name in FELT))
 """Records of intervals with the stiffness that is felt at their ends."""
 BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
 AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.doubts import INCOMPLETE
 from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.response.steady import respond
 from wavesweep.identification.points import FrequencyResponse, MeasuredWalls, response_of, walls_of
 from wavesweep.program.analyses.asked import axes_asked, axis_along
 from wavesweep.program.analyses.interval_jobs import job_over
 from wavesweep.program.analyses.spec_loops import loop_at_hand
+from wavesweep.program.columns import INCOMPLETE
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import make_grid
 from wavesweep.program.sweep.running import in_memory

@@ -14,6 +14,7 @@ from itertools import chain, product
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing.complex_gain import TWIN, with_complex_factor
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.drawing.expressions import with_trees
@@ -27,7 +28,6 @@ from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
 from wavesweep.engine.search.open_loops import ANY
 from wavesweep.engine.sets.enclosed_loop import Side
-from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive
 from wavesweep.engine.stability.sampled_frames import Frames
 from wavesweep.haptics.controller_page import loop_drawing
@@ -82,7 +82,7 @@ class BoxMargin:
     counterexample: str
     settled: bool
     limited: bool
-    doubt: int = NONE
+    doubt: int = Doubt.NONE
 
 
 def refused(spec: Spec) -> str:
@@ -133,7 +133,12 @@ def _for_all_cases(found, name) -> BoxMargin:
     at = (worst.value, worst.omega, case.boxes.numbers_in_words(case.named(point))) if within_range else (np.nan, np.nan, "")
     value = _value(name, proved, case.period) if proved > 0 else np.nan
     return BoxMargin(
-        name, value, *at, bool(settled), bool(within_range or not settled), doubt or (NONE if proved > 0 else SEARCH)
+        name,
+        value,
+        *at,
+        bool(settled),
+        bool(within_range or not settled),
+        doubt or (Doubt.NONE if proved > 0 else Doubt.SEARCH),
     )
 
 
@@ -160,7 +165,7 @@ def _value(name, size, period):
 
 def _with_gain_and_phase(disk: BoxMargin) -> Iterator[BoxMargin]:
     """The disk margin with its gain and its phase."""
-    both = (disk_margins(a, disk.omega, 0.0, NONE) for a in (disk.value, disk.refuted))
+    both = (disk_margins(a, disk.omega, 0.0, Doubt.NONE) for a in (disk.value, disk.refuted))
     for proved, refuted in zip(*both, strict=True):
         rest = disk.omega, disk.counterexample, disk.settled, proved.limited or np.isfinite(refuted.omega), disk.doubt
         value = np.nan if np.isnan(disk.value) else proved.value
@@ -247,7 +252,7 @@ class _Case:
             near = np.clip(best + np.concatenate([steps, -steps]), *self.box)
             best = min([best, *map(tuple, near.tolist())], key=size)
         margins = self._at(best) or {}
-        return best, margins.get(name, Margin(name, np.nan, np.nan, np.nan, SEARCH))
+        return best, margins.get(name, Margin(name, np.nan, np.nan, np.nan, Doubt.SEARCH))
 
     def _proved(self, name, size) -> tuple[float, list[tuple[float, ...]]]:
         """The size of a margin, up to this one, that is proved, and points next to which it may be smaller."""

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.energy.hinf import SOFT, START
 from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, reached, read
 from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
@@ -21,7 +22,6 @@ from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
 from wavesweep.engine.stability.along_any import stable_along_any
-from wavesweep.engine.stability.certificate import FAST, NONE, SEARCH
 from wavesweep.engine.stability.sampled_frames import Frames
 from wavesweep.margins.loop_margins import (
     BESIDE,
@@ -226,7 +226,7 @@ def margins_of(loop: BrokenLoop | LiftedLoop) -> tuple[list[Margin], int]:
     if isinstance(loop, LiftedLoop):
         return lifted_margins(loop)
     margins, doubt = scalar_margins(loop)
-    in_doubt = any(margin.doubt not in (NONE, FAST) for margin in margins)
+    in_doubt = any(margin.doubt not in (Doubt.NONE, Doubt.FAST) for margin in margins)
     if not doubt and not in_doubt:
         return margins, doubt
     others, doubt_of_others = lifted_margins(loop.lifted)
@@ -312,12 +312,12 @@ def _disk(loop):
         intervals = loop.along_turn(lambda angle, reach=reach: _on_rim(reach * np.exp(1j * angle)))
         doubt = int(intervals.doubt[0])
         if not doubt and (np.abs(1 - direct) <= reach * np.abs(1 + direct)).any():
-            doubt = SEARCH
+            doubt = Doubt.SEARCH
         if doubt or (intervals.low[0] == 0 and intervals.high[0] == np.pi):
             return disk, at, doubt
         angles = np.concatenate([intervals.low_omega, intervals.high_omega]) * loop.period
         points = np.unique(np.concatenate([points, angles[np.isfinite(angles)]]))
-    return disk, at, SEARCH
+    return disk, at, Doubt.SEARCH
 
 
 def _on_rim(d):

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.energy.hinf import SOFT, START, Peak, angles, with_middles
 from wavesweep.engine.energy.lifted_map import TickMaps
 from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
 from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
 from wavesweep.engine.monodromy.unit_circle import on_circle, solve
-from wavesweep.engine.stability.certificate import CROWDED, FAST, NONE, ROUNDING, SEARCH
 from wavesweep.engine.stability.stable import stable_intervals
 
 MOST = 1e6  # times more or less gain, up to which a limit is looked for
@@ -28,7 +28,7 @@ class Margin:
     """One margin.
 
     value: NaN if it is not known. omega: its frequency, rad/s up to half the rate of the frame; NaN without a limit. bound: on
-    the error of the value, relative, to first order. doubt: a code of `engine.stability.certificate`. limited: whether there
+    the error of the value, relative, to first order. doubt: a number of `Doubt`. limited: whether there
     is a limit; otherwise the value is the end of what was looked at.
     """
 
@@ -36,7 +36,7 @@ class Margin:
     value: float
     omega: float
     bound: float
-    doubt: int = NONE
+    doubt: int = Doubt.NONE
     limited: bool = True
 
     @staticmethod
@@ -199,19 +199,19 @@ def _error(loop, theta, left, along, *, free=True):
         return error + abs(slope) * float(np.float64(error) / abs(along(slope)))
 
 
-def _margin(name, value, omega, bound, doubt=NONE):
-    if doubt == NONE and not bound <= SPARED:
-        doubt = ROUNDING
+def _margin(name, value, omega, bound, doubt=Doubt.NONE):
+    if doubt == Doubt.NONE and not bound <= SPARED:
+        doubt = Doubt.ROUNDING
     return Margin(name, value, omega, float(bound), doubt)
 
 
 def _phases(loop) -> Iterator[Margin]:
     theta, certain = loop.unit_gains()
-    doubt = NONE if certain else CROWDED
+    doubt = Doubt.NONE if certain else Doubt.CROWDED
     slow = abs(complex(loop.response(np.pi))) < 1 - TOUCHES
     if not theta.size:
         yield Margin.unlimited("phase", 180.0, doubt)  # which no rotation exceeds
-        yield Margin.unlimited("delay", MOST * loop.period, doubt if slow else FAST)
+        yield Margin.unlimited("delay", MOST * loop.period, doubt if slow else Doubt.FAST)
         return
     response = loop.response(theta)
     lag = np.angle(-response)
@@ -221,7 +221,7 @@ def _phases(loop) -> Iterator[Margin]:
     error = _error_at_unit_gain(loop, theta[at], response[at])
     yield _margin("phase", float(np.degrees(turn)), float(theta[at]) / loop.period, error / turn, doubt)
     if not slow:
-        yield Margin.unlimited("delay", np.nan, FAST)
+        yield Margin.unlimited("delay", np.nan, Doubt.FAST)
         return
     frames = (lag % (2 * np.pi)) / theta
     at = int(np.argmin(frames))
@@ -248,7 +248,7 @@ def _peaks(loop) -> Iterator[Margin]:
         error_of_S = abs(S) ** 2 * error + abs(abs(S - less) - size)
         bound = TOLERANCE + error_of_S / size
         if name == "disk":
-            doubt = NONE if peak.certified[0] else SEARCH
+            doubt = Doubt.NONE if peak.certified[0] else Doubt.SEARCH
             yield from disk_margins(1 / size, theta / loop.period, bound, doubt)
         else:
             yield peak_margin(name, peak, loop.period, bound)
@@ -259,9 +259,9 @@ def peak_margin(name: str, peak: Peak, period: float, bound: float) -> Margin:
 
     Beyond MOST it has no limit, as next to a drift that it moves.
     """
-    doubt = NONE if peak.certified[0] else SEARCH
+    doubt = Doubt.NONE if peak.certified[0] else Doubt.SEARCH
     if peak.value[0] >= MOST**2:
-        return Margin.unlimited(name, MOST, NONE)
+        return Margin.unlimited(name, MOST, Doubt.NONE)
     size = float(np.sqrt(peak.value[0])) if np.isfinite(peak.value[0]) else np.nan
     return _margin(name, size, float(peak.theta[0]) / period, bound, doubt)
 

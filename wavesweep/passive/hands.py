@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_records import blank_records
-from wavesweep.engine.stability.certificate import NONE, SEARCH
 from wavesweep.haptics.felt import RECORD
 from wavesweep.haptics.held_loop import HeldLoop, held_loop
 from wavesweep.passive.port_ranges import channel_ranges, hand_ranges, pair_ranges, port_ranges
@@ -82,7 +82,7 @@ class PassiveGuarantee(Guarantee):
         intervals = channel_ranges(loop, along, span, self.tolerance) if of_channel else ranges[self.kind](loop, along, span)
         records = blank_records(intervals.low, intervals.high, RECORD)
         records["certified"] = intervals.certified if intervals.low.size else intervals.complete
-        records["doubt"] = np.where(records["certified"], NONE, SEARCH)
+        records["doubt"] = np.where(records["certified"], Doubt.NONE, Doubt.SEARCH)
         for end, border in zip(("low", "high"), span, strict=True):
             for at in np.flatnonzero(records[end] != border) if intervals.low.size else ():
                 records[f"{end}_omega"][at] = intervals.worst(float(records[end][at]))

@@ -8,6 +8,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
+FELT_ALIKE = 1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
+SPARED = 1e-6  # relative error of a response up to which a row has no doubt
+# With one of these doubts part of a range may be neither known to be stable nor known to be unstable.
+INCOMPLETE = ("counts", "crowded", "search", "overflow", "contradiction")
+
 Columns = Mapping[str, "np.ndarray"]  # of a table, by their names
 # Names of columns of tables, which a number must not have, since it may be an axis.
 TAKEN = frozenset(

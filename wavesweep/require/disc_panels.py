@@ -4,7 +4,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from wavesweep.engine.stability.certificate import CROWDED, NONE, ROUNDING, SEARCH
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.stability.intervals import Intervals
 from wavesweep.engine.stability.regions import NEAR_ZERO
 
@@ -135,7 +135,7 @@ def _runs(edges, label):
 def _intervals(column, edges, label, judges, span, period, accuracy):
     """Yield the rows of a column from its runs of panels, sorted; edges: their low ends."""
     width, runs = span[1] - span[0], list(zip(edges, [*edges[1:], span[1]], label, strict=True))
-    doubt, intervals, gaps, begun = NONE, [], {}, False
+    doubt, intervals, gaps, begun = Doubt.NONE, [], {}, False
     for at, (low, high, verdict) in enumerate(runs):
         sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
         if verdict == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
@@ -146,10 +146,10 @@ def _intervals(column, edges, label, judges, span, period, accuracy):
                 begun = all((judge.worst(column, looked_at)[1] <= OUTSIDE).all() for judge in judging)
                 if begun:
                     continue
-            doubt = max(doubt, NONE if tight else ROUNDING)
+            doubt = max(doubt, Doubt.NONE if tight else Doubt.ROUNDING)
             gaps |= dict.fromkeys((low, high), (low, high))
         elif verdict != BAD:
-            doubt = max(doubt, {GOOD: NONE, LOST: SEARCH}.get(verdict, CROWDED))
+            doubt = max(doubt, {GOOD: Doubt.NONE, LOST: Doubt.SEARCH}.get(verdict, Doubt.CROWDED))
             intervals.append((span[0] if begun and not intervals else low, high, verdict == GOOD))
     count = index = sum(good for *_, good in intervals)
     for low, high, good in intervals:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.stability import along_any
-from wavesweep.engine.stability.certificate import COUNTS, CROWDED
 from wavesweep.engine.stability.intervals import common, in_rows, intervals_of, joined, without_seams
 from wavesweep.engine.stability.regions import Regions
 from wavesweep.program import plots, results
@@ -24,7 +24,7 @@ def regions(*parts):
     return Regions(zero, low.astype(float), high.astype(float), low_theta, high_theta, unstable, zero, np.full(low.size, 1e-12))
 
 
-def rows_of(*parts, doubt=COUNTS):
+def rows_of(*parts, doubt=Doubt.COUNTS):
     return in_rows(intervals_of(regions(*parts), np.array([doubt]), np.array([1.0])))
 
 
@@ -55,14 +55,14 @@ def test_a_column_of_which_nothing_is_known_to_be_stable_has_its_open_places_and
 
 
 def test_an_open_place_goes_on_over_the_seam_of_two_parts_of_a_range():
-    of = lambda *parts: intervals_of(regions(*parts), np.array([CROWDED]), np.array([1.0]))  # noqa: E731
+    of = lambda *parts: intervals_of(regions(*parts), np.array([Doubt.CROWDED]), np.array([1.0]))  # noqa: E731
     rows, open_ = in_rows(without_seams(joined([of((0, 1, 0), (1, 2, -1)), of((2, 3, -1), (3, 4, 0))])))
     assert (rows.low.item(), rows.high.item(), rows.count.item()) == (0, 4, 1)
     assert (open_.places.item(), open_.low.item(), open_.high.item()) == (1, 1, 3)
 
 
 def test_loops_beside_each_other_are_open_where_one_is_and_the_others_are_not_unstable():
-    one = intervals_of(regions((0, 2, 0), (2, 6, -1), (6, 9, 0)), np.array([COUNTS]), np.array([1.0]))
+    one = intervals_of(regions((0, 2, 0), (2, 6, -1), (6, 9, 0)), np.array([Doubt.COUNTS]), np.array([1.0]))
     other = intervals_of(regions((0, 4, 0), (4, 5, 1), (5, 9, 0)), np.array([0]), np.array([1.0]))
     rows, open_ = in_rows(common([one, other]))
     assert list(zip(rows.low.tolist(), rows.high.tolist(), strict=True)) == [(0, 2), (6, 9)]
@@ -105,7 +105,9 @@ def blind(monkeypatch, tmp_path):
             lows, highs = (np.concatenate([each[part] for each in cuts]) for part in (slice(-1), slice(1, None)))
             unknown = (lows >= low) & (highs <= high)
             parts = replace(found.take(of), low=lows, high=highs)
-            return replace(parts, unstable=np.where(unknown, -1, parts.unstable), doubt=np.where(unknown, CROWDED, parts.doubt))
+            return replace(
+                parts, unstable=np.where(unknown, -1, parts.unstable), doubt=np.where(unknown, Doubt.CROWDED, parts.doubt)
+            )
 
         monkeypatch.setattr(along_any, "regions_along_any", without)
         path = tmp_path / "late.toml"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.stability import along_any, reduced_equation
-from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.sampled_frames import Frames
 
 STATES = 30  # of the delay
@@ -75,7 +75,7 @@ def test_what_is_clear_is_proved_without_eigenvectors(gain, ends, monkeypatch):
     parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
     parts[0, 0, -1], parts[1, 0, -1] = gain, 0.01
     regions = regions_of(parts)
-    assert (regions.doubt == NONE).all()
+    assert (regions.doubt == Doubt.NONE).all()
     assert regions.low[1:] == pytest.approx(ends, rel=1e-9)
     assert labels(regions, np.array([-0.9, 0.9])).tolist() == [gain < 1, gain < 0.99]
 
@@ -91,7 +91,7 @@ def test_a_crossing_that_newtons_method_does_not_find_is_left_open(monkeypatch):
     parts = np.zeros((3, STATES + 1, STATES + 1))
     parts[0, np.arange(1, STATES + 1), np.arange(STATES)] = 1
     parts[0, 0, -1], parts[1, 0, -1] = 0.995, 0.01
-    assert (regions_of(parts).doubt != NONE).all()
+    assert (regions_of(parts).doubt != Doubt.NONE).all()
 
 
 @pytest.mark.parametrize("pole", [0.96, 0.99])

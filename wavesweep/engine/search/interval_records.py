@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 
-from wavesweep.engine.stability.certificate import SEARCH
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.stability.intervals import Intervals, in_rows
 
 FIELDS = (
@@ -22,7 +22,14 @@ FIELDS = (
 )
 LINES = ("low_hz", "high_hz")
 OPEN = (("open_places", "<i4"), ("open_low", "<f8"), ("open_high", "<f8"))
-RECORD = np.dtype([*FIELDS, *((name, "<f8") for name in LINES), *OPEN])
+
+
+def record_type(*own: tuple[str, str]) -> np.dtype:
+    """The type of records of intervals, with fields of one's own: pairs of a name and a type."""
+    return np.dtype([*FIELDS, *((name, "<f8") for name in LINES), *own, *OPEN])
+
+
+RECORD = record_type()
 
 FAILURES = (ArithmeticError, np.linalg.LinAlgError, IndexError)  # what numerics raise where they have no answer
 
@@ -49,7 +56,7 @@ def records_of(intervals: Intervals, dtype: np.dtype) -> np.ndarray:
 def blank_records(low: np.ndarray, high: np.ndarray, dtype: np.dtype) -> np.ndarray:
     """Records of slice 0 with these ends, or the one record of a slice without intervals; other numbers are missing."""
     records = np.zeros(max(low.size, 1), dtype)
-    records["doubt"] = SEARCH
+    records["doubt"] = Doubt.SEARCH
     for name in dtype.names:
         if dtype[name].kind == "f":
             records[name] = np.nan

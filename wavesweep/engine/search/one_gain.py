@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.monodromy.cut import FIRST, SECOND
 from wavesweep.engine.rows import different
 from wavesweep.engine.search.open_loops import Opened, by_zeros
 from wavesweep.engine.search.question import Question, RequiredRegion, Rest, Slices
-from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.intervals import Intervals, by_slice, in_place
 from wavesweep.engine.stability.stable import stable_intervals
 
@@ -26,7 +26,7 @@ def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
     """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the rest is asked."""
     loops, opened = slices.loops, slices.opened
     intervals = of_cut(opened, question.span, question.bound)
-    doubtful = different(intervals.column[intervals.doubt != NONE])
+    doubtful = different(intervals.column[intervals.doubt != Doubt.NONE])
     if not doubtful.size:
         return intervals
     if opened.alone or slices.size == 1:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.monodromy.resolvent import DelayLines
 from wavesweep.engine.monodromy.rounding import uneven_units
-from wavesweep.engine.stability.certificate import NONE
 from wavesweep.engine.stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
 from wavesweep.engine.stability.entries import DEGREES, EPS, panels_of
 from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of
@@ -52,7 +52,7 @@ def stable_along_any(
     regions = regions_along_any(
         frames, span, columns, bounds, variable, errors, balls, resolved, tight=tight, from_one=from_one
     )
-    return intervals_of(regions, doubts_of(regions, np.full(columns, NONE)), period)
+    return intervals_of(regions, doubts_of(regions, np.full(columns, Doubt.NONE)), period)
 
 
 def regions_along_any(

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows, different
-from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING, SEARCH
 from wavesweep.engine.stability.dominance import DominanceTests, ExactFrames
 from wavesweep.engine.stability.entries import EPS, Panels, nodes, sizes_of
 from wavesweep.engine.stability.leaving_one import proved_from_one
@@ -50,7 +50,7 @@ class Tiles(Rows):
     doubt: np.ndarray
 
     @classmethod
-    def of(cls, column, low, high, outside, doubt=NONE) -> "Tiles":
+    def of(cls, column, low, high, outside, doubt=Doubt.NONE) -> "Tiles":
         nothing = np.full(column.size, np.nan)
         return cls(column, low, high, outside + 0 * column, nothing, nothing, 0 * low, doubt + 0 * column)
 
@@ -116,7 +116,7 @@ def _with_ends_in_gaps(tiles, errors, slack):
     value = (low + high) / 2
     z = 1 + np.linalg.eigvals(np.nan_to_num(next(iter(errors(column, value)))))
     nearest = np.take_along_axis(z, np.abs(np.abs(z) - 1).argmin(1)[:, None], 1)[:, 0]
-    ends = Tiles(column, low, high, WINDOW + 0 * column, value, np.abs(np.angle(nearest)), high - low, NONE + 0 * column)
+    ends = Tiles(column, low, high, WINDOW + 0 * column, value, np.abs(np.angle(nearest)), high - low, Doubt.NONE + 0 * column)
     return Tiles.join([tiles, ends])
 
 
@@ -241,7 +241,7 @@ class _Test:
             new = proved[side] & ~again
             tiles.append(Tiles.of(self.column[new], low[new], high[new], outside[side][new]))
         value = np.where(self.at_end != 0, np.where(self.at_end < 0, *self.span), np.clip(self.crossing, *inner))
-        kind, doubt = np.where(self.overlaid, OVERLAID, WINDOW), np.where(self.rough, ROUNDING, NONE)
+        kind, doubt = np.where(self.overlaid, OVERLAID, WINDOW), np.where(self.rough, Doubt.ROUNDING, Doubt.NONE)
         windows = Tiles(self.column, *inner, kind, value, self.theta, self.miss, doubt)
         new = self.closing & ~failed & ~again & (inner[0] < inner[1])  # else the crossing is beyond the stretch
         return [*tiles, windows.take(new)], self._left_open(inner, (left, right), proved, failed, again)
@@ -327,7 +327,7 @@ def proved_by_balls(tiles: Tiles, lost, span, columns: int, attached, balls) -> 
     outer, sure = np.isin(joined.low, span) & (joined.low == joined.high), np.flatnonzero(joined.outside >= 0)
     first, last = sure[:-1], sure[1:]
     before_label, after_label = np.minimum(joined.outside[first], 1), np.minimum(joined.outside[last], 1)
-    window, plain, rough = joined.outside <= WINDOW, joined.outside == WINDOW, joined.doubt != NONE
+    window, plain, rough = joined.outside <= WINDOW, joined.outside == WINDOW, joined.doubt != Doubt.NONE
 
     def between(size):
         """The sum over the windows between each two neighbours of `sure`."""
@@ -373,7 +373,7 @@ def _tiles_of_intervals(column, a, b, intervals):
     if place < b:
         rows.append((place, b, 1, np.nan, np.nan))
     low, high, outside, value, theta = map(np.array, zip(*rows, strict=True))
-    return Tiles(np.full(low.size, column), low, high, outside, value, theta, 0 * low, np.full(low.size, NONE))
+    return Tiles(np.full(low.size, column), low, high, outside, value, theta, 0 * low, np.full(low.size, Doubt.NONE))
 
 
 def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
@@ -384,13 +384,13 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     """
     tiles = Tiles.join([tiles, _gaps(tiles, span, columns, attached)])
     tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
-    doubt = np.full(columns, NONE)
+    doubt = np.full(columns, Doubt.NONE)
     owner, low, high, overflown = lost
     searched = (high > span[0] + attached[0]) & (low < span[1] - attached[1])
-    np.maximum.at(doubt, owner[searched].astype(int), np.where(overflown[searched] > 0, OVERFLOW, SEARCH))
-    np.maximum.at(doubt, tiles.column, np.where(tiles.outside == UNKNOWN, CROWDED, NONE))
+    np.maximum.at(doubt, owner[searched].astype(int), np.where(overflown[searched] > 0, Doubt.OVERFLOW, Doubt.SEARCH))
+    np.maximum.at(doubt, tiles.column, np.where(tiles.outside == UNKNOWN, Doubt.CROWDED, Doubt.NONE))
     # Inside a plain window all may be stable, also at an end of the span.
-    np.maximum.at(doubt, tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, NONE))
+    np.maximum.at(doubt, tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, Doubt.NONE))
     at = np.flatnonzero(tiles.outside > WINDOW)
     regions, column, label = tiles.take(at), tiles.column[at], np.sign(tiles.outside[at])
     neighbours = np.concatenate([at - 1, at[-1:] + 1])  # before each part, and after the last one
@@ -406,18 +406,18 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     )
     before = np.where(first, UNKNOWN, np.append(UNKNOWN, label[:-1]))
     same = ~first & (before == label)
-    np.maximum.at(doubt, column, np.where(label == 0, np.maximum(*rough), NONE))
+    np.maximum.at(doubt, column, np.where(label == 0, np.maximum(*rough), Doubt.NONE))
     # Between parts alike eigenvalues may touch the circle, or cross and return; without a crossing the counts agree.
     unsure = crossed & same & ((label == 0) | (window.outside[:-1] == WINDOW))
     wrong = ~first & (unsure | ~crossed & ~same & (np.minimum(label, before) >= 0))
-    np.maximum.at(doubt, column[wrong], COUNTS)
+    np.maximum.at(doubt, column[wrong], Doubt.COUNTS)
     begin, end = np.flatnonzero(~same), np.flatnonzero(np.append(~same[1:], True))
     ends = (low[begin], high[end], theta[0][begin], theta[1][end])
     return Regions(column[begin], *ends, label[begin], doubt[column[begin]], np.maximum(miss[0][begin], miss[1][end]))
 
 
 def _facts(window):
-    return (window.theta, np.nan), (window.miss, 0.0), (window.doubt, NONE)
+    return (window.theta, np.nan), (window.miss, 0.0), (window.doubt, Doubt.NONE)
 
 
 def _gaps(tiles, span, columns, attached):

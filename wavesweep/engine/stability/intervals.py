@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows
-from wavesweep.engine.stability.certificate import COUNTS, NONE
 from wavesweep.engine.stability.regions import Regions
 
 
@@ -19,7 +19,7 @@ class Intervals(Rows):
     index: 0, 1, ... of the stable intervals of the column, -1 of other elements. count: stable intervals of the column. low,
     high: ends (N/m or N*s/m), NaN of a column with no other element. low_omega, high_omega: rad/s of the oscillation that
     starts there, NaN if the range ends the interval, or an open place begins there. doubt: reason why the column is not
-    certified, NONE if it is (codes of `wavesweep.engine.stability.certificate`). residual: the largest relative residual of the
+    certified, NONE if it is (numbers of `doubts.Doubt`). residual: the largest relative residual of the
     characteristic equation at crossings of the interval, 0 if there are none.
     """
 
@@ -36,7 +36,7 @@ class Intervals(Rows):
     @property
     def certified(self) -> np.ndarray:
         """Whether all of each element's column is proved."""
-        return self.doubt == NONE
+        return self.doubt == Doubt.NONE
 
 
 def intervals_of(r: Regions, doubt, period) -> Intervals:
@@ -73,7 +73,7 @@ def doubts_of(regions: Regions, doubt) -> np.ndarray:
     A region without a label leaves at least COUNTS.
     """
     doubt = np.array(doubt)
-    np.maximum.at(doubt, regions.column, np.where(regions.unstable < 0, np.maximum(regions.doubt, COUNTS), regions.doubt))
+    np.maximum.at(doubt, regions.column, np.where(regions.unstable < 0, np.maximum(regions.doubt, Doubt.COUNTS), regions.doubt))
     return doubt
 
 
@@ -147,7 +147,7 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     return _numbered(rows), OpenPlaces(places, np.fmin.reduceat(low, begin), np.fmax.reduceat(high, begin))
 
 
-def without_any(intervals: Intervals, columns, span=None, doubt: int = NONE) -> Intervals:
+def without_any(intervals: Intervals, columns, span=None, doubt: int = Doubt.NONE) -> Intervals:
     """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is known of their whole span."""
     index = columns[intervals.column]
     if not index.any():
@@ -155,10 +155,10 @@ def without_any(intervals: Intervals, columns, span=None, doubt: int = NONE) -> 
     empty = intervals.take(index)
     empty = empty.take(np.unique(empty.column, return_index=True)[1])
     size = empty.column.size
-    ends = (np.full(size, float(end)) for end in ((np.nan, np.nan) if doubt == NONE else span))
+    ends = (np.full(size, float(end)) for end in ((np.nan, np.nan) if doubt == Doubt.NONE else span))
     nothing = dict(zip(("low", "high"), ends, strict=True)) | dict.fromkeys(("low_omega", "high_omega"), np.full(size, np.nan))
     none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
-    reasons = np.full(size, NONE) if doubt == NONE else np.maximum(empty.doubt, doubt)
+    reasons = np.full(size, Doubt.NONE) if doubt == Doubt.NONE else np.maximum(empty.doubt, doubt)
     remaining = Intervals.join([intervals.take(~index), replace(empty, **nothing, **none, doubt=reasons)])
     return remaining.take(np.argsort(remaining.column, kind="stable"))
 
@@ -216,10 +216,10 @@ def _by_column(intervals):
 
 def _common_in_column(loops):
     """What the loops of a column have in common, and the doubt of that; loops: pieces and doubt of each."""
-    certain = [pieces for pieces, doubt in loops if doubt == NONE]
+    certain = [pieces for pieces, doubt in loops if doubt == Doubt.NONE]
     shared = _of_all(certain)
     if len(certain) == len(loops) or (certain and not shared):
-        return shared, NONE
+        return shared, Doubt.NONE
     return _of_all([pieces for pieces, _ in loops]), max(doubt for _, doubt in loops)
 
 

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.monodromy.resolvent import DelayLines
 from wavesweep.engine.monodromy.unit_circle import inverse, solve
 from wavesweep.engine.rows import Rows
-from wavesweep.engine.stability.certificate import NONE, ROUNDING
 from wavesweep.engine.stability.covering import FIRM, OVERLAID, WINDOW, Tiles
 from wavesweep.engine.stability.entries import EPS, Panels
 from wavesweep.engine.stability.spectrum import count_outside
@@ -304,7 +304,7 @@ def _windows(panels, panel, x, theta, moved, span, slack):
         else:
             rows.append(row)
     column, low, high, value, theta = (np.array(fact, float) for fact in (zip(*rows, strict=True) if rows else [()] * 5))
-    column, doubt = column.astype(int), np.where(high - low > 2 * FIRM * slack(value), ROUNDING, NONE)
+    column, doubt = column.astype(int), np.where(high - low > 2 * FIRM * slack(value), Doubt.ROUNDING, Doubt.NONE)
     return Tiles(column, low, high, WINDOW + 0 * column, value, theta, EPS * np.abs(value), doubt)
 
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
 from wavesweep.engine.monodromy.resolvent import Inverse
 from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.engine.rows import Rows
 from wavesweep.engine.stability.boundary import end_errors
-from wavesweep.engine.stability.certificate import COUNTS, NONE, ROUNDING
 from wavesweep.engine.stability.crossings import SLIVER, Crossings
 from wavesweep.engine.stability.spectrum import count_outside
 
@@ -74,7 +74,7 @@ class CutSpan:
     def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
         """Return regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
         doubt, residual = doubt.copy(), np.zeros(self.column.size)
-        end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, ROUNDING))
+        end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, Doubt.ROUNDING))
         doubt[self.has_previous] = np.maximum(doubt[self.has_previous], end_doubt)
         doubt[self.has_next] = np.maximum(doubt[self.has_next], end_doubt)
         residual[self.has_previous] = error
@@ -139,18 +139,18 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     )
     unstable = (rise + begins[spans.column]).astype(int)
     unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
-    unstable[unknown], doubt[unknown] = -1, COUNTS
+    unstable[unknown], doubt[unknown] = -1, Doubt.COUNTS
     claimed = (
         spans.has_previous & ~unknown & (unstable <= 0) & crossings.complete[spans.column] & (narrow | counted[spans.column])
     )
     claimed = np.flatnonzero(claimed)
     judged = count_where_clear(spans, claimed, matrices)
-    doubt[claimed] = np.maximum(doubt[claimed], np.where(judged == unstable[claimed], NONE, COUNTS))
+    doubt[claimed] = np.maximum(doubt[claimed], np.where(judged == unstable[claimed], Doubt.NONE, Doubt.COUNTS))
     error, end_doubt = _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable)
     labelled = spans.labelled(unstable, doubt, end_doubt, error)
-    worst = np.where(crossings.complete, NONE, COUNTS)
+    worst = np.where(crossings.complete, Doubt.NONE, Doubt.COUNTS)
     np.maximum.at(worst, labelled.column, labelled.doubt)
-    again = np.flatnonzero(worst[spans.column] >= COUNTS)
+    again = np.flatnonzero(worst[spans.column] >= Doubt.COUNTS)
     if not again.size:
         return labelled
     unstable[again] = count_where_all_agree(spans, again, matrices)
@@ -202,7 +202,7 @@ def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
     error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
     firm = moved <= FIRM * (np.abs(value) + least)
-    doubt[of_stable] = np.where(clear & firm, NONE, ROUNDING)
+    doubt[of_stable] = np.where(clear & firm, Doubt.NONE, Doubt.ROUNDING)
     return error, doubt
 
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.monodromy.cut import ERRORS, FIRST, MATRICES, LinearFractional
 from wavesweep.engine.monodromy.periodic import size_of
 from wavesweep.engine.monodromy.radius import cut_within
 from wavesweep.engine.monodromy.rounding import UNEVEN, uneven_units
-from wavesweep.engine.stability.certificate import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.engine.stability.crossings import crossings, roots_of, sampled_polynomial, warp_scale
 from wavesweep.engine.stability.intervals import Intervals, doubts_of, intervals_of, without_any
 from wavesweep.engine.stability.regions import Regions, regions
@@ -62,7 +62,7 @@ def _with_uncontrolled(intervals, cut, owner, span) -> Intervals:
         count, clear = count_outside(E)
         outside = np.where((outside < 0) | ~clear, -1, outside + count)
     outside = outside[owner]
-    return without_any(without_any(intervals, outside > 0), outside < 0, span, COUNTS)
+    return without_any(without_any(intervals, outside > 0), outside < 0, span, Doubt.COUNTS)
 
 
 def _in_even_units(cut: LinearFractional) -> LinearFractional:
@@ -99,8 +99,8 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         followed = ~lost & (_by_arcs in methods or divided[rows]) & (method is not methods[-1])
         labelled, doubt = method(cut, owner[rows], along, fixed[rows], span, followed)
         labelled = replace(labelled, unstable=np.where(lost[labelled.column], -1, labelled.unstable))
-        doubt = np.where(lost, OVERFLOW, doubt)
-        answered_now = (doubt == NONE) | ~followed
+        doubt = np.where(lost, Doubt.OVERFLOW, doubt)
+        answered_now = (doubt == Doubt.NONE) | ~followed
         answers = labelled.take(answered_now[labelled.column])
         done.append((replace(answers, column=rows[answers.column]), rows[answered_now], doubt[answered_now]))
         answered[rows[answered_now]] = True
@@ -143,12 +143,12 @@ def _by_polynomial(cut, owner, along, fixed, span, followed, *, alone=False):
     polynomial = cut.remembered((along, alone), sampled)
     roots = roots_of(polynomial, owner, fixed)
     rows = np.flatnonzero(roots.complete | ~followed)
-    doubt = np.full(fixed.size, CROWDED)
+    doubt = np.full(fixed.size, Doubt.CROWDED)
     if not rows.size:
         return Regions.none(), doubt
     crossed = crossings(cut, owner[rows], along, fixed[rows], span, polynomial, roots.take(rows))
     labelled = regions(cut, owner[rows], along, fixed[rows], span, crossed)
-    doubt[rows] = doubts_of(labelled, np.where(crossed.complete, NONE, CROWDED))
+    doubt[rows] = doubts_of(labelled, np.where(crossed.complete, Doubt.NONE, Doubt.CROWDED))
     return replace(labelled, column=rows[labelled.column]), doubt
 
 
@@ -167,9 +167,9 @@ def _by_arcs(cut, owner, along, fixed, span, _):
         some = slice(first, first + step)
         crossed = arc_crossings(cut.at(owner[some]), along, fixed[some], span)
         labelled = regions(cut, owner[some], along, fixed[some], span, crossed)
-        doubt = doubts_of(labelled, np.where(crossed.complete, NONE, CROWDED))
+        doubt = doubts_of(labelled, np.where(crossed.complete, Doubt.NONE, Doubt.CROWDED))
         parts.append(replace(labelled, column=first + labelled.column))
-        doubts.append(np.where(rough[some], np.maximum(doubt, ROUNDING), doubt))
+        doubts.append(np.where(rough[some], np.maximum(doubt, Doubt.ROUNDING), doubt))
     return Regions.join(parts), np.concatenate(doubts)
 
 

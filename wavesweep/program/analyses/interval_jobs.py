@@ -16,7 +16,7 @@ from wavesweep.engine.errors import IllPosedLoopError, UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
 from wavesweep.engine.search.interval_records import FAILURES, unanswered
-from wavesweep.engine.search.interval_search import ENDS, OMEGAS, Search, Searches
+from wavesweep.engine.search.interval_search import Search, Searches
 from wavesweep.engine.search.open_loops import FEW, exact_cut
 from wavesweep.engine.search.question import Prover
 from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
@@ -136,6 +136,9 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, **limits: float) -
     return module.ball_prover(loops, along, period, **limits) if module else None
 
 
+_PAIRS = (("low", "high"), ("low_omega", "high_omega"))
+
+
 def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guarantee) -> np.ndarray:
     """Records of guaranteed intervals along a number, sorted by slice, with what the hand feels at their ends.
 
@@ -150,7 +153,7 @@ def loop_by_loop(parts, along: str, span: tuple[float, float], guarantee: Guaran
                 records = [guarantee.records_of(loop.changed(built), along, piece) for piece, built in pieces]
                 by_number[number] = records = _joined(records) if len(records) > 1 else records[0]
                 if feels(loop.drawing) and records["intervals"][0]:
-                    p, omega = (np.stack([records[name] for name in pair]) for pair in (ENDS, OMEGAS))
+                    p, omega = (np.stack([records[name] for name in pair]) for pair in _PAIRS)
                     felt = felt_at_ends(p, omega, lambda _, values, loop=loop: felt_along(loop, along, values))
                     records[FELT[0]], records[FELT[1]] = felt
             except FAILURES as error:

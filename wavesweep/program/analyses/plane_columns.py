@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.doubts import INCOMPLETE
-from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.columns import INCOMPLETE, Columns, whose_column
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
 LOGGER = logging.getLogger("wavesweep.figure.curves")  # hears which share of the further columns is computed

@@ -6,7 +6,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.engine.doubts import words
+from wavesweep.engine.doubts import Doubt, words
 from wavesweep.engine.errors import SpecError
 from wavesweep.engine.keys.checking import Mistakes
 from wavesweep.engine.loop import Loops
@@ -14,10 +14,9 @@ from wavesweep.engine.response.at_hand import Route, ports_of_batch
 from wavesweep.engine.response.gain import gain_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.steady import respond, transfer
-from wavesweep.engine.stability.certificate import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE
 from wavesweep.haptics.controller_page import RATIO, steps_of
 from wavesweep.program.analyses.spec_loops import port_at_hand
-from wavesweep.program.columns import Columns, complex_columns
+from wavesweep.program.columns import SPARED, Columns, complex_columns
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.spec.studies import refuse_beyond_half
 from wavesweep.program.sweep.grid import drawn_groups, keys_of, loops_of, make_grid, refuse_rows
@@ -210,8 +209,10 @@ def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
 
 def _doubts(errors, stable, lost, marginal=False):
     rounded = ~np.logical_and.reduce([error <= SPARED for error in errors])
-    certain = np.where(stable, np.where(rounded, ROUNDING, NONE), np.where(marginal, ROUNDING, UNSTABLE))
-    codes = np.where(lost, OVERFLOW, certain)
+    certain = np.where(
+        stable, np.where(rounded, Doubt.ROUNDING, Doubt.NONE), np.where(marginal, Doubt.ROUNDING, Doubt.UNSTABLE)
+    )
+    codes = np.where(lost, Doubt.OVERFLOW, certain)
     return np.broadcast_to(codes, np.broadcast_shapes(codes.shape, rounded.shape))
 
 

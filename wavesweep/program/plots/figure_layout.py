@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.stability.certificate import FELT_ALIKE
-from wavesweep.program.columns import Columns, whose_column
+from wavesweep.program.columns import FELT_ALIKE, Columns, whose_column
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 
 # What a person can still read in one figure.

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.stability.certificate import FELT_ALIKE
 from wavesweep.program.analyses.plane_columns import incomplete
+from wavesweep.program.columns import FELT_ALIKE
 from wavesweep.program.plots.labels import unit, valued
 from wavesweep.program.plots.member_panels import Member, look_of
 from wavesweep.program.plots.region_figures import (

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.stability.certificate import SPARED
-from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.columns import SPARED, Columns, axes_of
 from wavesweep.program.plots.figure_layout import where
 from wavesweep.program.plots.labels import assumption, at_hand, label, printed, shortened, valued, with_unit
 from wavesweep.program.plots.sampling import Blocks, shown_curves

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.stability.certificate import FELT_ALIKE
 from wavesweep.program.analyses.required_words import required_in_words
-from wavesweep.program.columns import Columns, axes_of, open_places, whose_column
+from wavesweep.program.columns import FELT_ALIKE, Columns, axes_of, open_places, whose_column
 from wavesweep.program.reading.tables import members_of
 from wavesweep.program.row_kinds import COMPUTED, row_kinds
 from wavesweep.program.spec import find_key

@@ -13,9 +13,8 @@ import numpy as np
 
 from wavesweep.capabilities import where_explained
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.stability.certificate import SPARED
 from wavesweep.program.analyses.assumptions import notices_of
-from wavesweep.program.columns import Columns, axes_of
+from wavesweep.program.columns import SPARED, Columns, axes_of
 from wavesweep.program.tables import kind_named
 from wavesweep.program.tables.kind import Kind, Line, Numbers, Recompute, count
 from wavesweep.program.tables.table import Table, digest_of, facts_of, with_unlike_units
