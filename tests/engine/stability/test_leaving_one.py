@@ -104,8 +104,8 @@ def test_a_crossing_just_beyond_a_stretch_does_not_keep_tests_going(monkeypatch)
     """Tests in the middle of a stretch and at its end went on in turn until none was left."""
     loop = wavesweep.compile(uneven(72, b=40.0))
     rounds = []
-    test = covering._Test
-    monkeypatch.setattr(covering, "_Test", lambda *given: rounds.append(given) or test(*given))
+    begun = covering._Round.of
+    monkeypatch.setattr(covering._Round, "of", lambda *given: rounds.append(given) or begun(*given))
     found = loop.stable_intervals("K_VE", (0, 5000), B_VE=[0.71875])
     assert found["certified"].all()
     np.testing.assert_allclose(found["high"], [922.29044281, 2810.77154299, 3395.4595443], rtol=1e-9)
