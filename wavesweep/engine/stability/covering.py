@@ -35,8 +35,9 @@ class Tiles(Rows):
     """Parts of the spans of columns.
 
     outside: number of eigenvalues outside the unit circle, or at least so many; UNKNOWN; WINDOW if some cross there, or
-    OVERLAID if another one is outside meanwhile. value, theta, miss, doubt: of a window: the crossing; the eigenvalue's angle there; to what its distance from the circle is known,
-    relative to what that changes by with the parameter if this is more; Doubt.ROUNDING if the window is wider than ends may be off.
+    OVERLAID if another one is outside meanwhile. value, theta, miss, doubt: of a window: the crossing; the eigenvalue's angle
+    there; to what its distance from the circle is known, relative to what that changes by with the parameter if this is more;
+    Doubt.ROUNDING if the window is wider than ends may be off.
     """
 
     column: np.ndarray

@@ -28,7 +28,7 @@ BUDGET = 1.5  # s that the further columns may take; by an estimate, so that equ
 FEWEST = 64  # cells along a picture that are examined, however few values the table has; fewer if columns are dear
 DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
 MOST_PROVED, OPERATIONS = 6, 2e6  # dear columns in doubt that are asked of ball arithmetic, each of so many operations at most
-LOOSE = 6  # pixels of a cell that is not decided, up to which it is drawn as if it were one
+LOOSE = 2  # pixels of a cell that is not decided, up to which it is drawn as if it were one
 KNOWN, NARROW, UNDECIDED = "known", "narrow", "undecided"
 
 
