@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -31,22 +32,22 @@ def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarra
     A violation is 0 if all bounds are kept and all values are certified; a design with fewer values that are missing or not
     certified has the smaller one. Without a free wish the objective is the smallest margin with its sign reversed.
     """
-    free = [wish for wish in design.wishes if wish.bound is None]
-    bounded = [wish for wish in design.wishes if wish.bound is not None]
-    objectives, violation = (
-        [_objective(wish, records[wish.name]) for wish in free],
-        np.zeros(len(records[design.wishes[0].name])),
-    )
+    objectives = []
     margins = []
-    for wish in bounded:
-        margin = wish.margin(records[wish.name])
+    violation = np.zeros(len(records[design.wishes[0].name]))
+    for wish in design.wishes:
+        value = records[wish.name]
+        if wish.bound is None:
+            objectives.append(_objective(wish, value))
+            continue
+        margin = wish.margin(value)
         margins.append(np.where(np.isnan(margin), -np.inf, margin))
         by = np.maximum(-margin, 0.0)
         violation += np.where(np.isnan(by), WORST_SHARE, WORST_SHARE * by / (WORST_SHARE + by))
     for wish in design.wishes:
         unknown = _missing(wish, records) | ~records[f"{wish.name}_certified"]
         violation += np.where(unknown, WORST_SHARE * len(design.wishes), 0.0)
-    if not free:
+    if not objectives:
         objectives = [-np.min(margins, axis=0)]
     return np.stack(objectives, axis=1), violation
 
@@ -58,8 +59,11 @@ def _missing(wish, records):
 
 
 def _objective(wish, value):
-    value = np.log(np.maximum(value, LEAST_LOG)) if wish.name in BY_RATIO else value
-    return np.where(np.isnan(value), np.inf, -value if wish.kind.more else value)
+    if wish.name in BY_RATIO:
+        value = np.log(np.maximum(value, LEAST_LOG))
+    if wish.kind.more:
+        value = -value
+    return np.where(np.isnan(value), np.inf, value)
 
 
 def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: Mapping[str, str]) -> str:
@@ -68,24 +72,36 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
     _, violation = judged(design, records)
     at = int(np.argmin(violation))
     misses = [_nearest(wish, records[at], scenarios, units[wish.name]) for wish in design.wishes]
-    against = _against(design, records)
-    bounded = any(wish.bound is not None for wish in design.wishes)
     missing = any(bool(_missing(wish, records)[at]) for wish in design.wishes)
-    wanted = "meets all bounds" if bounded else f"has a {'' if missing else 'certified '}value for every wish"
-    loop = "that is unstable or not proved for all of [for_all]" if spec.for_all else "that is unstable"
-    why = f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so" if missing else ""
-    return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(misses)}{against}{why}"
+    if any(wish.bound is not None for wish in design.wishes):
+        wanted = "meets all bounds"
+    elif missing:
+        wanted = "has a value for every wish"
+    else:
+        wanted = "has a certified value for every wish"
+    said = f"no design of {len(records)} {wanted}; the nearest has {'; '.join(misses)}{_against(design, records)}"
+    if missing:
+        loop = "that is unstable or not proved for all of [for_all]" if spec.for_all else "that is unstable"
+        said += f"; a loop {loop} has no value, and `wavesweep check` says which numbers make it so"
+    return said
 
 
 def _nearest(wish, record, scenarios, unit):
     """The value of a wish in the nearest design, with its bound and the scenario that sets it."""
-    value, bound, place = record[wish.name], "", ""
-    said = "not known" if np.isnan(value) else f"{value:.6g} {unit}".removesuffix(" 1").rstrip()
+    value = record[wish.name]
+    if np.isnan(value):
+        said = f"{wish.name} not known"
+    else:
+        said = f"{wish.name} " + f"{value:.6g} {unit}".removesuffix(" 1").rstrip()
     if wish.bound is not None:
-        bound = f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
+        said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
+    if not np.isnan(value) and not record[f"{wish.name}_certified"]:
+        said += ", not certified"
+    if wish.bound is not None:
         place = described(scenarios, int(record[f"{wish.name}_scenario"]))
-    doubt = "" if np.isnan(value) or record[f"{wish.name}_certified"] else ", not certified"
-    return f"{wish.name} {said}{bound}{doubt}{f' with {place}' if place else ''}"
+        if place:
+            said += f" with {place}"
+    return said
 
 
 def _against(design, records):
@@ -93,13 +109,14 @@ def _against(design, records):
 
     If there is no such pair, the text names the bounds that no design met; it is empty if there are none.
     """
-    met = {wish.name: wish.margin(records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
-    names = list(met)
-    for i, name in enumerate(names):
-        for name_after in names[i + 1 :]:
-            if met[name].any() and met[name_after].any() and not (met[name] & met[name_after]).any():
-                counts = f"{met[name].sum()} designs met the one, {met[name_after].sum()} the other, none both"
-                return f"; {name} stands against {name_after}: {counts}"
+    met = {}
+    for wish in design.wishes:
+        if wish.bound is not None:
+            met[wish.name] = wish.margin(records[wish.name]) >= 0
+    for one, other in combinations(met, 2):
+        if met[one].any() and met[other].any() and not (met[one] & met[other]).any():
+            counts = f"{met[one].sum()} designs met the one, {met[other].sum()} the other, none both"
+            return f"; {one} stands against {other}: {counts}"
     never = [name for name, flags in met.items() if not flags.any()]
     return f"; no design meets even alone the bound on {', '.join(never)}" if never else ""
 
@@ -118,47 +135,66 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     """
     tables = spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary}).tables()
     sweep = _sweep(spec, tables["sweep"], row, stop)
-    tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate", "measured")}
+    for name in ("sweep", "bode", "design", "simulate", "measured"):
+        tables.pop(name, None)
     if spec.simulate:
-        tables["simulate"] = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
+        kept = {name: spec.hardware[name] for name in GIVEN if spec.hardware[name]}
         if spec.simulate["input"] != "record":
-            tables["simulate"] |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
-    said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
+            kept |= {name: spec.simulate[name] for name in EXPERIMENT if f"simulate.{name}" in spec.given}
+        tables["simulate"] = kept
     for path in spec.given:
         *_, name, last = path.split(".")
         if last in BAND_EDGES:  # the order and the cutoff follow from them
-            tables["filters"][name] = {edge: value for edge, value in tables["filters"][name].items() if edge in BAND_EDGES}
-    ratios = ", ".join(f"{number}/{reference}" for number, reference, _ in spec.design.ratios)
-    left = f"# No [sweep] has the ratios that it holds for: {ratios}.\n" * bool(ratios)
-    return f"{HEADER}{said}, at their worst.\n{left}{as_toml(tables | {'sweep': sweep})}"
+            keys = tables["filters"][name]
+            tables["filters"][name] = {edge: value for edge, value in keys.items() if edge in BAND_EDGES}
+    wishes = [f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items()]
+    text = f"{HEADER}{', '.join(wishes)}, at their worst.\n"
+    if spec.design.ratios:
+        ratios = [f"{number}/{reference}" for number, reference, _ in spec.design.ratios]
+        text += f"# No [sweep] has the ratios that it holds for: {', '.join(ratios)}.\n"
+    tables["sweep"] = sweep
+    return text + as_toml(tables)
 
 
 def _sweep(spec: Spec, searched: Mapping[str, Any], row: Mapping[str, object], stop: float) -> dict[str, Any]:
     """The [sweep] of a design, over everything that it holds for; searched: that of the spec."""
     design = spec.design
-    walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
-    varied = {axis.path for axis in design.vary} - {axis.path for axis in spec.sweep if axis.name == spec.along}
-    left_out = {axis.name for axis in spec.sweep if axis.path in varied}
-    sweep = {name: value for name, value in searched.items() if name not in left_out}
     if spec.wall:
-        names = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
-        damping = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
-        sweep = {"along": names[0], names[0]: {"start": 0.0, "stop": stop}, names[1]: list(damping)}
-    swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
-    return sweep | {name: values for name, values in _scenario_axes(spec, row).items() if name not in swept}
+        stiffness, damping = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
+        walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
+        dampings = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
+        sweep = {"along": stiffness, stiffness: {"start": 0.0, "stop": stop}, damping: list(dampings)}
+    else:
+        varied = {axis.path for axis in design.vary}
+        sweep = dict(searched)
+        for axis in spec.sweep:
+            if axis.path in varied and axis.name != spec.along:
+                sweep.pop(axis.name, None)
+    swept = set()
+    if spec.drawing:
+        swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"}
+    for name, values in _scenario_axes(spec, row).items():
+        if name not in swept:
+            sweep[name] = values
+    return sweep
 
 
 def _scenario_axes(spec: Spec, row: Mapping[str, object]) -> dict[str, list]:
     """The numbers of [design.for_all] that [for_all] does not have, with their values."""
     design = spec.design
     of_all = {axis.path for axis in spec.for_all.axes} if spec.for_all else set()
-    held = {name_of(axis.path): list(axis.values) for axis in design.for_all if axis.path not in of_all}
-    held |= {f"operator.{key}": list(values) for key, values in design.hand.items()}
-    # What sets the worst may lie between the values that the spec lists.
-    worst = dict(pair.split("=") for pair in str(row.get("z_width_scenario", "")).split(", ") if "=" in pair)
-    return held | {
-        name: sorted({*held[name], type(held[name][0])(float(value))}) for name, value in worst.items() if name in held
-    }
+    held: dict[str, list] = {}
+    for axis in design.for_all:
+        if axis.path not in of_all:
+            held[name_of(axis.path)] = list(axis.values)
+    for key, values in design.hand.items():
+        held[f"operator.{key}"] = list(values)
+    for pair in str(row.get("z_width_scenario", "")).split(", "):
+        name, is_set, value = pair.partition("=")
+        if is_set and name in held:  # what sets the worst may lie between the values that the spec lists
+            number = type(held[name][0])(float(value))
+            held[name] = sorted({*held[name], number})
+    return held
 
 
 def with_best(table: Table, spec: Spec) -> Table:
