@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
 from wavesweep.engine.drawing.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import Mistakes, Rejected, apart, check, show
+from wavesweep.engine.keys.checking import Mistakes, Rejected, check, show
 from wavesweep.engine.keys.key import Key, Leaf, Names, Place
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS
 from wavesweep.program.reading.sorting import Sorted
 from wavesweep.program.reading.tables import Section, SpecTable, TableValue
-from wavesweep.program.spec.studies import K_VE_SPAN, hardware_of
+from wavesweep.program.spec.studies import K_VE_SPAN, apart, hardware_of
 
 if TYPE_CHECKING:
     from wavesweep.program.spec.schema import Shapes

@@ -11,10 +11,13 @@ from wavesweep.designs.bands import HIGH, NODES, BandModes, Sampled, over_band
 from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.engine.response.at_hand import responses_of
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.response.at_hand import ports_of_batch
+from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.static import Response
+from wavesweep.engine.response.steady import respond
 from wavesweep.engine.rows import Rows, distinct_rows
-from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, size_gone, slowest
+from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, size_gone
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.felt import felt_of
 from wavesweep.program.analyses.hardware_limits import peaks_of
@@ -416,6 +419,22 @@ def _batched(measure):
         return value, certified
 
     return of_points
+
+
+def slowest(delta):
+    """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most, `(...)`."""
+    return np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[..., None], -1)[..., 0]
+
+
+def responses_of(loops: Loops, size: int, frequency_hz, good: float) -> Response:
+    """The steady responses of `size` loops at the hand, `(size, points)`; good: see `respond`."""
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    responses = Response(*(np.empty((size, frequency.size), kind) for kind in (complex, complex, float, float)))
+    read = {path: loops.values[path] for path in loops.values.keys() & loops.drawing.reads}
+    for at, port in ports_of_batch(Loops(loops.drawing, read), size):
+        for array, values in zip(responses, respond(Lifted.of(port), frequency, good), strict=True):
+            array[at] = values
+    return responses
 
 
 _MEASURES = {

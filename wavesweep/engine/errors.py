@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 LONGEST_WORD, LONGEST_LINE = 400, 2000  # letters of a message, which repeats what was given; a screen has 2000
 
-MOST_LINES = 50  # of the mistakes of a spec, or the differences of results
+MOST_LINES = 50  # of the mistakes of a spec
 
 
 def shortened(text: str) -> str:

@@ -21,7 +21,8 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.drawing.drawing import Drawing, DrawnBlock
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing.drawn_block import DrawnBlock
 from wavesweep.engine.energy.lifted_map import TickMaps, closure, damping_peak
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops

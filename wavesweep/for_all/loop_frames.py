@@ -10,8 +10,8 @@ import numpy as np
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.monodromy.product import ENTRIES, pattern_of, product_with_errors
-from wavesweep.engine.monodromy.rounding import both
+from wavesweep.engine.monodromy.product import pattern_of, product_with_errors
+from wavesweep.engine.monodromy.rounding import ENTRIES, both
 from wavesweep.engine.sets.taylor_models import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
 

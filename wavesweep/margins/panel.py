@@ -9,13 +9,13 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.engine.keys.key import RATIO
 from wavesweep.engine.response.step import Step
 from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
 from wavesweep.margins.figure import decibels_and_degrees, marks_of, response_of
 from wavesweep.margins.lifted_margins import margins_of
 from wavesweep.margins.table import UNITS
 from wavesweep.program.analyses.steps import routes_of, step_at, step_between
+from wavesweep.program.columns import RATIO
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.spec import Spec
 

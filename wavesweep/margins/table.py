@@ -9,8 +9,7 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.key import RATIO
-from wavesweep.program.columns import Columns, joined
+from wavesweep.program.columns import RATIO, Columns, joined
 from wavesweep.program.spec import Spec
 from wavesweep.program.tables.kind import Kind, Line, Numbers, SingleBlockSummary, counted_doubts, from_spec, in_doubt, plain
 from wavesweep.program.tables.number_words import rounded_down, rounded_up

@@ -5,7 +5,7 @@ the angle, interpolated with bounds that are sampled (see `engine.stability.posi
 at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.resolution import Resolution, Side
 from wavesweep.engine.search.interval_search import Search
-from wavesweep.engine.stability.positive import largest_free, positive
+from wavesweep.engine.stability.positive import positive
 from wavesweep.engine.stability.spectrum import is_stable
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
@@ -252,3 +252,15 @@ def cover_of(loop: HeldLoop, path: str) -> Covering:
             return None
 
     return cover
+
+
+def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> tuple[float, float] | None:
+    """The largest part of an interval that some spans leave free; None if none does."""
+    edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
+    for a, b in edges:
+        if a > at:
+            free.append((at, min(a, high)))
+        at = max(at, b)
+    if at < high:
+        free.append((at, high))
+    return max(((a, b) for a, b in free if a < b), key=lambda span: span[1] - span[0], default=None)

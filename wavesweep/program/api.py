@@ -14,12 +14,12 @@ import numpy as np
 from wavesweep.capabilities import library_names, of_library
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loops.from_drawing import OUTPUT
-from wavesweep.engine.loops.multirate import MultirateLoop, first_of
+from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.monodromy.drift import MarginalModes
 from wavesweep.program.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
-from wavesweep.program.drawn_loop import DrawnLoop, refuse_infinite
+from wavesweep.program.drawn_loop import DrawnLoop, first_of, refuse_infinite
 from wavesweep.program.spec import Axis, Spec, load
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.spec.studies import value_of

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import numpy as np
 
+RATIO = "ratio"  # unit of a value without one in a column of units, where a bare 1 would be read as a number
+
 FELT_ALIKE = 1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
 SPARED = 1e-6  # relative error of a response up to which a row has no doubt
 # With one of these doubts part of a range may be neither known to be stable nor known to be unstable.

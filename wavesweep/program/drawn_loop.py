@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -113,3 +113,18 @@ def is_batch(drawn: MultirateLoop) -> bool:
     """Whether a block or a gain has an array of values, for a batch of loops."""
     gains = (gain for terms in drawn.sums.values() for gain in terms.values())
     return any(placed.block.batch for placed in drawn.placed) or any(np.ndim(gain) for gain in gains)
+
+
+def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
+    """The loop at that index of a drawing's batch, flat."""
+
+    def one(array, entry):
+        batch = np.shape(array)[: np.ndim(array) - entry]
+        return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
+
+    placed = []
+    for scheduled in drawn.placed:
+        matrices = {name: one(getattr(scheduled.block, name), 2) for name in "EBCD"}
+        placed.append(replace(scheduled, block=replace(scheduled.block, **matrices, condition=1.0, terms=None)))
+    sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
+    return MultirateLoop(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))

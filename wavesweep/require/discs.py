@@ -6,8 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.monodromy.product import ROUNDING
-from wavesweep.engine.monodromy.rounding import balance
+from wavesweep.engine.monodromy.rounding import ROUNDING, balance
 from wavesweep.engine.monodromy.unit_circle import inverse
 from wavesweep.engine.stability.spectrum import GONE
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE

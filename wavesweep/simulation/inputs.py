@@ -9,8 +9,8 @@ import numpy as np
 
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import apart
 from wavesweep.program.csv_files import read_csv
+from wavesweep.program.spec.studies import apart
 from wavesweep.simulation.keys import MOST_TICKS
 
 MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row

@@ -11,7 +11,6 @@ from wavesweep.engine.drawing.drawn_block import DrawnBlock, Plant, keys_of_bloc
 from wavesweep.engine.drawing.expressions import Terms, Tree, names_in, value_of
 from wavesweep.engine.keys.key import Key, Names
 
-MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
 # Prefix of the paths of numbers, whose rest is the name in trees; other keys are named by their whole path.
 OF_NUMBERS = "numbers."

@@ -176,12 +176,6 @@ def show(value: object) -> str:
     return _shorten(" ".join(str(value).split()))
 
 
-def apart(one: float, other: float) -> tuple[str, str]:
-    """Return two different numbers with enough digits to differ, at least six."""
-    texts = ((f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(6, 18))
-    return next((pair for pair in texts if pair[0] != pair[1]), (repr(one), repr(other)))
-
-
 def _shorten(text: str) -> str:
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 

@@ -96,7 +96,6 @@ INTEGRATIONS = {
     "trapezoidal": "the spring reads the position after a step with the mean of both velocities",
 }
 AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # share of the new velocity in the position that a spring reads
-RATIO = "ratio"  # unit of a value without one in a column of units, where a bare 1 would be read as a number
 HIGHEST_ORDER = 12
 LONGEST_FRAME = 100_000  # ticks
 SMALLEST, LARGEST = 1e-60, 1e60  # sizes of numbers other than 0: what a loop makes of several stays within doubles

@@ -235,18 +235,3 @@ def _comes_back(name, sums):
             visited.add(source)
             open_ += sums[source]
     return False
-
-
-def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
-    """The loop at that index of a drawing's batch, flat."""
-
-    def one(array, entry):
-        batch = np.shape(array)[: np.ndim(array) - entry]
-        return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
-
-    placed = []
-    for scheduled in drawn.placed:
-        matrices = {name: one(getattr(scheduled.block, name), 2) for name in "EBCD"}
-        placed.append(replace(scheduled, block=replace(scheduled.block, **matrices, condition=1.0, terms=None)))
-    sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
-    return MultirateLoop(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))

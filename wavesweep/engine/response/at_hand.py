@@ -11,8 +11,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.from_drawing import OUTPUT, hand_of
 from wavesweep.engine.response.lifted import Lifted
 from wavesweep.engine.response.port import Port, port_between, port_of
-from wavesweep.engine.response.static import Response, dcgain
-from wavesweep.engine.response.steady import GOOD, respond
+from wavesweep.engine.response.static import dcgain
 from wavesweep.engine.rows import distinct_rows
 
 Route = tuple[str, str]  # names of an input and an output
@@ -55,14 +54,3 @@ def _at_rest(twin, ports, drift):
     """What a constant force of the hand does in the end, in a loop of the same structure."""
     with np.errstate(all="ignore"):
         return dcgain(Lifted.of(port_of(twin, ports, drift)))[2]
-
-
-def responses_of(loops: Loops, size: int, frequency_hz, good: float = GOOD) -> Response:
-    """The steady responses of `size` loops at the hand, `(size, points)`; good: see `respond`."""
-    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
-    responses = Response(*(np.empty((size, frequency.size), kind) for kind in (complex, complex, float, float)))
-    read = {path: loops.values[path] for path in loops.values.keys() & loops.drawing.reads}
-    for at, port in ports_of_batch(Loops(loops.drawing, read), size):
-        for array, values in zip(responses, respond(Lifted.of(port), frequency, good), strict=True):
-            array[at] = values
-    return responses

@@ -4,7 +4,7 @@ They are interpolated at Chebyshev nodes; their size on an ellipse about one num
 the Bernstein coefficients of the interpolant do not prove that it is positive, the box is divided.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -118,18 +118,6 @@ def any_positive(
             rest = _divided(piece, wide, np.max(away, 0))
         queue += rest
     return Cover(np.array(queue).reshape(-1, *box.shape), np.zeros((0, box.shape[1])), sum(proof.used for proof in proofs))
-
-
-def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> tuple[float, float] | None:
-    """The largest part of an interval that some spans leave free; None if none does."""
-    edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
-    for a, b in edges:
-        if a > at:
-            free.append((at, min(a, high)))
-        at = max(at, b)
-    if at < high:
-        free.append((at, high))
-    return max(((a, b) for a, b in free if a < b), key=lambda span: span[1] - span[0], default=None)
 
 
 class _BoxProof:

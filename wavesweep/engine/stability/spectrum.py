@@ -162,11 +162,6 @@ def _is_alone(balanced, delta, rounding):
     return no_other | (1 + delta.real > 0)
 
 
-def slowest(delta):
-    """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most, `(...)`."""
-    return np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[..., None], -1)[..., 0]
-
-
 def radius_of(E, hidden=False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
     thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.

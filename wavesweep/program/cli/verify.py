@@ -2,9 +2,10 @@
 
 import click
 
-from wavesweep.engine.errors import MOST_LINES
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.cli.options import PATH
+
+MOST_LINES = 50  # of the differences of results
 
 
 def _count(context: click.Context, option: click.Parameter, prove: str | None) -> int:

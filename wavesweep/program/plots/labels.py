@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from wavesweep.engine.keys.key import RATIO
+from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.keys import readable
 from wavesweep.program.results import fields
 from wavesweep.program.tables.columns import at_port, unlike_units

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from functools import lru_cache
 from itertools import islice
 
-from wavesweep.engine.drawing.drawing import MARKS, RATE, path_of
+from wavesweep.engine.drawing.drawing import RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.keys.checking import Mistakes
 from wavesweep.engine.keys.key import Leaf, Path, Place, leaves_of, read_dict
@@ -17,6 +17,8 @@ from wavesweep.program.reading.tables import missing
 from wavesweep.program.spec.resolving import TWINS, Given, resolve
 from wavesweep.program.spec.spec import Spec
 from wavesweep.program.spec.studies import Request, Studies, build_studies
+
+MARKS = ("numbers", "type", "block", "signals", "wire", "ports")  # a spec that has one of these draws its loop
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 

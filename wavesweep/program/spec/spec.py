@@ -11,7 +11,8 @@ from types import MappingProxyType
 from wavesweep.engine.drawing.drawing import RATE, Drawing, path_of
 from wavesweep.engine.errors import Mistake, SpecError, UsageError
 from wavesweep.engine.keys.checking import Mistakes, nearest
-from wavesweep.engine.keys.key import RATIO, TURNED, Leaf, Names, Place, plain
+from wavesweep.engine.keys.key import TURNED, Leaf, Names, Place, plain
+from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.tables import TableValue, table_at, tables

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from wavesweep.engine.drawing.drawing import RATE, Drawing
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import Mistakes, apart, nearest, show
+from wavesweep.engine.keys.checking import Mistakes, nearest, show
 from wavesweep.engine.keys.key import Leaf, Names, Place
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis, logarithmic
 from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS, HapticDevice
@@ -240,3 +240,9 @@ def fitting(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Axi
     stop, num = least / 2, len(frequency.values)
     start = stop * frequency.start / frequency.stop
     return replace(frequency, values=logarithmic(start, stop, num), start=start, stop=stop)
+
+
+def apart(one: float, other: float) -> tuple[str, str]:
+    """Return two different numbers with enough digits to differ, at least six."""
+    texts = ((f"{one:.{digits}g}", f"{other:.{digits}g}") for digits in range(6, 18))
+    return next((pair for pair in texts if pair[0] != pair[1]), (repr(one), repr(other)))
