@@ -62,71 +62,109 @@ def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
     on the frame's `Element`, see `hinf`).
     Errors: UsageError for a frame of more than LONGEST ticks. Accuracy: 1e-10 of the margin and of the mean eigenvalue.
     """
-    drawn, batch = loop.drawn(), loop.batch
+    drawn = loop.drawn()
+    batch = loop.batch
     port = loop.port(drawn)
-    M = port.kind.size
-    if M * port.axes > LONGEST:
-        problem = f"{M}" if port.axes == 1 else f"{M} of {port.axes} axes"
-        raise UsageError(f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {problem}")
-    problem = _margins(port, batch, decide)
-    unsure = np.isnan(port.maps[0][0]).all((-1, -2)).reshape(-1)
-    for at in np.flatnonzero(unsure).tolist() if batch else ():
-        alone = _margins(loop.at(at).port(), (), decide)  # with the drift of its own numbers
-        for name in PortMargin.__slots__:
-            getattr(problem, name)[at] = getattr(alone, name)[0]
-    period = np.broadcast_to(np.real(drawn.period) * M, batch)
-    arrays = {name: getattr(problem, name).reshape(batch) for name in PortMargin.__slots__}
-    return PortMargin(**arrays | {"omega": arrays["omega"] / period})
+    ticks = port.kind.size
+    if ticks * port.axes > LONGEST:
+        found = f"{ticks}" if port.axes == 1 else f"{ticks} of {port.axes} axes"
+        raise UsageError(f"expected a frame of at most {LONGEST // port.axes} ticks for passivity, found {found}")
+    margins = _margins(port, batch, decide)
+    if batch:
+        # Loops whose drift is not that of the batch: each with the drift of its own numbers.
+        unsure = np.isnan(port.maps[0][0]).all((-1, -2)).reshape(-1)
+        for at in np.flatnonzero(unsure).tolist():
+            alone = _margins(loop.at(at).port(), (), decide)
+            for name in PortMargin.__slots__:
+                getattr(margins, name)[at] = getattr(alone, name)[0]
+    period = np.broadcast_to(np.real(drawn.period) * ticks, batch)
+    arrays = {name: getattr(margins, name).reshape(batch) for name in PortMargin.__slots__}
+    arrays["omega"] = arrays["omega"] / period
+    return PortMargin(**arrays)
 
 
 def _margins(port, batch, decide) -> PortMargin:
     """The margins of a flat batch, with angles in rad per frame in place of frequencies."""
-    maps = TickMaps.of([(E, B, C[..., : port.axes, :], D[..., : port.axes, :]) for E, B, C, D in port.maps], port.kind, batch)
+    of_displacement = slice(port.axes)  # rows of the outputs; the others are the force against the hand
+    maps = TickMaps.of(
+        [(E, B, C[..., of_displacement, :], D[..., of_displacement, :]) for E, B, C, D in port.maps],
+        port.kind,
+        batch,
+    )
     ticks = maps.in_even_units()
     lifted = ticks.lifted()
-    E, mean = lifted.E, lifted.mean
+    E = lifted.E
     finite = np.isfinite(E).all((-1, -2))
     safe = np.where(finite[:, None, None], E, 0.0)
     stable = finite & is_stable(E)
-    # an eigenvalue on the circle but for rounding is a pole of the map
-    lost = ~finite | ~count_outside(safe)[1] | (~stable & (np.abs(safe).max((-1, -2), initial=0.0) > HUGE))
-    rows = np.flatnonzero(~lost)
+    # An eigenvalue on the circle but for rounding is a pole of the map.
+    _, clear = count_outside(safe)
+    grown = ~stable & (np.abs(safe).max((-1, -2), initial=0.0) > HUGE)
+    lost = ~finite | ~clear | grown
     margins = PortMargin(
-        *(np.full(lost.size, np.nan) for _ in range(2)), mean, stable, *(np.zeros(lost.size, bool) for _ in "cn")
+        margin=np.full(lost.size, np.nan),
+        omega=np.full(lost.size, np.nan),
+        mean=lifted.mean,
+        stable=stable,
+        certified=np.zeros(lost.size, bool),
+        negative=np.zeros(lost.size, bool),
     )
+    rows = np.flatnonzero(~lost)
     if not rows.size:
         return margins
-    known_ticks, few = ticks.at(rows), replace(lifted, E=E[rows], T=lifted.T[rows], O=lifted.O[rows], G=lifted.G[rows])
-    scale = mean[rows]
-    peak = hinf_norm(
-        lambda owner, theta, _: np.nan_to_num(-few.smallest(owner, theta), nan=-np.inf),
-        lambda owner, level: angles(known_ticks.pencil(owner, -level)),
-        rows.size,
-        lambda owner, level: SLACK * (np.abs(level) + scale[owner]),
-        _slow_angles(E[rows]),
-        TOLERANCE * scale if decide else np.inf,
-    )
-    margin, theta = -peak.value, peak.theta
-    at_rest = few.smallest(np.arange(rows.size), np.zeros(rows.size))
+    scale = lifted.mean[rows]
+    few = replace(lifted, E=E[rows], T=lifted.T[rows], O=lifted.O[rows], G=lifted.G[rows])
+    peak = _least_eigenvalues(ticks.at(rows), few, scale, decide)
+    margin = -peak.value
+    theta = peak.theta
     # Beside a peak at rest the response is the same but for rounding, and less well known.
+    at_rest = few.smallest(np.arange(rows.size), np.zeros(rows.size))
     theta = np.where(at_rest <= margin + SLACK * (np.abs(margin) + scale), 0.0, theta)
-    if port.drifts < port.axes:  # something holds the scene, so a constant force, of some direction, moves nothing
-        theta, margin = np.where(margin > 0, 0.0, theta), np.minimum(margin, 0.0)
-    certain, below = np.ones(rows.size, bool), margin < -TOLERANCE * scale
-    open_ = np.flatnonzero(~below) if decide else np.arange(rows.size)
-    if open_.size:
-        at = rows[open_]
-        certain[open_], below[open_] = _beyond_rounding(maps.at(at), port, at, peak.theta[open_], margin[open_], scale[open_])
-    margin = np.where(certain & np.isfinite(margin), np.where(below | (margin > FAINT * scale), margin, 0.0), np.nan)
+    if port.drifts < port.axes:
+        # Something holds the scene, so a constant force, of some direction, moves nothing.
+        theta = np.where(margin > 0, 0.0, theta)
+        margin = np.minimum(margin, 0.0)
+    certain = np.ones(rows.size, bool)
+    below = margin < -TOLERANCE * scale
+    asked = np.flatnonzero(~below) if decide else np.arange(rows.size)
+    if asked.size:
+        at = rows[asked]
+        certain[asked], below[asked] = _beyond_rounding(maps.at(at), port, at, peak.theta[asked], margin[asked], scale[asked])
+    told = below | (margin > FAINT * scale)
+    margin = np.where(certain & np.isfinite(margin), np.where(told, margin, 0.0), np.nan)
     free = port.drifts == port.axes and ticks.kind.size > 1
-    at = np.flatnonzero(free & (margin >= -TOLERANCE * scale) & (~below | (theta == 0)))
+    not_negative = margin >= -TOLERANCE * scale
+    at = np.flatnonzero(free & not_negative & (~below | (theta == 0)))
     if at.size:
         rest = _dragged(maps.at(rows[at]), port, rows[at], scale[at])
-        at, rest = at[rest < 0], rest[rest < 0]
-        margin[at], theta[at], below[at] = rest, 0.0, True
-    margins.margin[rows], margins.omega[rows] = margin, np.where(np.isnan(margin), np.nan, theta)
-    margins.certified[rows], margins.negative[rows] = peak.certified, below
+        at = at[rest < 0]
+        margin[at] = rest[rest < 0]
+        theta[at] = 0.0
+        below[at] = True
+    margins.margin[rows] = margin
+    margins.omega[rows] = np.where(np.isnan(margin), np.nan, theta)
+    margins.certified[rows] = peak.certified
+    margins.negative[rows] = below
     return margins
+
+
+def _least_eigenvalues(ticks, lifted, scale, decide):
+    """The least eigenvalues over all angles of the Hermitian parts, as peaks of their negatives.
+
+    scale: the mean eigenvalue of each loop. decide: whether a search ends below a margin that is surely negative.
+    """
+
+    def negative(owner, theta, _level):
+        return np.nan_to_num(-lifted.smallest(owner, theta), nan=-np.inf)
+
+    def crossed(owner, level):
+        return angles(ticks.pencil(owner, -level))
+
+    def slack(owner, level):
+        return SLACK * (np.abs(level) + scale[owner])
+
+    enough = TOLERANCE * scale if decide else np.inf
+    return hinf_norm(negative, crossed, scale.size, slack, _slow_angles(lifted.E), enough)
 
 
 def _slow_angles(E):
@@ -145,9 +183,11 @@ def _beyond_rounding(ticks, port, loops, theta, margin, mean):
     shaken = _shaken(ticks, port, loops).in_even_units().lifted(measured=False)
     again = shaken.smallest(np.arange(SHAKES * loops.size), np.tile(theta, SHAKES))
     values = np.concatenate([margin, again]).reshape(1 + SHAKES, -1)
-    most, least = values.max(0), values.min(0)
+    most = values.max(0)
+    least = values.min(0)
     certain = most - least <= SURE * (mean + np.abs(margin))
-    below = (margin < -TOLERANCE * mean) | ((most < -FAINT * mean) & (most <= ALIKE * least))
+    stays_so = (most < -FAINT * mean) & (most <= ALIKE * least)
+    below = (margin < -TOLERANCE * mean) | stays_so
     return certain, certain & below
 
 
@@ -159,44 +199,71 @@ def _dragged(ticks, port, loops, mean):
     has then a 0 for e, and a coupling p of it to other forces: its least eigenvalue is `-p' (S + e e')^-1 p`, to first order in
     that, and negative however small p is, where rounding would hide an eigenvalue.
     """
-    constant = np.kron(np.full((ticks.kind.size, 1), ticks.kind.size**-0.5), np.eye(port.axes))
-
-    def at_rest(some, e):
-        lifted, back = some.in_even_units().lifted(measured=False), np.swapaxes(e, -1, -2)
-        X = solve(-lifted.E, lifted.G)
-        both = (lifted.T @ e + lifted.O @ (X @ e) + np.swapaxes(back @ lifted.T + (back @ lifted.O) @ X, -1, -2)) / 2
-        return lifted.T + lifted.O @ X if some is ticks else None, back @ both, both - e @ (back @ both)
-
-    def along(e):
-        (H, still, p), (*_, again) = at_rest(ticks, e), at_rest(shaken, np.tile(e, (SHAKES, 1, 1)))
-        size, moved = np.linalg.norm(p, axis=(-1, -2)), np.linalg.norm(again.reshape(SHAKES, *p.shape) - p, axis=(-1, -2))
-        S = (H + np.swapaxes(H, -1, -2)) / 2 + mean[:, None, None] * e @ np.swapaxes(e, -1, -2)
-        rest = -(np.swapaxes(p, -1, -2) @ solve(S, p))[:, 0, 0]
-        dragged = (np.abs(still[:, 0, 0]) <= TOLERANCE * mean) & (moved.max(0) <= SHARE * size)
-        return np.where(dragged, np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny), 0.0)
-
+    ticks_of_frame = ticks.kind.size
+    constant = np.kron(np.full((ticks_of_frame, 1), ticks_of_frame**-0.5), np.eye(port.axes))
     with np.errstate(all="ignore"):
-        shaken, still = _shaken(ticks, port, loops), np.nan_to_num(at_rest(ticks, constant)[1])
-        directions = constant @ np.linalg.eigh((still + np.swapaxes(still, -1, -2)) / 2)[1]
-        return np.minimum.reduce([along(directions[..., k : k + 1]) for k in range(port.axes)])
+        shaken = _shaken(ticks, port, loops)
+        _, coupling, _ = _at_rest(ticks, constant)
+        still = np.nan_to_num(coupling)
+        _, vectors = np.linalg.eigh((still + _transposed(still)) / 2)
+        directions = constant @ vectors
+        least = [_dragged_along(directions[..., k : k + 1], ticks, shaken, mean) for k in range(port.axes)]
+        return np.minimum.reduce(least)
+
+
+def _dragged_along(e, ticks, shaken, mean):
+    """`_dragged` for constant forces in one direction e, `(loops, forces, 1)`."""
+    H, still, p = _at_rest(ticks, e)
+    *_, again = _at_rest(shaken, np.tile(e, (SHAKES, 1, 1)))
+    size = np.linalg.norm(p, axis=(-1, -2))
+    moved = np.linalg.norm(again.reshape(SHAKES, *p.shape) - p, axis=(-1, -2))
+    S = (H + _transposed(H)) / 2 + mean[:, None, None] * e @ _transposed(e)
+    rest = -(_transposed(p) @ solve(S, p))[:, 0, 0]
+    moves_nothing = np.abs(still[:, 0, 0]) <= TOLERANCE * mean
+    dragged = moves_nothing & (moved.max(0) <= SHARE * size)
+    negative = np.minimum(np.fmax(rest, -size), -np.finfo(float).tiny)
+    return np.where(dragged, negative, 0.0)
+
+
+def _at_rest(ticks, e):
+    """The map at rest, what of the Hermitian part constant forces e share, and its coupling of e to other forces."""
+    lifted = ticks.in_even_units().lifted(measured=False)
+    back = _transposed(e)
+    X = solve(-lifted.E, lifted.G)
+    from_e = lifted.T @ e + lifted.O @ (X @ e)
+    to_e = back @ lifted.T + (back @ lifted.O) @ X
+    both = (from_e + _transposed(to_e)) / 2
+    still = back @ both
+    return lifted.T + lifted.O @ X, still, both - e @ still
+
+
+def _transposed(matrices):
+    return np.swapaxes(matrices, -1, -2)
 
 
 def _shaken(ticks, port, loops):
     """The ticks of some loops SHAKES times, one after the other, each time with other roundings of their entries."""
-    maps, batch = [], ticks.loops
+    batch = ticks.loops
+    maps = []
     for number, (tick_matrices, sizes) in enumerate(zip(ticks.maps, port.sizes, strict=True)):
-        rows, moved = (sizes[0], sizes[1], sizes[2][..., : port.axes, :], sizes[3][..., : port.axes, :]), []
-        for place, (matrix, size) in enumerate(zip(tick_matrices, rows, strict=True)):
+        of_E, of_B, of_C, of_D = sizes
+        terms = of_E, of_B, of_C[..., : port.axes, :], of_D[..., : port.axes, :]
+        moved = []
+        for place, (matrix, size) in enumerate(zip(tick_matrices, terms, strict=True)):
             sizes_of = size.reshape(-1, *size.shape[-2:])
-            error = np.finfo(float).eps * (sizes_of[loops] if len(sizes_of) > 1 else sizes_of)
+            if len(sizes_of) > 1:
+                sizes_of = sizes_of[loops]
+            error = np.finfo(float).eps * sizes_of
             at = np.arange(SHAKES * matrix[0].size).reshape(SHAKES, 1, *matrix.shape[1:])
-            signs = np.sign(np.sin(1.0 + 7 * number + place + at**2 % 97))  # fixed, without a structure that entries may have
+            # Fixed signs, without a structure that entries may have.
+            signs = np.sign(np.sin(1.0 + 7 * number + place + at**2 % 97))
             moved.append((matrix + signs * error).reshape(SHAKES * batch, *matrix.shape[1:]))
         maps.append(tuple(moved))
     return TickMaps(tuple(maps), ticks.kind)
 
 
-MOST_DAMPING, LEAST_DAMPING = 1e4, 1e-4  # N*s/m: no device has more, and less makes no difference
+MOST_DAMPING = 1e4  # N*s/m: no device has more
+LEAST_DAMPING = 1e-4  # N*s/m: less makes no difference
 CLOSE = 1e-3  # relative width of the bracket that is left
 
 
@@ -213,22 +280,25 @@ def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray
     needed = np.where(margin.passive, 0.0, np.nan).reshape(-1)
     if loop.device is None:
         return needed.reshape(margin.margin.shape)
-    loop, batch = loop.with_hand(), loop.batch
+    batch = loop.batch
+    loop = loop.with_hand()
     arrays = {path: np.broadcast_to(v, batch).reshape(-1) for path, v in loop.values.items() if np.ndim(v)}
     damping = np.broadcast_to(loop.values[HAND[1]], batch).reshape(-1)
 
     def passive(index, more):
-        return port_margin(
-            loop.changed({path: v[index] for path, v in arrays.items()} | {HAND[1]: damping[index] + more}), decide=True
-        ).passive
+        numbers = {path: v[index] for path, v in arrays.items()}
+        numbers[HAND[1]] = damping[index] + more
+        return port_margin(loop.changed(numbers), decide=True).passive
 
     index = np.flatnonzero(np.isnan(needed))
     if index.size:
         index = index[passive(index, np.full(index.size, MOST_DAMPING))]
-    low, high = np.full(index.size, LEAST_DAMPING), np.full(index.size, MOST_DAMPING)
+    low = np.full(index.size, LEAST_DAMPING)
+    high = np.full(index.size, MOST_DAMPING)
     while index.size and np.any(high > low * (1 + CLOSE)):
         middle = np.sqrt(low * high)
         enough = passive(index, middle)
-        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+        low = np.where(enough, low, middle)
+        high = np.where(enough, middle, high)
     needed[index] = high
     return needed.reshape(margin.margin.shape)
