@@ -62,16 +62,21 @@ class _Places:
     @staticmethod
     def of(kinds, block, chosen) -> "_Places":
         """Return places for each of the kinds, `(kinds, chosen genes)`."""
-        along, kind = np.tile((np.arange(block) + 0.5) / block, len(kinds)), np.repeat(np.arange(len(kinds)), block)
+        along = np.tile((np.arange(block) + 0.5) / block, len(kinds))
+        kind = np.repeat(np.arange(len(kinds)), block)
+        weights = np.stack([along, 1 - along], 1)
         away = np.abs(along[:, None] - along) + (kind[:, None] != kind)
-        near = np.argsort(away, axis=1, kind="stable")[:, : min(NEIGHBOURS, max(block // 2, 2), block)]
-        return _Places(np.stack([along, 1 - along], 1), near, block, chosen, kinds[kind])
+        neighbours = min(NEIGHBOURS, max(block // 2, 2), block)
+        near = np.argsort(away, axis=1, kind="stable")[:, :neighbours]
+        return _Places(weights, near, block, chosen, kinds[kind])
 
     def partners(self, local, rng):
         """Return another place for every place: a neighbour if `local` says so, otherwise any place of its kind."""
         every = np.arange(len(self.near))
-        any_ = every // self.block * self.block + rng.integers(self.block, size=every.size)
-        return np.where(local, self.near[every, rng.integers(self.near.shape[1], size=every.size)], any_)
+        begin = every // self.block * self.block
+        of_kind = begin + rng.integers(self.block, size=every.size)
+        neighbour = self.near[every, rng.integers(self.near.shape[1], size=every.size)]
+        return np.where(local, neighbour, of_kind)
 
 
 def generations(
@@ -95,24 +100,32 @@ def generations(
     again, and the best designs are taken from that generation.
     """
     rng = np.random.default_rng(seed)
-    places = together = _Places.of(np.zeros((1, 0)), population, np.zeros(0, int))
-    kinds, apart = prod(max(1, few) for few in choices), 0
+    together = _Places.of(np.zeros((1, 0)), population, np.zeros(0, int))
+    places = together
+    apart = 0
+    kinds = prod(max(1, few) for few in choices)
     if 1 < kinds <= population // LEAST:
-        chosen, apart = np.flatnonzero(choices), round(APART * count)
+        apart = round(APART * count)
+        chosen = np.flatnonzero(choices)
         values = [(np.arange(choices[gene]) + 0.5) / choices[gene] for gene in chosen]
         places = _Places.of(np.array(list(product(*values))), population // kinds, chosen)
-    spread = rng.permuted(np.tile(np.arange(population), (genes, 1)), axis=1).T
-    spread = ((spread + rng.random((population, genes))) / population)[: len(places.near)]
-    spread[:, places.chosen] = places.fixed
-    spread[: len(first)] = first[: len(spread)]
-    alive = judge(0, spread)
+    # A Latin hypercube: each part of the range of a gene has one design.
+    parts = rng.permuted(np.tile(np.arange(population), (genes, 1)), axis=1).T
+    hypercube = (parts + rng.random((population, genes))) / population
+    beginning = hypercube[: len(places.near)]
+    beginning[:, places.chosen] = places.fixed
+    beginning[: len(first)] = first[: len(beginning)]
+    alive = judge(0, beginning)
     best = alive.take(undominated(alive))
     yield best
+    looks = [round(share * count) for share in LOOKS]
     for number in range(1, count):
         if number == apart:
-            pool, places = Judged.join([best, alive]), together
-            alive = pool.take(np.argmin(_worth(best)(pool, places.weights[:, None]), axis=1))
-        if look and number in [round(share * count) for share in LOOKS] and look(best):
+            places = together
+            pool = Judged.join([best, alive])
+            worth = _worth(best)(pool, places.weights[:, None])
+            alive = pool.take(np.argmin(worth, axis=1))
+        if look and number in looks and look(best):
             alive = judge(number, alive.genes)
             best = alive.take(undominated(alive))
             yield best
@@ -128,16 +141,21 @@ def generations(
 def _children(parents, places, rng):
     """Return a child for every place, and which of them are offered to the neighbours of their places alone."""
     count, genes = parents.shape
-    every, local = np.arange(count), rng.random(count) < LOCAL
-    first, second, third = (places.partners(local, rng) for _ in range(3))
+    every = np.arange(count)
+    local = rng.random(count) < LOCAL
+    first = places.partners(local, rng)
+    second = places.partners(local, rng)
+    third = places.partners(local, rng)
     base = np.where(rng.random(count) < 0.5, every, third)
-    moved = parents[base] + rng.uniform(*FACTORS, (count, 1)) * (parents[first] - parents[second])
+    difference = parents[first] - parents[second]
+    moved = parents[base] + rng.uniform(*FACTORS, (count, 1)) * difference
     crossed = rng.random(parents.shape) < rng.choice(SHARES, (count, 1))
     crossed[every, rng.integers(genes, size=count)] = True
     x = np.where(crossed, moved, parents)
     mutated = rng.random(x.shape) < MUTATED / genes
     x = x + mutated * rng.normal(size=x.shape) * 10.0 ** rng.uniform(*REACH, (count, 1))
-    x = np.clip(1 - np.abs(1 - np.abs(x)), 0.0, 1.0)
+    reflected = 1 - np.abs(1 - np.abs(x))
+    x = np.clip(reflected, 0.0, 1.0)
     fresh = rng.random(count) < FRESH
     x = np.where(fresh[:, None], rng.random(x.shape), x)
     x[:, places.chosen] = places.fixed
@@ -151,15 +169,24 @@ def _settled(alive, children, best, places, local, rng):
     place of its kind that it improves most.
     """
     worth = _worth(best)
-    now, new = worth(alive, places.weights), worth(children, places.weights[:, None])  # `(places,)`; `(places, children)`
-    genes, objectives, violation = alive.genes.copy(), alive.objectives.copy(), alive.violation.copy()
+    now = worth(alive, places.weights)  # `(places,)`
+    new = worth(children, places.weights[:, None])  # `(places, children)`
+    genes = alive.genes.copy()
+    objectives = alive.objectives.copy()
+    violation = alive.violation.copy()
     for child in rng.permutation(len(local)):
-        kind = slice(start := child // places.block * places.block, start + places.block)
-        home = child if local[child] else start + int(np.argmin(new[kind, child] - now[kind]))
+        home = child
+        if not local[child]:
+            begin = child // places.block * places.block
+            kind = slice(begin, begin + places.block)
+            home = begin + int(np.argmin(new[kind, child] - now[kind]))
         neighbours = rng.permutation(places.near[home])
-        neighbours = neighbours[new[neighbours, child] < now[neighbours]][:TAKEN]
-        genes[neighbours], objectives[neighbours] = children.genes[child], children.objectives[child]
-        violation[neighbours], now[neighbours] = children.violation[child], new[neighbours, child]
+        improved = neighbours[new[neighbours, child] < now[neighbours]]
+        taking = improved[:TAKEN]
+        genes[taking] = children.genes[child]
+        objectives[taking] = children.objectives[child]
+        violation[taking] = children.violation[child]
+        now[taking] = new[taking, child]
     return Judged(genes, objectives, violation)
 
 
@@ -168,15 +195,20 @@ def _worth(best):
 
     For designs that violate constraints it gives a number that grows with the violation and is larger than all others.
     """
-    feasible = best.objectives[(best.violation == 0) & np.isfinite(best.objectives).all(1)]
-    feasible = feasible if len(feasible) else np.zeros((1, best.objectives.shape[1]))
-    least, across = feasible.min(0), np.ptp(feasible, axis=0)
+    known = (best.violation == 0) & np.isfinite(best.objectives).all(1)
+    front = best.objectives[known]
+    if not len(front):
+        front = np.zeros((1, best.objectives.shape[1]))
+    least = front.min(0)
+    across = np.ptp(front, axis=0)
     across = np.where(across > 0, across, 1.0)
 
     def worth(designs, weights):
+        objectives = designs.objectives
         with np.errstate(invalid="ignore"):
-            share = np.where(np.isfinite(designs.objectives), (designs.objectives - least) / across, BAD)
-        value = np.minimum((weights[..., : share.shape[-1]] * share).max(-1), BAD)
+            share = np.where(np.isfinite(objectives), (objectives - least) / across, BAD)
+        weighted = weights[..., : share.shape[-1]] * share
+        value = np.minimum(weighted.max(-1), BAD)
         return np.where(designs.violation > 0, 2 * BAD + designs.violation, value)
 
     return worth
@@ -184,13 +216,15 @@ def _worth(best):
 
 def spread(designs: Judged, count: int) -> Judged:
     """Return `count` of the designs, far from each other: those whose neighbours are nearest are left out one by one."""
-    scale = np.where(np.ptp(designs.objectives, axis=0) > 0, np.ptp(designs.objectives, axis=0), 1.0)
+    across = np.ptp(designs.objectives, axis=0)
+    scale = np.where(across > 0, across, 1.0)
     order = np.lexsort(designs.objectives.T[::-1])
     place = designs.objectives[order] / scale
     while len(order) > count:
         step = np.concatenate([[np.inf], np.abs(np.diff(place, axis=0)).sum(-1), [np.inf]])
         crowded = int(np.argmin(step[1:] + step[:-1]))
-        order, place = np.delete(order, crowded), np.delete(place, crowded, axis=0)
+        order = np.delete(order, crowded)
+        place = np.delete(place, crowded, axis=0)
     return designs.take(order)
 
 
@@ -202,7 +236,8 @@ def undominated(designs: Judged) -> np.ndarray:
 
     Objectives are compared to the nine digits that they are good to: what differs by less is no reason to keep a design.
     """
-    violation, f = designs.violation, _rounded(designs.objectives)
+    violation = designs.violation
+    f = _rounded(designs.objectives)
     better = (f[:, None] <= f[None]).all(-1) & (f[:, None] < f[None]).any(-1)
     earlier = (f[:, None] == f[None]).all(-1) & np.triu(np.ones((len(f), len(f)), bool), 1)
     feasible = violation == 0
@@ -219,10 +254,12 @@ def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]
     columns = {}
     for axis, gene in zip(vary, genes.T, strict=True):
         if axis.values:
-            at = np.minimum((gene * len(axis.values)).astype(int), len(axis.values) - 1)
+            count = len(axis.values)
+            at = np.minimum((gene * count).astype(int), count - 1)
             columns[axis.path] = np.asarray(axis.values)[at]
         elif axis.scale == "log":
-            value = np.exp(np.log(axis.start) + gene * (np.log(axis.stop) - np.log(axis.start)))
+            low = np.log(axis.start)
+            value = np.exp(low + gene * (np.log(axis.stop) - low))
             columns[axis.path] = np.clip(value, axis.start, axis.stop)
         else:
             columns[axis.path] = np.clip(axis.start + gene * (axis.stop - axis.start), axis.start, axis.stop)
@@ -238,7 +275,8 @@ def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
             at = int(np.argmin(np.abs(np.asarray(axis.values, float) - value)))
             genes.append((at + 0.5) / len(axis.values))
         elif axis.scale == "log":
-            low, high = np.log(axis.start), np.log(axis.stop)
+            low = np.log(axis.start)
+            high = np.log(axis.stop)
             genes.append((np.log(max(value, axis.start)) - low) / (high - low))
         else:
             genes.append((value - axis.start) / (axis.stop - axis.start))
@@ -252,11 +290,18 @@ def differing(vary: Sequence[Axis], genes: np.ndarray, found: np.ndarray, apart:
     first; found: the same of others. most: of them.
     """
     few = np.array([len(axis.values or ()) for axis in vary])
-    rounded = np.where(few > 0, np.minimum(np.floor(genes * few), few - 1), genes)
-    seen_genes = [*np.where(few > 0, np.minimum(np.floor(found * few), few - 1), found)]
+
+    def places(genes):
+        """Numbers of choices, and genes of numbers with a range."""
+        return np.where(few > 0, np.minimum(np.floor(genes * few), few - 1), genes)
+
+    before = [*places(found)]
     chosen = []
-    for at, candidate in enumerate(rounded):
-        if len(chosen) < most and all((np.abs(candidate - chosen_before) >= apart).any() for chosen_before in seen_genes):
+    for at, candidate in enumerate(places(genes)):
+        if len(chosen) == most:
+            break
+        away = np.abs(candidate - np.reshape(before, (-1, len(vary))))
+        if (away >= apart).any(-1).all():
             chosen.append(at)
-            seen_genes.append(candidate)
+            before.append(candidate)
     return np.array(chosen, dtype=int)
