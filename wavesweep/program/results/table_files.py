@@ -117,7 +117,8 @@ def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
     what is missing is an empty cell; texts have quotes if they need them. Arrow's own writer quotes all texts or none.
     """
     *before_last, last = (_cells(column) for column in columns.values())
-    return _joined([*before_last, _joined([last, _text("")], "\n")], ",").buffers()[2]
+    ends_of_rows = _joined([last, _text("")], "\n")
+    return _joined([*before_last, ends_of_rows], ",").buffers()[2]
 
 
 def _cells(column: np.ndarray) -> Any:
@@ -127,60 +128,54 @@ def _cells(column: np.ndarray) -> Any:
     if column.dtype == object:
         return _quoted(_array(column))
     if column.dtype != np.float64:
-        return _cast(_array(column.astype(np.int64)))
-    array, sample = _array(column), column[:: 1 + len(column) // SAMPLE]
+        return _array(column.astype(np.int64)).cast("string")
+    array = _array(column)
+    sample = column[:: 1 + len(column) // SAMPLE]
     if different(sample).size > len(sample) // 2:
         return _decimals(array)
-    bits = _call("dictionary_encode", pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers()))  # 0 is not -0
-    chunk = pyarrow.Array.from_buffers(pyarrow.float64(), len(bits.dictionary), bits.dictionary.buffers())
-    return _call("take", _decimals(chunk), bits.indices)
+    bits = pyarrow.Array.from_buffers(pyarrow.int64(), len(array), array.buffers())  # 0 is not -0
+    coded = bits.dictionary_encode()
+    each = pyarrow.Array.from_buffers(pyarrow.float64(), len(coded.dictionary), coded.dictionary.buffers())
+    return _decimals(each).take(coded.indices)
 
 
 def _decimals(array: Any) -> Any:
     """Doubles as decimals; Arrow writes whole numbers below WHOLE without a point."""
-    text, values = _cast(array), np.frombuffer(array.buffers()[1], np.float64, len(array))
+    from pyarrow import compute
+
+    text = array.cast("string")
+    values = np.frombuffer(array.buffers()[1], np.float64, len(array))
     integral = (values == np.trunc(values)) & (np.abs(values) < WHOLE)
     if not integral.any():
         return text
     mask = _array(integral)
-    return _call("replace_with_mask", text, mask, _joined([_call("filter", text, mask), _text("0")], "."))
+    with_point = _joined([text.filter(mask), _text("0")], ".")
+    return compute.replace_with_mask(text, mask, with_point)
 
 
 def _quoted(texts: Any) -> Any:
     """Texts in quotes, if these have a comma, a quote or the end of a line in them."""
-    from pyarrow._compute import MatchSubstringOptions, ReplaceSubstringOptions
+    from pyarrow import compute
 
     words = texts.buffers()[2].to_pybytes()
     if not any(mark in words for mark in (b",", b'"', b"\r", b"\n")):
         return texts
-    quote, marked = _text('"'), _call("match_substring_regex", texts, options=MatchSubstringOptions(r'[,"\r\n]'))
-    doubled = _call("replace_substring", texts, options=ReplaceSubstringOptions('"', '""'))
-    return _call("if_else", marked, _joined([quote, doubled, quote], ""), texts)
+    marked = compute.match_substring_regex(texts, r'[,"\r\n]')
+    doubled = compute.replace_substring(texts, '"', '""')
+    quote = _text('"')
+    return compute.if_else(marked, _joined([quote, doubled, quote], ""), texts)
 
 
 def _text(value: str) -> Any:
+    """A text of Arrow's, which makes one from a str by way of pandas."""
     return _array(np.array([value], object))[0]
-
-
-def _cast(array: Any, kind: str = "string") -> Any:
-    import pyarrow
-    from pyarrow._compute import CastOptions
-
-    return _call("cast", array, options=CastOptions.safe(getattr(pyarrow, kind)()))
 
 
 def _joined(pieces: list[Any], between: str) -> Any:
     """Arrays of texts, and texts, joined row by row; what is missing is an empty text."""
-    from pyarrow._compute import JoinOptions
+    from pyarrow import compute
 
-    return _call("binary_join_element_wise", *pieces, _text(between), options=JoinOptions("replace", ""))
-
-
-def _call(name: str, *arrays: Any, options: Any = None) -> Any:
-    """A function of Arrow's, without `pyarrow.compute`, whose import makes wrappers of all of them in 0.07 s."""
-    from pyarrow._compute import call_function
-
-    return call_function(name, list(arrays), options)
+    return compute.binary_join_element_wise(*pieces, _text(between), null_handling="replace", null_replacement="")
 
 
 def read(path: str | Path) -> dict[str, np.ndarray]:
@@ -459,9 +454,10 @@ def _numpy(column: Any) -> np.ndarray:
 
         return column.to_numpy()
     if kind == "bool":
-        column = _cast(column, "uint8")
+        column = column.cast("uint8")
     elif column.null_count:
-        column = _call("coalesce", column, _made("float64", 1, None, np.array([np.nan]))[0])
+        not_a_number = _made("float64", 1, None, np.array([np.nan]))[0]
+        column = column.fill_null(not_a_number)
     held: Any = np.uint8 if kind == "bool" else _NUMPY[kind]
     chunks: Any = (
         np.frombuffer(chunk.buffers()[1], held, chunk.offset + len(chunk))[chunk.offset :] for chunk in column.chunks if chunk
@@ -473,7 +469,7 @@ def _words(texts: Any) -> np.ndarray:
     """Texts as objects, each different one made once."""
     if texts.null_count:
         return np.array(texts.to_pylist(), dtype=object)
-    coded = _call("dictionary_encode", texts)
+    coded = texts.dictionary_encode()
     indices = np.frombuffer(coded.indices.buffers()[1], np.int32, len(coded))
     return np.array(coded.dictionary.to_pylist(), dtype=object)[indices]
 
