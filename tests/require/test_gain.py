@@ -9,7 +9,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 import wavesweep
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.monodromy.periodic import in_a_row
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM
+from wavesweep.require.long_gain import of_tick, then
 from wavesweep.require.sines import Panel
 
 STRING = pathlib.Path(__file__).parents[2] / "sweeps" / "examples" / "vehicle-string.toml"
@@ -449,6 +451,68 @@ def test_the_gain_of_a_controller_is_below_the_level_inside_and_not_outside(seed
         "rates": {"fast_hz": 1000, "ratio": ticks},
         "environment": {"K_VE": WALL["K"], "B_VE": WALL["B"], "delay": late},
         "device": {"mass": WALL["m"], "damping": WALL["d"], "velocity": "exact"},
+        "sweep": {"along": name, name: dict(zip(("start", "stop"), span, strict=True)), "require": {"gain": gain}},
+    }
+    table = wavesweep.stability_region(wavesweep.load(tables))
+    rows = list(table.itertuples())
+    assert table.certified.all()
+    ends = [end for row in rows for end in (row.low, row.high) if span[0] < end < span[1]]
+    for value in [*values, *(end * (1 + side * 1e-6) for end in ends for side in (-1, 1))]:
+        radius, gain = seen(value)
+        if abs(gain / level - 1) > 1e-7:  # of the grid of angles
+            assert any(row.low < value < row.high for row in rows) == (radius < 1 and gain < level)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_directions_in_which_the_form_is_negative_are_counted_without_its_inputs(seed):
+    """`level^2 - H* H` of all inputs of a frame has as many negative eigenvalues as its joins and its states tell."""
+    r = np.random.default_rng(seed)
+    n, kinds = 3, [0, 1, 1, 1, 1, 2, 1]
+    maps = [tuple(0.5 * r.normal(size=shape) for shape in ((n, n), (n, 1), (1, n), (1, 1))) for _ in range(3)]
+    A, B, C, D = np.eye(n), np.zeros((n, 0)), np.zeros((0, n)), np.zeros((0, 0))
+    for e, b, c, d in (maps[kind] for kind in kinds):
+        D = np.block([[D, np.zeros((len(D), 1))], [c @ B, d]])
+        C = np.concatenate([C, c @ A])
+        A, B = A + e @ A, np.concatenate([B + e @ B, b], 1)
+    z = np.exp(1j * r.uniform(0.1, 3))
+    H = D + C @ np.linalg.solve(z * np.eye(n) - A, B + 0j)
+    counts = set()
+    for level in np.linalg.norm(H, 2) * np.array([0.02, 0.2, 0.6, 0.9, 1.1, 3.0]):
+        ticks = [of_tick(*((part[None], 0 * part[None]) for part in tick), level**2, 1) for tick in maps]
+        frame = in_a_row(kinds, ticks, then)
+        moved = np.eye(n) + frame.E[0][0] - z * np.eye(n)
+        form = np.block([[-frame.G[0][0], moved], [moved.conj().T, frame.Q[0][0]]])
+        truth = (np.linalg.eigvalsh(level**2 * np.eye(7) - H.conj().T @ H) < 0).sum()
+        assert (np.linalg.eigvalsh(form) < 0).sum() - n + frame.below[0] == truth
+        counts.add(int(truth))
+    assert len(counts) > 2
+
+
+LONG = WALL | {"K": 60.0}
+
+
+@pytest.mark.slow
+@pytest.mark.sample(3)
+@pytest.mark.parametrize("seed", range(20))
+def test_the_gain_over_long_frames_is_below_the_level_inside_and_not_outside(seed):
+    r = np.random.default_rng(seed)
+    ticks, along, late = int(r.choice([30, 45, 60])), str(r.choice(["K", "B"])), int(r.integers(0, 5))
+    shown, band = str(r.choice(["x", "f_m", "F_s"])), np.sort(r.uniform(0, 500 / ticks, 2))
+    banded = bool(r.integers(0, 2))
+    span, name = {"K": ((5.0, 300.0), "K_VE"), "B": ((0.1, 10.0), "B_VE")}[along]
+    angles = 2e-3 * np.pi * np.linspace(*(band if banded else (1e-6, 500 / ticks)), 300)
+
+    def seen(value):
+        return largest(slow_wall(LONG | {along: float(value)}, ticks, late, shown), angles, itself=False)
+
+    values = r.uniform(*span, 6)
+    level = float(np.median([gain for radius, gain in map(seen, values) if radius < 1] or [1.0]) * r.uniform(0.9, 1.1))
+    gain = {"from": "f_h", "to": shown, "at_most": level} | ({"band_hz": band.tolist()} if banded else {})
+    tables = {
+        "controller": {"kind": "dc-slow"},
+        "rates": {"fast_hz": 1000, "ratio": ticks},
+        "environment": {"K_VE": LONG["K"], "B_VE": LONG["B"], "delay": late},
+        "device": {"mass": LONG["m"], "damping": LONG["d"], "velocity": "exact"},
         "sweep": {"along": name, name: dict(zip(("start", "stop"), span, strict=True)), "require": {"gain": gain}},
     }
     table = wavesweep.stability_region(wavesweep.load(tables))

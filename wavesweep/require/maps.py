@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.engine.monodromy.rounding import ENTRIES
+from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.engine.response.bounded_sums import joined, plus, times
 from wavesweep.engine.response.port import Port
 
@@ -11,7 +11,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 def over_frame(port: Port, kept, batch) -> tuple[Pair, ...]:
     """E less identity, G, O and T of a frame, of some states, each with a bound on its error."""
-    ticks = _ticks(port, kept, batch)
+    ticks = of_ticks(port, kept, batch)
     n, M = kept.size, port.kind.size
     E, G, O, T = (np.zeros((*batch, n, n)),) * 2, (np.zeros((*batch, n, 0)),) * 2, [], []
     for at, kind in enumerate(port.kind.tolist()):
@@ -23,8 +23,8 @@ def over_frame(port: Port, kept, batch) -> tuple[Pair, ...]:
     return E, G, joined(O, -2), joined(T, -2)
 
 
-def _ticks(port, kept, batch):
-    """E less identity, B, C and D of each kind of tick, of some states and the first output."""
+def of_ticks(port: Port, kept, batch) -> list[tuple[Pair, ...]]:
+    """E less identity, B, C and D of each kind of tick, of some states and the first output, each with a bound on its error."""
     ticks = []
     for matrices, sizes in zip(port.maps, port.sizes, strict=True):
         pairs = ((x, ENTRIES * np.abs(size)) for x, size in zip(matrices, sizes, strict=True))
@@ -32,3 +32,18 @@ def _ticks(port, kept, batch):
         e, b, c = (tuple(x[:, kept[:, None], kept] for x in e), tuple(x[:, kept] for x in b), tuple(x[:, :, kept] for x in c))
         ticks.append((e, b, c, d))
     return ticks
+
+
+def minus(pair: Pair) -> Pair:
+    """The negative of a matrix."""
+    return -pair[0], pair[1]
+
+
+def scaled(factor: np.ndarray, pair: Pair) -> Pair:
+    """A matrix times an exact factor."""
+    return factor * pair[0], np.abs(factor) * (pair[1] + ROUNDING * np.abs(pair[0]))
+
+
+def transposed(pair: Pair) -> Pair:
+    """The transpose of a matrix."""
+    return tuple(np.swapaxes(array, -1, -2) for array in pair)

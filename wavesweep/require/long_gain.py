@@ -1,0 +1,276 @@
+"""The gain of loops with many ticks in a frame: the inputs are gone before the pencil of a level is looked at.
+
+In each tick the balance `level^2 u^2 - y^2` is stationary in its input, and ticks are joined by Redheffer's star product, as in
+`hinf.then`, for a disc of complex numbers. What is left of a frame has A, G and Q of as many rows as it has states,
+
+    x+ = A x - G l+,   l = Q x + A' l+,   N = [A 0; -Q 1],   L = [1 G; 0 A'],
+
+and the form of `frame_gain` is singular on the circle only where the pencil `N - z L` is. The join of two parts
+eliminates the state between them with the matrix `[-G_1 -1; -1 Q_2]`, and a tick its input with `r = level^2 - d^2`.
+Where none of these is singular in a disc, A, G and Q are analytic there. By Sylvester's law of inertia the form has
+
+    the negative eigenvalues of [-G A - z; (A - z)* Q], less n, and those of all r, and of all joins, less n each,
+
+as negative eigenvalues, n the number of states. What is eliminated has as many on all of a panel as in its middle, since it
+is not singular in between. If the form is negative in the middle at some z, and the pencil is not singular at that one z for
+any number of the panel, the gain is too large in all of it, or infinite. Where something that is eliminated may be singular,
+a gain beyond a higher level, or below a lower one, decides as well.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine.energy.hinf import NEAR, with_middles
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.monodromy.periodic import Change, in_a_row
+from wavesweep.engine.monodromy.rounding import ROUNDING, balance
+from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
+from wavesweep.engine.response.bounded_sums import plus, times
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM
+from wavesweep.require.frame_gain import BoundedGain, loops_between, poles_inside
+from wavesweep.require.maps import Pair, minus, of_ticks, scaled, transposed
+from wavesweep.require.pencil import angles_of, clear, off_arc
+
+SURE = 1e-12  # of the size of a matrix, from which on the signs of its eigenvalues are known
+ANGLES = 8  # of eigenvalues next to the arc: there, and between these, the form is looked at
+BESIDE = 1.02  # times the level, or less by it: there something else is singular where its parts are eliminated
+FIXED = 0.0, 0.37, 0.71, 1.0  # of an arc, where it is looked at as well
+SWEEPS = 12  # of balancing
+
+
+class Joined(NamedTuple):
+    """A, less identity, G and Q of some ticks at points, of which some in a row are of each panel, the first its middle.
+
+    A, G, Q: each with a bound on its error. points: of a panel. pivots: of what is eliminated. below: how many negative
+    directions that has beside those of states, in the middle of each panel; NaN if rounding does not tell.
+    """
+
+    E: Pair
+    G: Pair
+    Q: Pair
+    points: int
+    pivots: tuple[np.ndarray, ...]
+    below: np.ndarray
+
+
+def of_tick(e: Pair, b: Pair, c: Pair, d: Pair, square: float, points: int) -> Joined:
+    """Return a tick with one input and one output; square: of the level; points: of a panel."""
+    r = plus((np.full_like(d[0], square), 0.0), minus(times(d, d)))
+    over = 1 / r[0]
+    over = over, np.abs(over) ** 2 * r[1] + ROUNDING * np.abs(over)
+    E = plus(e, times(times(b, times(d, over)), c))
+    G = times(times(b, over), transposed(b))
+    Q = minus(times(times(transposed(c), scaled(square, over)), c))
+    pivot = r[0][:, 0, 0]
+    return Joined(E, G, Q, points, (pivot,), np.where(pivot[::points].real < 0, 1.0, 0.0))
+
+
+def then(first: Joined, second: Joined) -> Joined:
+    """Return some ticks and those that follow."""
+    identity = np.eye(first.E[0].shape[-1])
+    star = plus((identity, 0.0), times(first.G, second.Q))
+    X = inverse(star[0])
+    size = np.abs(X)
+    missed = np.abs(identity - X @ star[0]) + ROUNDING * (size @ np.abs(star[0]))
+    X = X, (size @ star[1] + missed) @ size
+    A_1, A_2 = (plus((identity, 0.0), each.E) for each in (first, second))
+    spread = times(X, first.G)
+    carried = plus(first.E, minus(times(times(spread, second.Q), A_1)))  # X A_1, less identity
+    E = plus(plus(carried, second.E), times(second.E, carried))
+    G = plus(second.G, times(times(A_2, spread), transposed(A_2)))
+    Q = plus(first.Q, times(times(transposed(A_1), second.Q), plus((identity, 0.0), carried)))
+    pivots = (*first.pivots, *second.pivots, np.linalg.det(star[0]))
+    below = first.below + second.below + _negative(first.G[0][:: first.points].real, second.Q[0][:: first.points].real)
+    return Joined(E, _symmetric(G), _symmetric(Q), first.points, pivots, below)
+
+
+def _negative(G, Q):
+    """How many negative eigenvalues `[-G -1; -1 Q]` has beside one for each state; NaN if rounding does not tell."""
+    n = G.shape[-1]
+    units = _units(G, Q)
+    block = np.zeros((len(G), 2 * n, 2 * n))
+    block[:, :n, :n] = -G / (units[:, None, :] * units[:, :, None])
+    block[:, n:, n:] = Q * units[:, None, :] * units[:, :, None]
+    block[:, np.arange(n), n + np.arange(n)] = block[:, n + np.arange(n), np.arange(n)] = -1.0
+    values = np.linalg.eigvalsh(np.where(np.isfinite(block), block, 0.0))
+    size = np.abs(values)
+    told = size.min(-1) > SURE * size.max(-1)
+    return np.where(told, (values < 0).sum(-1) - n, np.nan)
+
+
+def _units(G, Q):
+    """Units of the states in which G and Q are alike on their diagonals."""
+    of_G, of_Q = (np.abs(np.diagonal(each, axis1=-2, axis2=-1)) for each in (G, Q))
+    both = np.isfinite(of_G) & np.isfinite(of_Q) & (of_G > 0) & (of_Q > 0)
+    return np.where(both, np.where(both, of_G, 1.0) / np.where(both, of_Q, 1.0), 1.0) ** 0.25
+
+
+class LongGain(BoundedGain):
+    """The gain of loops with many ticks in a frame."""
+
+    __slots__ = ()
+
+    @property
+    def order(self) -> int:
+        """Of the pencil."""
+        return 2 * self.kept.size
+
+    def changes(self, column, p):
+        """E less identity of frames, `(points, n, n)`."""
+        ticks, kinds, _ = self._ticks(column, p)
+        return in_a_row(kinds, [Change.of(e) for (e, _), *_ in ticks], Change.then).E
+
+    def off_at_rest(self, column, p):
+        """By how much what comes of a constant input, and what goes to a constant output, differ from the level at rest."""
+        ticks, kinds, _ = self._ticks(column, p)
+        ticks = [tuple(matrix for matrix, _ in each) for each in ticks]
+        still, w = -self.changes(column, p), len(kinds) ** -0.5
+        driven = np.zeros_like(ticks[0][1])
+        for e, b, _, _ in (ticks[kind] for kind in kinds):
+            driven = driven + e @ driven + b * w
+        x, outputs = solve(still, driven), []
+        for e, b, c, d in (ticks[kind] for kind in kinds):
+            outputs.append((c @ x + d * w)[:, 0, 0])
+            x = x + e @ x + b * w
+        seen = np.zeros_like(ticks[0][2])
+        for e, _, c, _ in (ticks[kind] for kind in reversed(kinds)):
+            seen = seen + seen @ e + c * w
+        l, inputs = _t(solve(_t(still), _t(seen))), []
+        for e, b, c, d in (ticks[kind] for kind in reversed(kinds)):
+            inputs.append((l @ b + d * w)[:, 0, 0])
+            l = l + l @ e + c * w
+        outputs = np.array(outputs)
+        signed = np.copysign(self.level, outputs.sum(0)) * w
+        return np.maximum(np.abs(outputs - signed).max(0), np.abs(np.array(inputs) - signed).max(0))
+
+    def worst(self, column, p):
+        """As that of `BoundedGain`."""
+        index = np.full(p.size, np.searchsorted(self.columns, column))
+        frame, _ = self._frame(self.level, index, p, 1)
+        K, dK, L, dL = _pencil(frame)
+        arc = self.arc[np.full(p.size, column)]
+        _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), 0, arc)
+        value, theta = _least(frame, np.arange(p.size), d, arc)
+        most = value.argmin(-1)[:, None]
+        return on_circle(np.take_along_axis(theta, most, 1)[:, 0]), -np.take_along_axis(value, most, 1)[:, 0]
+
+    def _ticks(self, column, p):
+        """E less identity, B, C and D of each kind of tick, in even units, the kinds, and pivots, `(points, k)`."""
+        port, pivots = loops_between(self.loops, self.along, self.drift, self.route, self.columns[column], p)
+        return _in_even_units(of_ticks(port, self.kept, p.shape)), port.kind.tolist(), pivots
+
+    def _frame(self, level, column, p, points):
+        """The frames of columns at values p, and pivots, `(points, k)`; points: of each panel."""
+        ticks, kinds, pivots = self._ticks(column, p)
+        with np.errstate(all="ignore"):
+            return in_a_row(kinds, [of_tick(*each, level**2, points) for each in ticks], then), pivots
+
+    def _label(self, column, low, high, bounds):
+        label, singular = self._at_level(self.level, column, low, high, bounds)
+        for level, kept in ((self.level * BESIDE, BAD), (self.level / BESIDE, GOOD)):
+            again = np.flatnonzero(singular & (label == OPEN))
+            if again.size:
+                found, _ = self._at_level(level, column[again], low[again], high[again], bounds)
+                label[again[found == kept]] = kept
+        return label
+
+    def _at_level(self, level, column, low, high, bounds):
+        """The labels of panels at a level, and whether something that is eliminated may be singular in them."""
+        try:
+            return self._labelled(level, column, low, high, bounds)
+        except IllPosedLoopError:  # of one panel at least
+            if column.size == 1:
+                return np.full(1, OPEN), np.zeros(1, bool)
+            halves = np.array_split(np.arange(column.size), 2)
+            parts = [self._at_level(level, column[half], low[half], high[half], bounds) for half in halves]
+            return tuple(map(np.concatenate, zip(*parts, strict=True)))
+
+    def _labelled(self, level, column, low, high, bounds):
+        middle, half = (low + high) / 2, (high - low) / 2
+        p = middle[:, None] + 2 * half[:, None] * np.append(0.0, RIM)
+        frame, pivots = self._frame(level, np.repeat(column, p.shape[1]), p.ravel(), p.shape[1])
+        judged = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
+        judged &= ~poles_inside(pivots.reshape(*p.shape, -1))
+        singular = ~np.isfinite(frame.below) | poles_inside(np.stack(frame.pivots, -1).reshape(*p.shape, -1))
+        judged &= ~singular
+        pencil = [each.reshape(*p.shape, *each.shape[1:]) for each in _pencil(frame)]
+        judged &= np.logical_and.reduce([np.isfinite(each).all((1, 2, 3)) for each in pencil])
+        label, at = np.full(column.size, OPEN), np.flatnonzero(judged)
+        if not at.size:
+            return label, singular
+        K, dK, L, dL = (each[at] for each in pencil)
+        parts = K[:, 0].real, dK[:, 0], L[:, 0].real, dL[:, 0]
+        arc = self.arc[self.columns[column[at]]]
+        inside, d = clear(*parts, (K[:, 1:], L[:, 1:]), 0, arc)
+        value, theta = _least(frame, at, d, arc)
+        label[at[inside & (value.max(-1) > SURE)]] = GOOD
+        worst = value.argmin(-1)
+        at_one = np.flatnonzero(value.min(-1) < -SURE)
+        if at_one.size:
+            z = theta[at_one, worst[at_one]]
+            parts = [each[at_one] for each in parts]
+            alone, _ = clear(*parts, (K[at_one, 1:], L[at_one, 1:]), 0, np.stack([z, z], -1))
+            label[at[at_one[alone]]] = BAD
+        return label, singular
+
+
+def _in_even_units(ticks):
+    """Ticks with states in units, powers of two, in which their entries have similar sizes."""
+    n = ticks[0][0][0].shape[-1]
+    sizes = np.zeros((1, n + 1, n + 1))
+    for (e, _), (b, _), (c, _), _ in ticks:
+        sizes[0, :n, :n] += np.nan_to_num(np.abs(e)).max(0)
+        sizes[0, :n, n:] += np.nan_to_num(np.abs(b)).max(0)
+        sizes[0, n:, :n] += np.nan_to_num(np.abs(c)).max(0)
+    units = balance(sizes, SWEEPS)[1][0]
+    u = units[:n] / units[n]
+    v = u[:, None]
+    return [(tuple(x * u / v for x in e), tuple(x / v for x in b), tuple(x * u for x in c), d) for e, b, c, d in ticks]
+
+
+def _pencil(frame):
+    """N - L and its error, and L and its error, of frames."""
+    (E, dE), (G, dG), (Q, dQ) = frame.E, frame.G, frame.Q
+    n = E.shape[-1]
+    K, L = np.zeros((2, len(E), 2 * n, 2 * n), E.dtype)
+    dK, dL = np.zeros((2, len(E), 2 * n, 2 * n))
+    K[:, :n, :n], K[:, :n, n:], K[:, n:, :n], K[:, n:, n:] = E, -G, -Q, -_t(E)
+    dK[:, :n, :n], dK[:, :n, n:], dK[:, n:, :n], dK[:, n:, n:] = dE, dG, dQ, _t(dE)
+    L[:, :n, :n], L[:, :n, n:], L[:, n:, n:] = np.eye(n), G, np.eye(n) + _t(E)
+    dL[:, :n, n:], dL[:, n:, n:] = dG, _t(dE)
+    return K, dK, L, dL + ROUNDING * np.abs(L)
+
+
+def _least(frame, panels, d, arc):
+    """What is positive at angles if the form is, as a share of its largest eigenvalue, and these angles, `(n, angles)`.
+
+    panels: which, in whose middles. d: eigenvalues of the pencil. It is the least eigenvalue above the negative ones that come
+    of states and of what is eliminated.
+    """
+    off = off_arc(d, arc)
+    nearest = np.argsort(off, -1)[:, :ANGLES]
+    d, off = (np.take_along_axis(each, nearest, -1) for each in (d, off))
+    first, last = arc[:, :1], arc[:, 1:]
+    near = with_middles(np.clip(np.where(off <= NEAR, angles_of(d), np.nan), first, last))
+    theta = np.concatenate([np.where(np.isnan(near), first, np.clip(near, first, last)), first + (last - first) * FIXED], -1)
+    E, G, Q = (matrix[panels * frame.points].real for matrix, _ in frame[:3])
+    n, units = E.shape[-1], _units(G, Q)
+    u, v = units[:, None, :], units[:, :, None]
+    E, G, Q = E * u / v, G / (u * v), Q * u * v
+    moved = E[:, None] - on_circle(theta)[..., None, None] * np.eye(n)
+    form = np.zeros((*theta.shape, 2 * n, 2 * n), complex)
+    form[..., :n, :n], form[..., n:, n:] = -G[:, None], Q[:, None]
+    form[..., :n, n:], form[..., n:, :n] = moved, _t(moved).conj()
+    values = np.linalg.eigvalsh(np.where(np.isfinite(form), form, 0.0))
+    least = np.clip(n - np.nan_to_num(frame.below[panels]), 0, 2 * n - 1).astype(int)
+    least = np.take_along_axis(values, np.broadcast_to(least[:, None, None], (*theta.shape, 1)), -1)[..., 0]
+    return least / np.maximum(np.abs(values).max(-1), 1e-300), theta
+
+
+def _t(matrix):
+    return np.swapaxes(matrix, -1, -2)
+
+
+def _symmetric(pair):
+    return tuple((matrix + _t(matrix)) / 2 for matrix in pair)
