@@ -27,17 +27,20 @@ from wavesweep.program.sweep.job import Chunks, Job, JobKind
 from wavesweep.program.sweep.running import RunCounts, Work, checkpoint_of, compute, kept_of, records_of, resumable
 from wavesweep.program.sweep.workers import choose
 from wavesweep.program.tables.hand_rows import hands_of
+from wavesweep.program.tables.kind import count
 from wavesweep.program.tables.table import Table, facts_of
 
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
 PROVED = 6  # designs with [for_all], the best in the search and the spec's own, that are proved for all of it
 TRIED = 2000  # designs of a search that are checked for all, if none of the front holds for it
-RUNNERS_UP, APART = 3, 0.1  # further designs next to a single best one, and how far apart, as a share of a number's range
+RUNNERS_UP = 3  # further designs next to a single best one
+APART = 0.1  # of a number's range: how far apart these are
 ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 4096  # combinations that a design of the front is checked over at most
-# Values between two of a range that the search looks at from time to time, and the last check, if the combinations are so few.
-BETWEEN, OFTEN, FINEST = (63, 15, 7, 3), 20, 256
+BETWEEN = (63, 15, 7, 3)  # values between two of a range: the most of these with which the combinations are few, which are
+OFTEN = 20  # at most, of those that the search looks at from time to time
+FINEST = 256  # at most, of those of the last check
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,10 +63,15 @@ class Study:
 
 def record_of(wishes: Sequence[Wish], *, box: bool = False) -> np.dtype:
     """A value, a scenario and flags for each wish; with a box of hands its stiffest wall, and if it is settled."""
-    types = {"": "<f8", "_scenario": "<i4", "_certified": "?", "_at_end": "?"}
-    fields_of_wishes = [[(wish.name + suffix, kind) for suffix, kind in types.items()] for wish in wishes]
-    hands = [(BOX, "<f8"), (SETTLED, "?")] if box else []
-    return np.dtype([("slice", "<i4"), *(field for wish_fields in fields_of_wishes for field in wish_fields), *hands])
+    fields = [("slice", "<i4")]
+    for wish in wishes:
+        fields.append((wish.name, "<f8"))
+        fields.append((f"{wish.name}_scenario", "<i4"))
+        fields.append((f"{wish.name}_certified", "?"))
+        fields.append((f"{wish.name}_at_end", "?"))
+    if box:
+        fields += [(BOX, "<f8"), (SETTLED, "?")]
+    return np.dtype(fields)
 
 
 def generation(job: Job, number: int) -> range:
@@ -73,16 +81,25 @@ def generation(job: Job, number: int) -> range:
 
 
 def _task(job, chunk):
-    number, study, vary = chunk.loops.start, job.asked, job.grid.spec.design.vary
-    chunks, last = generation(job, number), number == job.chunks.loops - 1
+    number = chunk.loops.start
+    study = job.asked
+    chunks = generation(job, number)
     genes = np.array_split(study.genes[number], len(chunks))[chunk.number - chunks.start]
-    return _evaluation(job, study.finest if last else tuple(study.scenarios), designs_of(vary, genes), len(genes), last)
+    designs = designs_of(job.grid.spec.design.vary, genes)
+    last = number == job.chunks.loops - 1
+    scenarios = study.finest if last else tuple(study.scenarios)
+    return _evaluation(job, scenarios, designs, len(genes), last)
 
 
 def _evaluation(job, scenarios, designs, count: int, last: bool):
     """What computes the records of designs; last: whether they are of the front, for which more is checked."""
     spec = job.grid.spec
-    box, proof = (job.asked.box, _proof_of(spec)) if last else (None, spec.for_all and spec.for_all.ranking(spec))
+    if last:
+        box = job.asked.box
+        proof = _proof_of(spec)
+    else:
+        box = None
+        proof = spec.for_all and spec.for_all.ranking(spec)
     return partial(evaluated, spec, scenarios, designs, count, job.asked.stop, job.dtype, box, proof)
 
 
@@ -104,8 +121,10 @@ def evaluated(
     records["slice"] = np.arange(count)
     measured = evaluate(spec, spec.design.wishes, scenarios, designs, stop, proof) if count else {}
     for name, worst in measured.items():
-        records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
-        records[f"{name}_certified"], records[f"{name}_at_end"] = worst.certified, worst.at_end
+        records[name] = worst.value
+        records[f"{name}_scenario"] = worst.scenario
+        records[f"{name}_certified"] = worst.certified
+        records[f"{name}_at_end"] = worst.at_end
     if box:
         _hold(spec, scenarios, designs, box, records)
     return records
@@ -116,19 +135,29 @@ def _hold(spec, scenarios, designs, box, records):
 
     Walls are checked up to `z_width`, the stiffest one of the scenarios.
     """
-    wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
-    devices = list({tuple(item for item in scenario.values.items() if item[0] not in OPERATOR): None for scenario in scenarios})
+    (wish,) = (wish for wish in spec.design.wishes if wish.name == "z_width")
+    dampings = wish.options.get("B_VE", (spec.values["environment.B_VE"],))
+    devices = []
+    for scenario in scenarios:
+        device = {path: value for path, value in scenario.values.items() if path not in OPERATOR}
+        if device not in devices:
+            devices.append(device)
+    wall = "environment.K_VE"
     for number, record in enumerate(records):
         numbers = {path: column[number].item() for path, column in designs.items()}
-        record[BOX], record[SETTLED] = record["z_width"], record["z_width"] > 0
+        record[BOX] = record["z_width"]
+        record[SETTLED] = record["z_width"] > 0
         if not record[SETTLED]:  # no wall to touch
             continue
-        for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
-            values = dict(spec.with_values(numbers | dict(device) | {"environment.B_VE": damping}).values)
-            varied = {key: (float(values[path]),) * 2 for key in HAND if (path := f"operator.{key}") in numbers}
-            wall = "environment.K_VE"
+        for device, damping in product(devices, dampings):
+            values = dict(spec.with_values({**numbers, **device, "environment.B_VE": damping}).values)
+            hands = dict(box)
+            for key in HAND:
+                path = f"operator.{key}"
+                if path in numbers:
+                    hands[key] = (float(values[path]), float(values[path]))
             loop = held_loop(loops_of(spec, values, wall))
-            rows = _guarantee({**box, **varied}).records(loop, wall, (0.0, float(record["z_width"])))
+            rows = _guarantee(hands).records(loop, wall, (0.0, float(record["z_width"])))
             first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
             record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
             record[SETTLED] &= bool(first.size and first["settled"][0])
@@ -151,16 +180,21 @@ def design(
     Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
     run.
     """
-    started, work = time.perf_counter(), Work.of(given)
+    started = time.perf_counter()
+    work = Work.of(given)
     job = job_of(spec, for_hands)
-    run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
+    warnings: list[str] = []
+    store = checkpoint_of(job, work.checkpoint, work.force, warnings)
+    run = _Run(job, store, work.progress)
     run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(seconds_of, job))
-    wanted, settings = spec.design, spec.design.settings
-    first = genes_of(wanted.vary, spec.values)[None]
+    wanted = spec.design
+    population = wanted.settings["population"]
+    rounds = wanted.settings["generations"]
+    seed = wanted.settings["seed"]
+    own = genes_of(wanted.vary, spec.values)[None]
     choices = [len(axis.values or ()) for axis in wanted.vary]
-    search = settings["population"], settings["generations"], settings["seed"]
     with resumable(job, run.store, run.tally):
-        for tried in generations(run.judge, len(wanted.vary), *search, first, choices, run.look):
+        for tried in generations(run.judge, len(wanted.vary), population, rounds, seed, own, choices, run.look):
             best = tried
     if not (best.violation == 0).any():
         said = miss(spec, run.everything(), job.asked.scenarios, wish_units(spec))
@@ -168,12 +202,18 @@ def design(
         raise WavesweepError(said)
     genes = spread(best, FRONT).genes
     if len(genes) == 1:  # what is worth less in the search may be worth more over all that it is checked for
-        candidates, proved = run.feasible(), spec.for_all is not None  # the search proves nothing of [for_all]
-        candidates = np.concatenate([first[:proved], candidates])
-        genes = np.unique(np.concatenate([genes, candidates[: PROVED * proved], run.next_to(candidates, genes)]), axis=0)
-    job.asked.genes[settings["generations"]] = genes
-    proved = {"proved": len(genes), "ranked": spec.for_all.ranking(spec) is not None} if spec.for_all else {}
-    genes, records = run.kept(genes, run.records(settings["generations"]))
+        candidates = run.feasible()
+        further = [genes]
+        if spec.for_all:  # of which the search proves nothing
+            candidates = np.concatenate([own, candidates])
+            further.append(candidates[:PROVED])
+        further.append(run.next_to(candidates, genes))
+        genes = np.unique(np.concatenate(further), axis=0)
+    job.asked.genes[rounds] = genes
+    proved = {}
+    if spec.for_all:
+        proved = {"proved": len(genes), "ranked": spec.for_all.ranking(spec) is not None}
+    genes, records = run.kept(genes, run.records(rounds))
     if not len(genes):  # between the ends of the ranges none of them meets its bounds
         said = miss(spec, records, job.asked.finest, wish_units(spec))
         run.forget()
@@ -184,23 +224,31 @@ def design(
     rest = np.setdiff1d(np.lexsort(objectives.T[::-1]), still, assume_unique=True)
     columns, best_rows = _columns(spec, job, genes[still], records[still])
     counts = {"computed": run.tally.done, "skipped": 0, "certified": int(best_rows["certified"].sum())}
-    timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
-    facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
+    timings = {
+        "compute_s": time.perf_counter() - started,
+        "processor_s": run.tally.seconds,
+        "workers": run.workers.count,
+    }
+    facts = facts_of(spec, METHODS, counts, timings, _notices(job))
     facts |= {
+        "warnings": warnings,
         "own": own_design(spec, job),
         "stop": job.asked.stop,
         "at_end": [wish.name for wish in wanted.wishes if _ends_with_walls(wish, records[still])],
         "runners_up": run.runners_up(genes[still], genes[rest], records[rest]),
         **proved,
+        "scenarios": len(job.asked.scenarios),
+        "checked_scenarios": len(job.asked.finest),
+        "units": wish_units(spec),
     }
-    facts |= {"scenarios": len(job.asked.scenarios), "checked_scenarios": len(job.asked.finest), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=fields_of_design(spec, columns), forget=run.forget)
 
 
 def _ends_with_walls(wish, records):
     """Whether the best value of a wish among the designs of a result is that of a wall at which the range of walls ends."""
     value = records[wish.name] if wish.kind.more else -records[wish.name]
-    return bool(records[f"{wish.name}_at_end"][np.argmax(np.where(np.isnan(value), -np.inf, value))])
+    best = np.argmax(np.where(np.isnan(value), -np.inf, value))
+    return bool(records[f"{wish.name}_at_end"][best])
 
 
 def _proof_of(spec):
@@ -219,16 +267,17 @@ def _refuse_for_all(spec, wanted, for_hands):
     """Raise UsageError if designs cannot be found for all of [design.for_all] and of [for_all]."""
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in wanted.for_all):
-            ratios = "in [for_all], with varying = true, it may change from frame to frame"
-            hint = ratios if path == "rates.ratio" else "design for one rate"
+            hint = "design for one rate"
+            if path == "rates.ratio":
+                hint = "in [for_all], with varying = true, it may change from frame to frame"
             raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; {hint}")
-    if spec.for_all:
-        if wanted.ratios or for_hands == "box":
-            problem = "--for-hands box" if for_hands == "box" else "a ratio"
-            raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {problem}")
-        _proof_of(spec).refuse_unsuitable(
-            spec, spec.wall[0] if {wish.name for wish in wanted.wishes} & {"z_width", "felt"} else ""
-        )
+    if not spec.for_all:
+        return
+    if wanted.ratios or for_hands == "box":
+        problem = "--for-hands box" if for_hands == "box" else "a ratio"
+        raise UsageError(f"design: expected neither ratios nor --for-hands box beside [for_all], found {problem}")
+    of_walls = any(wish.name in ("z_width", "felt") for wish in wanted.wishes)
+    _proof_of(spec).refuse_unsuitable(spec, spec.wall[0] if of_walls else "")
 
 
 def _stiffest_searched(spec, wishes):
@@ -240,7 +289,8 @@ def _stiffest_searched(spec, wishes):
         raise SpecError([axis.place.mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
     unseen = next((wish for wish in wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
     if unseen:
-        name, unit = spec.drawing.wall[0] if spec.drawing else "K_VE", wish_units(spec)["z_width"]
+        name = spec.drawing.wall[0] if spec.drawing else "K_VE"
+        unit = wish_units(spec)["z_width"]
         searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
         mistake = unseen.places["at_least"].mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
@@ -254,21 +304,34 @@ def job_of(spec: Spec, for_hands: str = "vertices") -> Job:
     wanted = spec.asking("design").design
     spec.refuse_require("[design]")
     _refuse_for_all(spec, wanted, for_hands)
-    grid, settings, stop = make_grid(spec.asking("design"), ()), wanted.settings, _stiffest_searched(spec, wanted.wishes)
+    grid = make_grid(spec.asking("design"), ())
+    stop = _stiffest_searched(spec, wanted.wishes)
     _refuse_unreachable(spec, wanted.wishes)
     for axis in wanted.for_all:
-        for value in axis.values if axis.structural else ():
-            grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
-    often = next((number for number in BETWEEN if count_of(grid.spec, number) <= OFTEN), 0)
+        if axis.structural:
+            for value in axis.values:
+                grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
+    often = _between(grid.spec, OFTEN)
     finer = scenarios_of(grid.spec, between=often or int(count_of(grid.spec, 1) <= FINER))
-    chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
-    between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
-    finest = scenarios_of(grid.spec, between) if between else finer
+    finest = finer
+    between = _between(grid.spec, FINEST)
+    if between:
+        finest = scenarios_of(grid.spec, between)
     box = box_of(spec) if for_hands == "box" else None
-    identity = {"records": "designs", "stop": stop} | ({"box": box} if box else {})
+    identity: dict[str, Any] = {"records": "designs", "stop": stop}
+    if box:
+        identity["box"] = box
     study = Study({}, scenarios_of(grid.spec), finer, finest, stop, box)
-    total = settings["generations"] * settings["population"]
+    rounds = wanted.settings["generations"]
+    population = wanted.settings["population"]
+    chunks = Chunks(rounds + 1, max(population, FRONT), 1, CHUNK)
+    total = rounds * population
     return Job(DESIGNS, grid, chunks, {}, record_of(wanted.wishes, box=box is not None), identity, study, total)
+
+
+def _between(spec, most: int) -> int:
+    """The largest number of values between two of each range with which there are at most so many combinations, or 0."""
+    return next((number for number in BETWEEN if count_of(spec, number) <= most), 0)
 
 
 def _refuse_unreachable(spec, wishes):
@@ -276,11 +339,12 @@ def _refuse_unreachable(spec, wishes):
     most = {"damping_ratio": 1.0}
     if not spec.drawing:
         most["delay_margin"] = float(longest_delay(spec.values["rates.ratio"]))
-    mistakes = [
-        wish.places["at_least"].mistake(f"design.wish.{wish.name}.at_least", f"<= {most[wish.name]:g}", f"{wish.bound:g}")
-        for wish in wishes
-        if (wish.bound or 0) > most.get(wish.name, np.inf)
-    ]
+    mistakes = []
+    for wish in wishes:
+        if wish.name in most and (wish.bound or 0) > most[wish.name]:
+            key = f"design.wish.{wish.name}.at_least"
+            place = wish.places["at_least"]
+            mistakes.append(place.mistake(key, f"<= {most[wish.name]:g}", f"{wish.bound:g}"))
     if mistakes:
         raise SpecError(mistakes)
 
@@ -298,28 +362,40 @@ def box_of(spec: Spec) -> dict[str, tuple[float, float]]:
     if wanted.ratios:
         raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
     hand = {key: (spec.values[f"operator.{key}"],) for key in HAND}
-    hand |= {key: axis.values for axis in wanted.for_all for key in HAND if axis.path == f"operator.{key}"}
-    box = {key: (float(min(values)), float(max(values))) for key, values in (hand | dict(wanted.hand)).items()}
+    for axis in wanted.for_all:
+        for key in HAND:
+            if axis.path == f"operator.{key}":
+                hand[key] = axis.values
+    hand |= wanted.hand
+    box = {key: (float(min(values)), float(max(values))) for key, values in hand.items()}
     _guarantee(box)
     return box
 
 
 def _guarantee(box):
     """What holds for all hands of a box, as --for-hands has it."""
-    return hands_of(f"box:{','.join(f'{part}={low!r}..{high!r}' for part, (low, high) in box.items())}").guarantees[0]
+    ranges = ",".join(f"{part}={low!r}..{high!r}" for part, (low, high) in box.items())
+    (guarantee,) = hands_of(f"box:{ranges}").guarantees
+    return guarantee
 
 
 class _Run:
     """The chunks of a study, one generation after the other."""
 
     def __init__(self, job, store, progress):
-        self.job, self.store, self.progress = job, store, progress
-        self.workers, self.tally, self.forget = None, RunCounts(), store.remove
-        self.latest = self.since = 0  # generations: the last one, and the first that was judged over all that is held for now
+        self.job = job
+        self.store = store
+        self.progress = progress
+        self.workers = None
+        self.tally = RunCounts()
+        self.forget = store.remove
+        self.latest = 0  # generation
+        self.since = 0  # the first generation that was judged over all that is held for now
 
     def judge(self, number: int, genes: np.ndarray) -> Judged:
         """Return the designs of a generation, judged; those of one structure are computed together."""
-        wanted, self.latest = self.job.grid.spec.design, number
+        self.latest = number
+        wanted = self.job.grid.spec.design
         values = designs_of(wanted.vary, genes)
         choices = [values[axis.path] for axis in wanted.vary if axis.values]
         order = np.lexsort(choices) if choices else np.arange(len(genes))
@@ -333,17 +409,23 @@ class _Run:
 
         The worst of a range need not be at its ends. Returns whether anything was added.
         """
-        job, wanted = self.job, self.job.grid.spec.design
         if (best.violation > 0).any():  # nothing is feasible yet
             return False
-        front = spread(best, FRONT)
-        measured = evaluate(job.grid.spec, wanted.wishes, job.asked.finer, designs_of(wanted.vary, front.genes), job.asked.stop)
-        worst = np.bincount(np.concatenate([measure.scenario for measure in measured.values()]), minlength=len(job.asked.finer))
-        order = [job.asked.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
-        new = [scenario for scenario in order if scenario not in job.asked.scenarios][:ADDED]
-        job.asked.scenarios.extend(new)
-        self.since = self.latest + 1 if new else self.since
-        return bool(new)
+        study = self.job.asked
+        spec = self.job.grid.spec
+        wanted = spec.design
+        designs = designs_of(wanted.vary, spread(best, FRONT).genes)
+        measured = evaluate(spec, wanted.wishes, study.finer, designs, study.stop)
+        decide = np.concatenate([measure.scenario for measure in measured.values()])
+        often = np.bincount(decide, minlength=len(study.finer))
+        order = np.argsort(-often, kind="stable")[: np.count_nonzero(often)]
+        worst = [study.finer[at] for at in order.tolist()]
+        new = [scenario for scenario in worst if scenario not in study.scenarios][:ADDED]
+        if not new:
+            return False
+        study.scenarios.extend(new)
+        self.since = self.latest + 1
+        return True
 
     def records(self, number: int) -> np.ndarray:
         """The records of a generation, from the checkpoint as far as it has them."""
@@ -358,14 +440,17 @@ class _Run:
         A search that sees some values of a range finds what is good there alone. If no design of the front keeps its bounds in
         between, those of all generations are tried, the best first; if none of them does, the records of the front remain.
         """
-        good = judged(self.job.grid.spec.design, records)[1] == 0
+        _, violation = judged(self.job.grid.spec.design, records)
+        good = violation == 0
         if good.any():
             return genes[good], records[good]
         candidates = self.feasible()[:TRIED]
-        for batch in np.array_split(candidates, max(1, len(candidates) // FRONT)) if len(candidates) else ():
-            good, measured = self.checked(batch)
-            if len(good):
-                return good, measured
+        for batch in np.array_split(candidates, max(1, len(candidates) // FRONT)):
+            if not len(batch):
+                break
+            held, of_held = self.checked(batch)
+            if len(held):
+                return held, of_held
         return genes[:0], records
 
     def feasible(self) -> np.ndarray:
@@ -378,10 +463,12 @@ class _Run:
 
     def checked(self, genes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Those of some designs that keep their bounds over all that a front is checked for, and their records."""
-        job, spec = self.job, self.job.grid.spec
-        measured = _evaluation(job, job.asked.finest, designs_of(spec.design.vary, genes), len(genes), last=True)()
-        good = judged(spec.design, measured)[1] == 0
-        return genes[good], measured[good]
+        wanted = self.job.grid.spec.design
+        designs = designs_of(wanted.vary, genes)
+        records = _evaluation(self.job, self.job.asked.finest, designs, len(genes), last=True)()
+        _, violation = judged(wanted, records)
+        good = violation == 0
+        return genes[good], records[good]
 
     def next_to(self, others: np.ndarray, genes: np.ndarray) -> np.ndarray:
         """The first of some designs, the best first, that differ from those of a result and from each other."""
@@ -396,18 +483,18 @@ class _Run:
             return []
         spec = self.job.grid.spec
         at = differing(spec.design.vary, others, genes, APART, RUNNERS_UP)
-        columns, _ = _columns(spec, self.job, rows := others[at], records[at])
-        names = [axis.name for axis in spec.design.vary], [wish.name for wish in spec.design.wishes]
-        numbers, wishes = (
-            [{name: columns[name][at].item() for name in columns_of} for at in range(len(rows))] for columns_of in names
-        )
-        return [
-            {"numbers": vary_values, "wishes": wish_values} for vary_values, wish_values in zip(numbers, wishes, strict=True)
-        ]
+        columns, _ = _columns(spec, self.job, others[at], records[at])
+        found = []
+        for row in range(len(others[at])):
+            numbers = {axis.name: columns[axis.name][row].item() for axis in spec.design.vary}
+            wishes = {wish.name: columns[wish.name][row].item() for wish in spec.design.wishes}
+            found.append({"numbers": numbers, "wishes": wishes})
+        return found
 
     def everything(self) -> np.ndarray:
         """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
-        first, last = (generation(self.job, chunk).start for chunk in (self.since, self.job.chunks.loops - 1))
+        first = generation(self.job, self.since).start
+        last = generation(self.job, self.job.chunks.loops - 1).start
         numbers = [number for number in self.store.finished() if first <= number < last]
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
@@ -415,38 +502,53 @@ class _Run:
 def seconds_of(job: Job) -> float:
     """Estimate the seconds of the whole study in one process, from two designs."""
     spec = job.grid.spec
-    genes = np.tile(genes_of(spec.design.vary, spec.values), (2, 1)) * np.array([[1.0], [0.9]])
-    task = _evaluation(job, job.asked.scenarios, designs_of(spec.design.vary, genes), 2, last=False)
+    own = genes_of(spec.design.vary, spec.values)
+    designs = designs_of(spec.design.vary, np.stack([own, 0.9 * own]))
+    task = _evaluation(job, job.asked.scenarios, designs, 2, last=False)
     task()
     started = time.perf_counter()
     task()
-    return (time.perf_counter() - started) / 2 * (job.chunks.loops - 1) * spec.design.settings["population"]
+    of_design = (time.perf_counter() - started) / 2
+    return of_design * (job.chunks.loops - 1) * spec.design.settings["population"]
 
 
 def own_design(spec: Spec, job: Job) -> dict[str, float | None]:
     """Return the wishes of the spec's own design, at their worst, as those of the front; None if there is no value."""
     nominal = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    measured = evaluate(spec, spec.design.wishes, job.asked.finest, nominal, job.asked.stop, proof := _proof_of(spec))
-    certain = {name: np.isfinite(worst.value[0]) and (worst.certified[0] or not proof) for name, worst in measured.items()}
-    return {name: float(worst.value[0]) if certain[name] else None for name, worst in measured.items()}
+    proof = _proof_of(spec)
+    measured = evaluate(spec, spec.design.wishes, job.asked.finest, nominal, job.asked.stop, proof)
+    values: dict[str, float | None] = {}
+    for name, worst in measured.items():
+        (value,) = worst.value
+        (certified,) = worst.certified
+        known = np.isfinite(value) and (certified or not proof)
+        values[name] = float(value) if known else None
+    return values
 
 
 def _columns(spec, job, genes, records):
     """Return the columns of the table, and the records."""
-    values, columns, constant = designs_of(spec.design.vary, genes), {}, not (spec.for_all and _proof_of(spec).vary)
-    for axis in spec.design.vary:
-        columns[axis.name] = values[axis.path]
-    flags = [records[f"{wish.name}_certified"] for wish in spec.design.wishes]
-    objectives, violation = judged(spec.design, records)
+    values = designs_of(spec.design.vary, genes)
+    columns = {axis.name: values[axis.path] for axis in spec.design.vary}
+    frames_vary = spec.for_all and _proof_of(spec).vary
+    certified = np.ones(len(records), bool)
     for wish in spec.design.wishes:
         columns[wish.name] = records[wish.name]
-        at_rate = "" if constant or wish.name == "z_width" or wish.kind.reads else " at a constant rate"
-        numbers = records[f"{wish.name}_scenario"].tolist()
-        texts = [(described(job.asked.finest, at) or "the spec's own") + at_rate for at in numbers]
-        columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
-    columns["certified"], columns["holds"] = np.logical_and.reduce(flags), (violation == 0) & _checked(job)
+        rate = ""
+        if frames_vary and wish.name != "z_width" and not wish.kind.reads:
+            rate = " at a constant rate"
+        scenarios = []
+        for number in records[f"{wish.name}_scenario"].tolist():
+            scenario = described(job.asked.finest, number) or "the spec's own"
+            scenarios.append(scenario + rate)
+        columns[f"{wish.name}_scenario"] = np.array(scenarios, dtype=object)
+        certified &= records[f"{wish.name}_certified"]
+    objectives, violation = judged(spec.design, records)
+    columns["certified"] = certified
+    columns["holds"] = (violation == 0) & _checked(job)
     if job.asked.box:
-        columns |= {name: records[name] for name in (BOX, SETTLED)}
+        columns[BOX] = records[BOX]
+        columns[SETTLED] = records[SETTLED]
     order = np.lexsort(objectives.T[::-1])
     return {name: column[order] for name, column in columns.items()}, columns
 
@@ -458,30 +560,38 @@ def _checked(job):
 
 def _proof_notices(spec):
     """What of the wishes is proved for all of [for_all]."""
-    names = {wish.name: f"that the loops of {wish.name} are stable" for wish in spec.design.wishes}
-    names |= {"z_width": "z_width", "felt": "the wall of felt"}
-    said = [names[wish.name] for wish in spec.design.wishes if not wish.kind.reads]
-    yield f"proved for all of [for_all]: {', '.join(said) or 'nothing'}"
-    if _proof_of(spec).vary and spec.drawing and spec.drawing.channels:
+    names = {"z_width": "z_width", "felt": "the wall of felt"}
+    proved = []
+    for wish in spec.design.wishes:
+        if not wish.kind.reads:
+            proved.append(names.get(wish.name, f"that the loops of {wish.name} are stable"))
+    yield f"proved for all of [for_all]: {', '.join(proved) or 'nothing'}"
+    if not _proof_of(spec).vary:
+        return
+    if spec.drawing and spec.drawing.channels:
         yield "how good a design is at its wishes is with every message in time"
-    elif _proof_of(spec).vary:
+    else:
         yield "z_width is for all frames; the other wishes are of the spec's own constant rate alone"
 
 
 def _notices(job):
-    ends = count_of(job.grid.spec)
-    between = f" and {len(job.asked.scenarios) - ends} between that were worse" if len(job.asked.scenarios) > ends else ""
-    if ends > 1 or between:
-        of = "the numbers of [design.for_all]" if job.grid.spec.drawing else "device, hand and timing"
-        several = f"{ends} combination{'s' * (ends != 1)} of {of}{between}"
-        yield f"each design was tried with {several}, those of the front with {len(job.asked.finest)}"
-    if job.grid.spec.for_all:
-        yield from _proof_notices(job.grid.spec)
+    spec = job.grid.spec
+    study = job.asked
+    ends = count_of(spec)
+    added = len(study.scenarios) - ends
+    if ends > 1 or added > 0:
+        of = "the numbers of [design.for_all]" if spec.drawing else "device, hand and timing"
+        several = f"{count(ends, 'combination')} of {of}"
+        if added > 0:
+            several += f" and {added} between that were worse"
+        yield f"each design was tried with {several}, those of the front with {len(study.finest)}"
+    if spec.for_all:
+        yield from _proof_notices(spec)
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
-    if all(wish.kind.reads for wish in job.grid.spec.design.wishes):
-        alone = " and ".join(wish.name for wish in job.grid.spec.design.wishes)
+    if all(wish.kind.reads for wish in spec.design.wishes):
+        alone = " and ".join(wish.name for wish in spec.design.wishes)
         yield f"{alone} depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"
-    unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
+    unread = [axis.name for axis in spec.design.vary if axis.path not in keys_of(spec)]
     if unread:
-        yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"
+        yield f"{', '.join(unread)}: not read by {spec.kind}, varied for nothing"
