@@ -31,7 +31,8 @@ from wavesweep.passive.channel import channel_of
 
 SWEEPS = 12  # of balancing
 NEXT_TO_0 = 1e-7  # of the range, in place of a number of 0, which takes a branch out of the loop
-SLACK, SURE = 1e-11, 1e-9  # of the mean eigenvalue: accuracy of the smallest one, and what is surely not rounding
+SLACK = 1e-11  # of the mean eigenvalue: accuracy of the smallest one
+SURE = 1e-9  # of the mean eigenvalue: what is surely not rounding
 NOISE = 2e-12  # of the largest eigenvalue, in which the smallest one may drown if a mode is slow
 SKEW = 1e-9  # relative, of a compliance that counts as symmetric
 DRIFT = 1e-14  # of the largest entry of a frame: an eigenvalue that is a drift
@@ -53,13 +54,15 @@ def port_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
 
     def maps(p):
         at = loop.changed({path: away_from_0(p, span)})
+        drawn = at.drawn()
         with np.errstate(all="ignore"):
-            port = port_of(drawn := at.drawn(), hand, drift)
-            ticks = TickMaps.of(
-                [(E, B, C[..., : port.axes, :], D[..., : port.axes, :]) for E, B, C, D in port.maps], port.kind, p.shape
-            )
+            port = port_of(drawn, hand, drift)
+            of_displacement = slice(port.axes)
+            maps_of_ticks = [(E, B, C[..., of_displacement, :], D[..., of_displacement, :]) for E, B, C, D in port.maps]
+            ticks = TickMaps.of(maps_of_ticks, port.kind, p.shape)
             lifted = ticks.lifted(measured=False)
-            lifted = lifted if port.drifts == port.axes else apart_at_rest(lifted, port.position, port.held)
+            if port.drifts < port.axes:
+                lifted = apart_at_rest(lifted, port.position, port.held)
         return lifted, pivots_of(at, path, drawn, p.shape)
 
     return remembered(maps)
@@ -81,14 +84,18 @@ def reaction_maps(loop: HeldLoop, path: str, span: tuple[float, float]) -> Maps:
 
     _, lifted, x = reactions(np.linspace(*inner_numbers(span), 3))
     rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
-    slowest = np.abs(np.linalg.eigvals(np.nan_to_num(lifted.E[:, rest][..., rest]))).min(-1, initial=np.inf)
-    drifts = (slowest <= DRIFT * np.abs(lifted.E).max((-1, -2), initial=0.0)).all()
+    of_rest = np.nan_to_num(lifted.E[:, rest][..., rest])
+    slowest = np.abs(np.linalg.eigvals(of_rest)).min(-1, initial=np.inf)
+    largest = np.abs(lifted.E).max((-1, -2), initial=0.0)
+    drifts = (slowest <= DRIFT * largest).all()
 
     def maps(p):
         (at, drawn), lifted, x = reactions(p)
-        with np.errstate(all="ignore"):
-            lifted = lifted if drifts else settled(lifted, x)
-        paid = np.broadcast_to(device_keys(at)[1] / drawn.period, p.shape)
+        if not drifts:
+            with np.errstate(all="ignore"):
+                lifted = settled(lifted, x)
+        _, damping, _ = device_keys(at)
+        paid = np.broadcast_to(damping / drawn.period, p.shape)
         T = lifted.T + paid[:, None, None] * np.eye(lifted.T.shape[-1])
         return replace(lifted, T=T), pivots_of(at, path, drawn, p.shape)
 
@@ -102,8 +109,10 @@ def channel_maps(loop: HeldLoop, path: str, way: str, square: float) -> Maps:
         at = loop.changed({path: p})
         channel = channel_of(at.drawing, at.values)
         ticks = getattr(channel, way)
-        flat = TickMaps.of(ticks.maps, ticks.kind, p.shape) if ticks.loops != p.size else ticks
-        return bounded_by(flat.lifted(measured=False), square), pivots_of(at, path, at.drawn(), p.shape)
+        if ticks.loops != p.size:
+            ticks = TickMaps.of(ticks.maps, ticks.kind, p.shape)
+        lifted = bounded_by(ticks.lifted(measured=False), square)
+        return lifted, pivots_of(at, path, at.drawn(), p.shape)
 
     return remembered(maps)
 
@@ -148,12 +157,17 @@ def apart_at_rest(lifted: LiftedMap, position: np.ndarray, held: np.ndarray) -> 
     """
     M = lifted.T.shape[-1] // len(held)
     e = np.kron(np.full((M, 1), M**-0.5), held)
-    P, c, r = np.eye(len(e)) - e @ e.T, held.T @ position * M**-0.5, -solve(lifted.E, lifted.G @ e)
+    P = np.eye(len(e)) - e @ e.T
+    c = held.T @ position * M**-0.5
+    r = -solve(lifted.E, lifted.G @ e)
     compliance = c @ r
-    skew = np.abs(compliance - np.swapaxes(compliance, -1, -2)).max((-1, -2)) > SKEW * np.abs(compliance).max((-1, -2))
+    difference = np.abs(compliance - np.swapaxes(compliance, -1, -2)).max((-1, -2))
+    skew = difference > SKEW * np.abs(compliance).max((-1, -2))
     direct = P @ lifted.T @ P + (P @ lifted.O @ r) @ e.T + e @ compliance @ e.T / 2
     direct = np.where(skew[:, None, None], np.nan, direct)
-    return LiftedMap(lifted.E, direct, P @ lifted.O + e @ c, lifted.G @ P + (r + lifted.E @ r) @ e.T)
+    rows = P @ lifted.O + e @ c
+    columns = lifted.G @ P + (r + lifted.E @ r) @ e.T
+    return LiftedMap(lifted.E, direct, rows, columns)
 
 
 def bounded_by(lifted: LiftedMap, square: float) -> LiftedMap:
@@ -165,8 +179,10 @@ def bounded_by(lifted: LiftedMap, square: float) -> LiftedMap:
     T = np.zeros((loops, p + m, p + m), lifted.T.dtype)
     T[:, range(p + m), range(p + m)] = [0.5] * p + [square / 2] * m
     T[:, :p, p:] = lifted.T
-    below, before = np.zeros((loops, m, lifted.E.shape[-1])), np.zeros((loops, lifted.E.shape[-1], p))
-    return LiftedMap(lifted.E, T, np.concatenate([lifted.O, below], -2), np.concatenate([before, lifted.G], -1))
+    n = lifted.E.shape[-1]
+    rows = np.concatenate([lifted.O, np.zeros((loops, m, n))], -2)
+    columns = np.concatenate([np.zeros((loops, n, p)), lifted.G], -1)
+    return LiftedMap(lifted.E, T, rows, columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,27 +193,42 @@ class Determinant:
 
     def units(self, middle) -> np.ndarray:
         """The units in which the states have similar sizes, `(n,)`."""
-        return balance(np.abs(self.maps(middle[:1])[0].E), SWEEPS)[1][0]
+        lifted, _ = self.maps(middle[:1])
+        _, units = balance(np.abs(lifted.E), SWEEPS)
+        return units[0]
 
     def values(self, x, units):
         """Phase, logarithm, error and pivots at points `(n, 2)`."""
         numbers, place = np.unique(x[:, 0], return_inverse=True)
         lifted, pivots = self.maps(numbers if numbers.imag.any() else numbers.real)
-        E, O, G = lifted.E * (units / units[:, None]), lifted.O * units, lifted.G / units[:, None]
-        n, both = len(units), lifted.T + np.swapaxes(lifted.T, -1, -2)
+        n = len(units)
+        E = lifted.E * (units / units[:, None])
+        O = lifted.O * units
+        G = lifted.G / units[:, None]
+        S = lifted.T + np.swapaxes(lifted.T, -1, -2)
         rows = np.concatenate([G, np.swapaxes(O, -1, -2)], axis=-2)
-        half = solve(both, np.concatenate([O, np.swapaxes(G, -1, -2)], axis=-1))
-        inner, size = rows @ half, TERMS * np.abs(rows) @ np.abs(half)
-        for rows, matrices in ((slice(n), E), (slice(n, None), np.swapaxes(E, -1, -2))):
-            inner[:, rows, rows] -= matrices
-            size[:, rows, rows] += TERMS * np.abs(matrices)
-        phase, log = np.linalg.slogdet(both)
-        at, step = inner[place].astype(complex), on_circle(np.stack([x[:, 1], -x[:, 1]]))
-        at[:, range(2 * n), range(2 * n)] += np.repeat(step, n, axis=0).T
-        turned, grown = np.linalg.slogdet(at)
-        # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
+        half = solve(S, np.concatenate([O, np.swapaxes(G, -1, -2)], axis=-1))
+        # [G; O'] S^-1 [O, G'] - diag(E, E'), and the sizes of the terms of its entries
+        inner = rows @ half
+        size = TERMS * np.abs(rows) @ np.abs(half)
+        for block, matrices in ((slice(n), E), (slice(n, None), np.swapaxes(E, -1, -2))):
+            inner[:, block, block] -= matrices
+            size[:, block, block] += TERMS * np.abs(matrices)
+        # diag(w, w') is added at each angle
+        at = inner[place].astype(complex)
+        w = on_circle(np.stack([x[:, 1], -x[:, 1]]))
+        at[:, range(2 * n), range(2 * n)] += np.repeat(w, n, axis=0).T
+        phase_of_S, log_of_S = np.linalg.slogdet(S)
+        phase, log = np.linalg.slogdet(at)
+        # To first order, the relative change of a determinant is the trace of the inverse times
+        # the change of the matrix.
         error = (np.abs(np.swapaxes(inverse(at), -1, -2)) * size[place]).sum((-1, -2))
-        return FunctionValues((phase[place] * turned)[None], (log[place] + grown)[None], error[None], pivots[place])
+        return FunctionValues(
+            (phase_of_S[place] * phase)[None],
+            (log_of_S[place] + log)[None],
+            error[None],
+            pivots[place],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -210,21 +241,26 @@ class Witness:
 
     def units(self, middle) -> np.ndarray:  # noqa: ARG002
         """The direction, `(m,)`."""
-        (hermitian,) = self.hermitian(np.array([self.number]))[0]
-        return np.linalg.eigh(hermitian)[1][:, 0]
+        (hermitian,), _, _ = self.hermitian(np.array([self.number]))
+        _, vectors = np.linalg.eigh(hermitian)
+        return vectors[:, 0]
 
     def values(self, x, units):
         """Phase, logarithm, error and pivots at points `(n, 1)`."""
         hermitian, size, pivots = self.hermitian(x[:, 0])
         value = -units.conj() @ hermitian @ units
-        error = TERMS * np.abs(units) @ size @ np.abs(units) / np.abs(value)
-        return FunctionValues((value / np.abs(value))[None], np.log(np.abs(value))[None], error[None], pivots)
+        modulus = np.abs(value)
+        error = TERMS * np.abs(units) @ size @ np.abs(units) / modulus
+        return FunctionValues((value / modulus)[None], np.log(modulus)[None], error[None], pivots)
 
     def hermitian(self, numbers):
         """The Hermitian part at the angle, continued to complex numbers, the sizes of its terms, and the pivots."""
         lifted, pivots = self.maps(numbers)
-        (hermitian, size), (back, size_back) = (with_sizes(lifted, np.array([angle])) for angle in (self.theta, -self.theta))
-        return (hermitian + np.swapaxes(back, -1, -2)) / 2, (size + np.swapaxes(size_back, -1, -2)) / 2, pivots
+        ahead, size_ahead = with_sizes(lifted, np.array([self.theta]))
+        back, size_back = with_sizes(lifted, np.array([-self.theta]))
+        hermitian = (ahead + np.swapaxes(back, -1, -2)) / 2
+        size = (size_ahead + np.swapaxes(size_back, -1, -2)) / 2
+        return hermitian, size, pivots
 
 
 def with_sizes(lifted: LiftedMap, theta) -> tuple[np.ndarray, np.ndarray]:
@@ -244,16 +280,17 @@ def least(lifted: LiftedMap) -> Peak:
     """
     size = np.abs(np.diagonal(lifted.T, axis1=-2, axis2=-1)).mean(-1)
 
-    def angles_at(owner, level):
-        direct = lifted.T[owner] + np.swapaxes(lifted.T[owner], -1, -2) + 2 * level[:, None, None] * np.eye(lifted.T.shape[-1])
-        E = lifted.E[owner]
-        return angles(tick(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, np.swapaxes(lifted.O[owner], -1, -2), direct))
+    def negative(owner, theta, _level):
+        return np.nan_to_num(-lifted.smallest(owner, theta, NOISE), nan=-np.inf)
 
-    return hinf_norm(
-        lambda owner, theta, _: np.nan_to_num(-lifted.smallest(owner, theta, NOISE), nan=-np.inf),
-        angles_at,
-        len(size),
-        lambda owner, _: SLACK * size[owner],
-        SOFT,
-        SURE * size,
-    )
+    def crossed(owner, level):
+        T = lifted.T[owner]
+        direct = T + np.swapaxes(T, -1, -2) + 2 * level[:, None, None] * np.eye(T.shape[-1])
+        E = lifted.E[owner]
+        back = np.swapaxes(lifted.O[owner], -1, -2)
+        return angles(tick(np.eye(E.shape[-1]) + E, lifted.G[owner], 0.0, back, direct))
+
+    def slack(owner, _level):
+        return SLACK * size[owner]
+
+    return hinf_norm(negative, crossed, len(size), slack, SOFT, SURE * size)
