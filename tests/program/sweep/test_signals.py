@@ -117,23 +117,6 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     assert said.count("\n") == 1
 
 
-@pytest.mark.thorough
-def test_a_tracker_of_joblib_that_is_killed_is_replaced_without_a_word():
-    """The new one does not know what is shared already, and would say so in tracebacks."""
-    script = """
-import os, signal
-from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
-from wavesweep.program.sweep.pools import in_parallel
-answers = in_parallel(2, ((abs, -number) for number in range(20)))
-found = [next(answers)[0]]
-os.kill(tracker._pid, signal.SIGKILL)
-print(sum(found + [each for each, _ in answers]))
-"""
-    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=SECONDS, check=False)
-    assert (ended.returncode, ended.stdout) == (0, "190\n")
-    assert "Traceback" not in ended.stderr
-
-
 def test_workers_that_are_killed_while_tasks_wait_for_them_are_an_error_at_once():
     program = """
 import os, signal, threading, time

@@ -75,10 +75,7 @@ def in_parallel(count: int, calls: Iterable[tuple]) -> Iterator[tuple]:
     if why := why_no_processes():
         raise WavesweepError(f"{why}; --jobs 1 needs none")
     from joblib import Parallel, delayed, parallel_config
-    from joblib.externals.loky.backend.resource_tracker import _resource_tracker as tracker
 
-    # The tracker of what processes share, which loky starts anew if it was killed, does not know what is shared already.
-    tracker._launch = _started_here()(type(tracker)._launch).__get__(tracker)  # noqa: SLF001 - there is no other way to it
     tasks = (delayed(attested)(*call) for call in calls)
     options = {
         "inner_max_num_threads": 1,  # of BLAS, since the matrices are small and the workers many
@@ -126,7 +123,8 @@ def _cut_short_results_end() -> Iterator[None]:
     def watch():
         looks = 0
         while not over.wait(WATCH):
-            pool = reusable_executor._executor  # noqa: SLF001 - there is no other way to it
+            # Loky has no other way to its workers, and none to end its reader's wait for the rest of a result.
+            pool = reusable_executor._executor  # noqa: SLF001
             workers = [*((pool and pool._processes) or {}).values()]  # noqa: SLF001
             looks = looks + 1 if wait([worker.sentinel for worker in workers], 0) else 0
             if looks > LOOKS:
