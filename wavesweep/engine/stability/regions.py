@@ -44,7 +44,8 @@ class Regions(Rows):
     @classmethod
     def none(cls) -> "Regions":
         """Return no regions."""
-        nothing, no_number = np.zeros(0), np.zeros(0, int)
+        nothing = np.zeros(0)
+        no_number = np.zeros(0, int)
         return cls(no_number, nothing, nothing, nothing, nothing, no_number, no_number, nothing)
 
 
@@ -73,13 +74,15 @@ class CutSpan:
 
     def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
         """Return regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
-        doubt, residual = doubt.copy(), np.zeros(self.column.size)
+        doubt = doubt.copy()
+        residual = np.zeros(self.column.size)
         end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, Doubt.ROUNDING))
         doubt[self.has_previous] = np.maximum(doubt[self.has_previous], end_doubt)
         doubt[self.has_next] = np.maximum(doubt[self.has_next], end_doubt)
         residual[self.has_previous] = error
         residual[self.has_next] = np.maximum(residual[self.has_next], error)
-        return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, doubt, residual)
+        ends = self.low, self.high, self.low_theta, self.high_theta
+        return Regions(self.column, *ends, unstable, doubt, residual)
 
 
 def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> CutSpan:
@@ -88,24 +91,36 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -
     slack: distance from each end of the span within which a crossing counts as at that end.
     """
     low, high = span
-    at_low = np.abs(value - low) <= np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    near_low = np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    at_low = np.abs(value - low) <= near_low
     at_high = np.abs(value - high) <= slack[1]
-    theta_low, theta_high = np.full((2, columns), np.nan)
-    theta_low[column[at_low]], theta_high[column[at_high]] = theta[at_low], theta[at_high]
     inside = np.flatnonzero((value > low) & (value < high) & ~at_low & ~at_high)
     order = inside[np.lexsort((value[inside], column[inside]))]
-    everyone = np.arange(columns)
-    start = np.searchsorted(column[order], everyone) + everyone  # where each column's first region stands
-    region = np.repeat(everyone, np.bincount(column[order], minlength=columns) + 1)
-    lows, low_theta, gain = np.full(region.size, float(low)), np.full(region.size, np.nan), np.zeros(region.size)
-    low_theta[start] = theta_low
+
+    every = np.arange(columns)
+    region = np.repeat(every, np.bincount(column[order], minlength=columns) + 1)
+    start = np.searchsorted(column[order], every) + every  # where each column's first region stands
     later = np.ones(region.size, bool)
     later[start] = False
-    lows[later], low_theta[later], gain[later] = value[order], theta[order], jump[order]
-    highs, high_theta = np.full(region.size, float(high)), np.full(region.size, np.nan)
     earlier = np.append(later[1:], False)
+
+    theta_low = np.full(columns, np.nan)
+    theta_low[column[at_low]] = theta[at_low]
+    theta_high = np.full(columns, np.nan)
+    theta_high[column[at_high]] = theta[at_high]
+
+    lows = np.full(region.size, float(low))
+    lows[later] = value[order]
+    highs = np.full(region.size, float(high))
+    highs[earlier] = value[order]
+    low_theta = np.full(region.size, np.nan)
+    low_theta[start] = theta_low
+    low_theta[later] = theta[order]
+    high_theta = np.full(region.size, np.nan)
     high_theta[~earlier] = theta_high
-    highs[earlier], high_theta[earlier] = value[order], theta[order]
+    high_theta[earlier] = theta[order]
+    gain = np.zeros(region.size)
+    gain[later] = jump[order]
     return CutSpan(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
 
@@ -120,9 +135,10 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     no label if these disagree.
     """
     slack = SLIVER * (span[1] - span[0])
-    spans = cut_span(span, fixed.size, crossings.column, crossings.value, crossings.theta, crossings.jump, (slack, slack))
-    doubt, rise = np.zeros(spans.column.size, int), np.cumsum(spans.gain)
+    found = crossings.column, crossings.value, crossings.theta, crossings.jump
+    spans = cut_span(span, fixed.size, *found, (slack, slack))
     first = np.flatnonzero(~spans.has_previous)
+    rise = np.cumsum(spans.gain)
     rise -= rise[first][spans.column]
 
     def matrices(index, value):
@@ -134,16 +150,18 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     least = np.minimum.reduceat(rise, first)
     narrow = spans.high - spans.low < NARROW * (span[1] - span[0])
     follows = np.isfinite(crossings.above) & ~narrow[first]
-    begins, counted = _first_counts(
-        owner, crossings.above, follows, least, lambda columns: count_where_clear(spans, first[columns], matrices)
-    )
+
+    def count_first(columns):
+        return count_where_clear(spans, first[columns], matrices)
+
+    begins, counted = _first_counts(owner, crossings.above, follows, least, count_first)
     unstable = (rise + begins[spans.column]).astype(int)
+    doubt = np.zeros(spans.column.size, int)
     unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
-    unstable[unknown], doubt[unknown] = -1, Doubt.COUNTS
-    claimed = (
-        spans.has_previous & ~unknown & (unstable <= 0) & crossings.complete[spans.column] & (narrow | counted[spans.column])
-    )
-    claimed = np.flatnonzero(claimed)
+    unstable[unknown] = -1
+    doubt[unknown] = Doubt.COUNTS
+    stable = ~unknown & (unstable <= 0) & crossings.complete[spans.column]
+    claimed = np.flatnonzero(spans.has_previous & stable & (narrow | counted[spans.column]))
     judged = count_where_clear(spans, claimed, matrices)
     doubt[claimed] = np.maximum(doubt[claimed], np.where(judged == unstable[claimed], Doubt.NONE, Doubt.COUNTS))
     error, end_doubt = _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable)
@@ -166,35 +184,47 @@ def _first_counts(owner, above, follows, least, count):
     value of the other one. That count less the growth at the crossings must be the same in the first and the last column of a
     loop for which all crossings are known; then it holds for those between, unless a count there is negative.
     """
-    begins, columns = np.full(owner.size, -1), np.flatnonzero(follows)
-    counted = np.ones(owner.size, bool)
+    columns = np.flatnonzero(follows)
     new = np.diff(owner[columns], prepend=-1) != 0
-    begin, end = columns[new], columns[np.append(new[1:], True)[: columns.size]]
+    first = columns[new]  # of each loop
+    last = columns[np.append(new[1:], True)[: columns.size]]
+    counted = np.ones(owner.size, bool)
     counted[columns] = False
-    counted[begin] = counted[end] = True
+    counted[first] = True
+    counted[last] = True
+    begins = np.full(owner.size, -1)
     at = np.flatnonzero(counted)
     begins[at] = count(at)
-    grown = [np.where(begins[at] < 0, np.nan, begins[at] + above[at]) for at in (begin, end)]
-    agreed = np.where(grown[0] == grown[1], grown[0], np.nan)[np.cumsum(new) - 1]
+
+    def at_infinity(columns):
+        return np.where(begins[columns] < 0, np.nan, begins[columns] + above[columns])
+
+    agreed = np.where(at_infinity(first) == at_infinity(last), at_infinity(first), np.nan)
+    of_loop = agreed[np.cumsum(new) - 1]
     between = ~counted[columns]
-    columns, left = columns[between], (agreed - above[columns])[between]
+    left = (of_loop - above[columns])[between]
+    columns = columns[between]
     sure = left + least[columns] >= 0
     begins[columns[sure]] = left[sure]
     again = columns[~sure]
-    begins[again], counted[again] = count(again), True
+    begins[again] = count(again)
+    counted[again] = True
     return begins, counted
 
 
 def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
     """Return residual and doubt of each inner end; ends of stable regions are in doubt if rounding could matter."""
-    column, value, theta = (array[spans.order] for array in (crossings.column, crossings.value, crossings.theta))
-    error, doubt = np.zeros(column.size), np.zeros(column.size, int)
+    error = np.zeros(spans.order.size)
+    doubt = np.zeros(spans.order.size, int)
     of_stable = np.flatnonzero((unstable[spans.has_previous] == 0) | (unstable[spans.has_next] == 0))
-    column, value, theta = (array[of_stable] for array in (column, value, theta))
+    ends = spans.order[of_stable]
+    column = crossings.column[ends]
+    value = crossings.value[ends]
+    theta = crossings.theta[ends]
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
     least = NEAR_ZERO * (span[1] - span[0])
     if crossings.many is None:
-        resolvent = Inverse(crossings.inverses.take(crossings.inverse[spans.order[of_stable]], axis=0))
+        resolvent = Inverse(crossings.inverses.take(crossings.inverse[ends], axis=0))
         left, moved, usual = end_errors(cut.at(owner[column]), along, *places, resolvent, least)
     else:
         left, moved, usual = _errors_of_many_states(cut.at(owner[0]), along, places, crossings.many, least)
@@ -235,7 +265,8 @@ def count_where_clear(spans: CutSpan, index, matrices):
 
 def count_where_all_agree(spans: CutSpan, index, matrices):
     """Count the regions `index` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
-    unstable, agreed = np.full(index.size, -1), np.ones(index.size, bool)
+    unstable = np.full(index.size, -1)
+    agreed = np.ones(index.size, bool)
     for share in MANY_SHARES:
         count, sure = count_outside(*matrices(index, spans.at(share)[index]))
         agreed &= ~sure | (unstable < 0) | (count == unstable)
