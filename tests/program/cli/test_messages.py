@@ -221,6 +221,17 @@ def test_what_was_kept_and_the_start_of_workers_are_no_speed_of_a_bar(clock):
     assert all(true / 2 < left < 2 * true for true, left in said), said
 
 
+def test_the_first_of_many_slices_does_not_tell_the_time_of_all(clock, capsys):
+    """It may load what the others need; half of the work was quick, as that of the free device before every hand."""
+    watch = watched(clock, "", "")
+    for at, done in ((0.0, 0), (1.0, 164), (7.0, 165), (7.5, 166), (12.0, 175)):
+        clock[0] = at
+        watch.hear(done, 328)
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "165 of 328 done (50 %) after 7 s"
+    assert not [line for line in said if "min left" in line and "165" in line]
+
+
 def test_another_phase_of_the_work_has_a_time_of_its_own(clock, capsys):
     """As of `verify`: rows that are computed again, and then proofs that take longer."""
     watch = watched(clock, "", "")

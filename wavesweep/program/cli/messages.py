@@ -23,6 +23,7 @@ MINUTE = 60.0  # s of work that are left, from which on that is said at once
 SHORT = 1.0  # s from which on an estimate is one, and a terminal has a bar
 LOOK = 0.5  # s
 WRITING = "writing"  # the activity of commands that have --no-plot
+OTHER = 300  # times as long for as much: another kind of work
 START = 5.0  # s of the first report from which on it is more than the start of workers
 
 
@@ -159,8 +160,10 @@ class Watch:
         """Take a report."""
         with self._lock:
             seconds = self._clock() - self._started
-            if self._reports and (total != self._total or done < self._reports[-1][1]):  # another phase of the work
-                self._reports, self._estimated, self._begun = [], False, False
+            if self._reports and (total != self._total or done < self._reports[-1][1] or self._is_other(seconds, done)):
+                self._reports = []  # another phase of the work
+                self._estimated = False
+                self._begun = False
             self._reports.append((seconds, done))
             # Neither what a checkpoint had nor the time in which workers start says how fast the work is.
             while len(self._reports) > 2 and (self._reports[1][0] < seconds / 6 or not self._begun):
@@ -168,6 +171,12 @@ class Watch:
                 self._begun = True
             self._total, self._certified, self._note = total, certified, ""
         self.look()
+
+    def _is_other(self, seconds: float, done: int) -> bool:
+        """Whether a report is of another kind of work, as for every hand after the free device; its first part may load much."""
+        (began, before), (reported, so_far) = self._reports[0], self._reports[-1]
+        as_long_before = (reported - began) * (done - so_far)
+        return (seconds - reported) * (so_far - before) > OTHER * as_long_before > 0
 
     def note(self, text: str) -> None:
         """Take what the slice that is computed now has reached, for the next line."""
