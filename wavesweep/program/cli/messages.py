@@ -173,7 +173,7 @@ class Watch:
         self.look()
 
     def _is_other(self, seconds: float, done: int) -> bool:
-        """Whether a report is of another kind of work, as for every hand after the free device; its first part may load much."""
+        """Whether a report is of another kind of work, as for every hand after the free device."""
         (began, before), (reported, so_far) = self._reports[0], self._reports[-1]
         as_long_before = (reported - began) * (done - so_far)
         return (seconds - reported) * (so_far - before) > OTHER * as_long_before > 0
