@@ -10,6 +10,7 @@ from support.drawn import ARM
 
 from wavesweep.program import results
 from wavesweep.program.plots import figure_of
+from wavesweep.program.plots.style import as_asked
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named
 from wavesweep.sensitivity.table import why
@@ -119,3 +120,22 @@ def test_the_figure_has_a_panel_per_end_sorted_and_with_no_more_than_a_dozen_num
     shown = np.abs(table.columns["elasticity"])
     assert largest[0] == shown.max()
     assert panel.get_title(loc="left").startswith(r"high end, $K_\mathrm{VE}$ = ")
+
+
+def test_titles_fit_into_a_column():
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 40.0, "J": 0.01},
+        "block": {"axis": {"type": "inertia", "inertia": "J", "damping": 0.5}, "gain": {"type": "gain", "k": "K"}},
+        "wire": {"gain.u": "-axis.x", "axis.f": "gain.y"},
+        "sweep": {"along": "K", "K": {"start": 1.0, "stop": 5000.0}},
+    }
+    table = why(load(tables))
+    with as_asked(89 / 25.4):
+        canvas = figure_of("why")(table.columns, table.facts)
+    canvas.draw_without_rendering()
+    (panel,) = panels(canvas)
+    title = panel._left_title.get_window_extent()
+    assert title.x1 <= canvas.bbox.width
+    assert "same periods in" in panel.get_xlabel()
+    assert panel.bbox.width > 0.6 * canvas.bbox.width

@@ -17,6 +17,7 @@ PANELS = 8
 ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of rounding
 _BAR, _ROOM = 0.17, 0.95  # inches of the figure's height for a number, and for the title and the axis of a panel
 _LETTERS = 46  # of a line above a panel
+_NARROW_LETTERS = 34  # the same of a narrow figure
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 _LOOKS = {  # of bars; the second is hatched, since its grey is much the same
     "end": {"facecolor": distinct_colour(0), "edgecolor": "white", "linewidth": 0},
@@ -95,14 +96,19 @@ def _draw(axes: Any, rows: Columns, numbers: list[str], note: str) -> None:
         shown = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
         at = [numbers.index(number) + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][shown].tolist()]
         axes.barh(at, rows["elasticity"][shown], height=0.8 / len(kinds), **_LOOKS[quantity])
-    axes.set_yticks(range(len(numbers)), [symbol(number) + KEPT.get(number, "") for number in numbers])
+    names = [symbol(number) + KEPT.get(number, "") for number in numbers]
+    if is_narrow():  # what they keep stands below, as there is no room beside the bars
+        kept = [name for name, number in zip(names, numbers, strict=True) if number in KEPT]
+        note = "; ".join([*kept, *([note] if note else [])])
+        names = [symbol(number) for number in numbers]
+    axes.set_yticks(range(len(numbers)), names)
     axes.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
     axes.axvline(0, color="black", linewidth=0.6)
     axes.margins(x=0.08)
     axes.grid(**GRID, axis="x")
     axes.set_axisbelow(True)
     axes.set_title("\n".join(_title(rows)), fontsize=7, loc="left")
-    axes.set_xlabel("\n".join(wrap(note, _LETTERS)), fontsize=7, color="0.3")
+    axes.set_xlabel("\n".join(wrap(note, _letters())), fontsize=7, color="0.3")
 
 
 def _title(rows: Columns) -> list[str]:
@@ -113,8 +119,12 @@ def _title(rows: Columns) -> list[str]:
     if not np.isnan(first["damping_ratio"]):
         mode += f", damping ratio {first['damping_ratio']:.2g} {'from frame to frame' if image else 'beside it'}"
     swept = ", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes_of(rows))
-    states = wrap(first["states"].replace(" %", "\u00a0%"), _LETTERS)
-    return [*([swept] if swept else []), f"{_end(rows)}{corner}", *wrap(mode, _LETTERS), *states]
+    states = wrap(first["states"].replace(" %", "\u00a0%"), _letters())
+    return [*([swept] if swept else []), f"{_end(rows)}{corner}", *wrap(mode, _letters()), *states]
+
+
+def _letters() -> int:
+    return _NARROW_LETTERS if is_narrow() else _LETTERS
 
 
 def _end(rows: Columns) -> str:

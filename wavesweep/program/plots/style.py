@@ -26,6 +26,7 @@ NARROW = 1.5  # points, at least, between two numbers below a panel
 APART = 8.0  # points, at least, between those of neighbouring panels
 IDEAL = "black"
 DOUBTFUL = "#d62728"
+SEEN_ON_BLACK = 0.5  # luminance
 FAINT = 0.35  # share of its colour that the curve of an unstable loop has
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 UNPROVED = {"facecolor": "white", "hatch": "ooo", "linewidth": 0}  # stable, but not certified; in the colour of its region
@@ -132,6 +133,7 @@ def figure(width: float, height: float) -> Iterator[Any]:
         FigureCanvasAgg(canvas)
         yield canvas
         _settle(canvas)
+        _lighten(canvas)
     canvas._repr_png_ = partial(png, canvas, {})  # the name that notebooks ask a value for
 
 
@@ -203,6 +205,38 @@ def _settle(canvas: Any) -> None:
     canvas.set_layout_engine("none")
     for axes in canvas.axes:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
+
+
+def _lighten(canvas: Any) -> None:
+    """On a dark ground, as of matplotlib's style dark_background, draw dark lines and marks in lighter colours."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import to_rgb
+    from matplotlib.lines import Line2D
+
+    if _lightness(to_rgb(canvas.get_facecolor())) > 0.5:
+        return
+    for line in canvas.findobj(Line2D):
+        line.set_color(_lighter(line.get_color()))
+    for lines in canvas.findobj(LineCollection):
+        lines.set_color([_lighter(colour) for colour in lines.get_color()])
+
+
+def _lightness(colour: tuple[float, float, float]) -> float:
+    """The relative luminance, from 0 for black to 1 for white."""
+    red, green, blue = colour
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def _lighter(colour: Any) -> Any:
+    """A colour that can be seen on black: a dark one with as much white as it takes."""
+    from matplotlib.colors import to_rgb
+
+    rgb = to_rgb(colour)
+    lacking = SEEN_ON_BLACK - _lightness(rgb)
+    if lacking <= 0:
+        return colour
+    share_of_white = lacking / (1 - _lightness(rgb))
+    return paler(rgb, 1 - share_of_white)
 
 
 def _closest(panels: Sequence[Any]) -> float:
