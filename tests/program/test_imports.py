@@ -134,7 +134,7 @@ GUESTS = "|".join(
         *("K_VE", "B_VE", "K_LM", "B_LM", "fast_hz", "slow_hz", "passband_hz"),  # keys of a controller
         r"\[(sweep|bode|simulate|for_all|measured|design|filters|rates|device|operator|controller|environment)\]",
         rf"\bwavesweep ({'|'.join(COMMANDS)}|keys|init|plot|verify)\b",
-        rf"wavesweep[./](haptics|program|{'|'.join(NAMES)})\b",
+        rf"wavesweep[./]({'|'.join(('haptics', 'program', *NAMES))})\b",
         r"(?<![-\w])--[a-z]",  # options of commands
     )
 )

@@ -47,26 +47,39 @@ class DcGain:
         The product of the number is p times the signal that it multiplies, and that signal is `F_0/(p - F_1)` (Sherman and
         Morrison 1950); of F the product of the other number is a part.
         """
-        at = at if len(self.shown) > 1 else 0 * at
-        (still, change), (unsure, of_change) = (
-            np.moveaxis(rows.take(at, axis=0), (-1, -2), (0, 1)) for rows in (self.shown, self.error)
-        )
+        if len(self.shown) == 1:
+            at = 0 * at
+        # Of each row F_0, for a signal of 0, and F_1, the change for a 1 of the signal.
+        still, change = np.moveaxis(self.shown.take(at, axis=0), (-1, -2), (0, 1))
+        of_still, of_change = np.moveaxis(self.error.take(at, axis=0), (-1, -2), (0, 1))
         with np.errstate(all="ignore"):
+            limits, error, rigid = still[:2], of_still[:2], 0.0
             if self.free:
                 if len(still) > 3:
-                    still, unsure = _less(still, unsure, second)
+                    still, of_still = _less(still, of_still, second)
                     change, of_change = _less(change, of_change, second)
-                left = p - change[2]
-                of_left = of_change[2] + ROUNDING * (np.abs(p) + np.abs(change[2]))
-                sizes = np.abs(still[:2] * left), np.abs(still[2] * change[:2])
-                error = unsure[:2] * np.abs(left) + np.abs(still[:2]) * of_left + ROUNDING * sum(sizes)
-                error = error + unsure[2] * np.abs(change[:2]) + np.abs(still[2]) * of_change[:2]
-                limits, rigid = still[:2] * left + still[2] * change[:2], np.abs(still[1] / still[0])
-            else:
-                limits, error, rigid = still[:2], unsure[:2], 0.0
-            stiffness, off = limits[1] / limits[0], error / np.abs(limits)
-            stiffness = np.where((off[1] >= 1) & (error[1] <= SURE * rigid * np.abs(limits[0])), 0.0, stiffness)
-            return np.where((off[0] <= SURE) & ((off[1] <= SURE) | (stiffness == 0)), stiffness, np.nan)
+                limits, error = _closed(still, of_still, change, of_change, p)
+                rigid = np.abs(still[1] / still[0])
+            position, reaction = limits
+            stiffness = reaction / position
+            off_position, off_reaction = error / np.abs(limits)
+            nothing = SURE * rigid * np.abs(position)
+            is_nothing = (off_reaction >= 1) & (error[1] <= nothing)
+            stiffness = np.where(is_nothing, 0.0, stiffness)
+            known = (off_position <= SURE) & ((off_reaction <= SURE) | (stiffness == 0))
+            return np.where(known, stiffness, np.nan)
+
+
+def _closed(still, of_still, change, of_change, p):
+    """Position and reaction with the number p in place, times `p - F_1`, which their ratio does not have, and their errors."""
+    left = p - change[2]
+    of_left = of_change[2] + ROUNDING * (np.abs(p) + np.abs(change[2]))
+    direct = still[:2] * left
+    through = still[2] * change[:2]
+    error = of_still[:2] * np.abs(left) + np.abs(still[:2]) * of_left
+    error = error + ROUNDING * (np.abs(direct) + np.abs(through))
+    error = error + of_still[2] * np.abs(change[:2]) + np.abs(still[2]) * of_change[:2]
+    return direct + through, error
 
 
 def _less(rows, errors, second):
@@ -86,19 +99,28 @@ def tick_dcgain(drawn: MultirateLoop, ports: Ports, product: str = "", factor: s
     With the number's product F, `E X + B F + g = 0` and `C X + D F + d = r` hold at rest; r is the signal that the number
     multiplies.
     """
-    signals = (ports.position, *((ports.reaction,) if ports.reaction else ()), *((factor,) if factor else ()))
-    drawn = drawn.living(signals)
+    signals = [ports.position]
+    if ports.reaction:
+        signals.append(ports.reaction)
+    if factor:
+        signals.append(factor)
+    drawn = drawn.living(tuple(signals))
     blocks = [placed.block for placed in drawn.placed]
-    block = connect("rest", blocks, all_sums(blocks, drawn.sums), drawn.inputs, signals, terms=True)
-    hand, free = drawn.inputs.index(ports.force), drawn.inputs.index(product) if factor else None
+    sums = all_sums(blocks, drawn.sums)
+    block = connect("rest", blocks, sums, drawn.inputs, tuple(signals), terms=True)
+    hand = drawn.inputs.index(ports.force)
+    free = drawn.inputs.index(product) if factor else None
     structure = block.batch, hand, bool(ports.reaction), free
     at_rest = _at_rest(block.E, block.B, block.C, block.D, *structure)
     sizes = _at_rest(*block.terms, *structure)
     with np.errstate(all="ignore"):
-        X, dX = solved(at_rest.A, ENTRIES * sizes.A, at_rest.right, ENTRIES * np.abs(sizes.right))
+        of_A = ENTRIES * sizes.A
+        of_right = ENTRIES * np.abs(sizes.right)
+        X, dX = solved(at_rest.A, of_A, at_rest.right, of_right)
         shown = ordered_products(at_rest.rows, X) + at_rest.direct
         size = ordered_products(sizes.rows, np.abs(X)) + sizes.direct
-        error = ordered_products(np.abs(at_rest.rows), dX) + (ENTRIES + X.shape[-2] * ROUNDING) * size
+        error = ordered_products(np.abs(at_rest.rows), dX)
+        error = error + (ENTRIES + X.shape[-2] * ROUNDING) * size
     return DcGain(shown.reshape(-1, 3, 2), error.reshape(-1, 3, 2), bool(factor))
 
 
@@ -117,17 +139,27 @@ def _at_rest(E, B, C, D, batch, hand, reacts, free):
     hand, free: inputs that are the hand's force and the number's product, None without a number. reacts: whether the second
     signal is the force against the hand. They may be made of sizes as well; only `right` has the other sign then.
     """
-    n, order = E.shape[-1], E.shape[-1] + (free is not None)
-    A, right, rows, direct = (np.zeros((*batch, *shape)) for shape in ((order, order), (order, 2), (3, order), (3, 2)))
-    A[..., :n, :n], right[..., :n, 0] = E, -B[..., hand]
+    n = E.shape[-1]
+    order = n + (free is not None)
+    A = np.zeros((*batch, order, order))
+    right = np.zeros((*batch, order, 2))
+    rows = np.zeros((*batch, 3, order))
+    direct = np.zeros((*batch, 3, 2))
+    A[..., :n, :n] = E
+    right[..., :n, 0] = -B[..., hand]
     for row in range(1 + reacts):
-        rows[..., row, :n], direct[..., row, 0] = C[..., row, :], D[..., row, hand]
+        rows[..., row, :n] = C[..., row, :]
+        direct[..., row, 0] = D[..., row, hand]
     if not reacts:
         direct[..., 1, 0] = 1
     if free is not None:
-        A[..., :n, n], A[..., n, :n], A[..., n, n] = B[..., free], C[..., -1, :], D[..., -1, free]
-        right[..., n, 0], right[..., n, 1] = -D[..., -1, hand], 1
-        rows[..., : 1 + reacts, n], rows[..., 2, n] = D[..., :-1, free], 1
+        A[..., :n, n] = B[..., free]
+        A[..., n, :n] = C[..., -1, :]
+        A[..., n, n] = D[..., -1, free]
+        right[..., n, 0] = -D[..., -1, hand]
+        right[..., n, 1] = 1
+        rows[..., : 1 + reacts, n] = D[..., :-1, free]
+        rows[..., 2, n] = 1
     return DcEquations(A, right, rows, direct)
 
 
@@ -136,11 +168,19 @@ SURELY = 2  # a sum below so many bounds on its rounding counts as 0
 
 def shows_at_rest(drawn: MultirateLoop, ports: Ports, read: tuple[str, ...]) -> bool:
     """Whether every tick shows the force against the hand with no more held than the loop needs; read: see `open_frame`."""
-    held, placed = drawn.held(read), {scheduled.block.name: scheduled for scheduled in drawn.placed}
-    sources = (source.rpartition(".") for source in drawn.sources(ports.reaction))
-    return bool(ports.reaction) and all(
-        name in placed and (placed[name].every == 1 or port in held[name]) for name, _, port in sources if name
-    )
+    if not ports.reaction:
+        return False
+    held = drawn.held(read)
+    placed = {scheduled.block.name: scheduled for scheduled in drawn.placed}
+    for source in drawn.sources(ports.reaction):
+        name, _, port = source.rpartition(".")
+        if not name:  # a force from outside
+            continue
+        if name not in placed:
+            return False
+        if placed[name].every > 1 and port not in held[name]:
+            return False
+    return True
 
 
 def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: MarginalModes) -> DcGain | None:
@@ -165,7 +205,8 @@ def frame_dcgain(drawn: MultirateLoop, ports: Ports, frame: OpenFrame, drift: Ma
 
 def _position(drawn, signal, states):
     """The row of a position over the states of a frame; None if it is more than a sum of them."""
-    row, placed = np.zeros((1, len(states))), {scheduled.block.name: scheduled for scheduled in drawn.placed}
+    row = np.zeros((1, len(states)))
+    placed = {scheduled.block.name: scheduled for scheduled in drawn.placed}
     for source, gain in drawn.sums.get(signal, {signal: 1.0}).items():
         name, _, port = source.rpartition(".")
         if name not in placed or placed[name].every > 1:
@@ -176,9 +217,26 @@ def _position(drawn, signal, states):
             return None
         entries = np.asarray(gain)[..., None, None] * block.C[..., at : at + 1, :]
         term = np.zeros((*entries.shape[:-1], len(states)))
-        term[..., [states.index(f"{name}.{state}") for state in block.states]] = entries
+        columns = [states.index(f"{name}.{state}") for state in block.states]
+        term[..., columns] = entries
         row = row + term
     return row
+
+
+class _Bounded(NamedTuple):
+    """A matrix, and bounds on the errors of its entries."""
+
+    value: np.ndarray
+    error: np.ndarray
+
+    def times(self, other: "_Bounded") -> "_Bounded":
+        """The product; in a batch as for one loop alone."""
+        a, da = (np.ascontiguousarray(matrix) for matrix in self)
+        b, db = (np.ascontiguousarray(matrix) for matrix in other)
+        size = np.abs(a)
+        sizes = np.abs(b)
+        error = da @ (sizes + db) + size @ (db + a.shape[-1] * ROUNDING * sizes)
+        return _Bounded(a @ b, error)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,71 +254,90 @@ class _Equations:
 
     @classmethod
     def of(cls, frame, drift, position):
-        n, leads = len(frame.ticks.states), drift.leads
-        order = [state for state in range(n) if state not in leads] + leads
-        sizes = frame.dE + ROUNDING * np.abs(frame.E), frame.dB + ROUNDING * np.abs(frame.B), frame.dC, frame.dD
-        batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (frame.E, frame.B, frame.C, frame.D, position)))
-        second, pair = frame.C.shape[-2] > 2, []
-        for (E, B, C, D), place in (((frame.E, frame.B, frame.C, frame.D), position), (sizes, ROUNDING * np.abs(position))):
-            P = np.zeros((*batch, n + 3 + second, n + 3))
-            P[..., :n, : n - len(leads)], P[..., :n, n:] = E[..., order, :][..., order[: n - len(leads)]], B[..., order, :]
-            P[..., n : n + 2, :n], P[..., n : n + 2, n:] = C[..., [0, -1], :][..., order], D[..., [0, -1], :]
+        n = len(frame.ticks.states)
+        remaining = [state for state in range(n) if state not in drift.leads]
+        order = remaining + drift.leads
+        matrices = frame.E, frame.B, frame.C, frame.D
+        dE = frame.dE + ROUNDING * np.abs(frame.E)
+        dB = frame.dB + ROUNDING * np.abs(frame.B)
+        batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in (*matrices, position)))
+
+        def assembled(E, B, C, D, place):
+            signals = C.shape[-2]  # two, or three with a second number
+            P = np.zeros((*batch, n + 1 + signals, n + 3))
+            P[..., :n, : len(remaining)] = E[..., order, :][..., remaining]
+            P[..., :n, n:] = B[..., order, :]
+            P[..., n : n + 2, :n] = C[..., [0, -1], :][..., order]
+            P[..., n : n + 2, n:] = D[..., [0, -1], :]
             P[..., n + 2, :n] = place[..., 0, order]
-            if second:
-                P[..., n + 3, :n], P[..., n + 3, n:] = C[..., 1, order], D[..., 1, :]
-            pair.append(P)
-        return cls(*pair)
+            if signals > 2:
+                P[..., n + 3, :n] = C[..., 1, order]
+                P[..., n + 3, n:] = D[..., 1, :]
+            return P
+
+        of_terms = assembled(dE, dB, frame.dC, frame.dD, ROUNDING * np.abs(position))
+        return cls(assembled(*matrices, position), of_terms)
+
+    def _rows(self, rows, columns) -> _Bounded:
+        return _Bounded(self.P[..., rows, :][..., columns], self.dP[..., rows, :][..., columns])
 
     def resting(self, ticks) -> DcGain:
         """The loops at rest; ticks: of the frame."""
-        n, P, dP = self.P.shape[-1] - 3, self.P, self.dP
+        n = self.P.shape[-1] - 3
+        reaction, place = n + 1, n + 2  # rows; the row n is that of the signal
+        constant = n + 1  # column of the hand's force
         determined, adding = self._unknowns(n)
-        at = np.array([*determined, n])
-        A, dA = (np.ascontiguousarray(equations[..., at[:, None], at]) for equations in (P, dP))
-        right, unsure = np.zeros((2, *A.shape[:-1], 2))
-        right[..., 0], unsure[..., 0], right[..., -1, 1] = -P[..., at, n + 1], dP[..., at, n + 1], 1
+        at = [*determined, n]  # rows and columns of the unknowns: states, the signal and the product
+        A, dA = (np.ascontiguousarray(matrix) for matrix in self._rows(at, at))
+        right = np.zeros((*A.shape[:-1], 2))
+        of_right = np.zeros((*A.shape[:-1], 2))
+        right[..., 0] = -self.P[..., at, constant]
+        of_right[..., 0] = self.dP[..., at, constant]
+        right[..., -1, 1] = 1
         if adding:
-            inverse = solved(A, dA, np.broadcast_to(np.eye(at.size), A.shape), np.zeros_like(A))
-            X = _product(inverse, (right, unsure))
+            unit = np.broadcast_to(np.eye(len(at)), A.shape)
+            inverse = _Bounded(*solved(A, dA, unit, np.zeros_like(A)))
+            X = inverse.times(_Bounded(right, of_right))
         else:
-            X, inverse = solved(A, dA, right, unsure), (0 * A, 0 * A)
-        # Of the share of the position that is read by no state: the change in a frame, and what it is relative to.
-        share = P[..., n + 2 : n + 3, :][..., adding]
-        change, of_change = share @ P[..., adding, :], np.abs(share) @ dP[..., adding, :]
-        law = _product((change[..., at], of_change[..., at]), inverse)
-        by_law = _product(law, (P[..., at, n + 1 :], dP[..., at, n + 1 :]))
-        moment = change[..., n + 1 :] - by_law[0], of_change[..., n + 1 :] + by_law[1]
-        held = (np.abs(moment[0][..., 0]) <= SURELY * moment[1][..., 0]) & (np.abs(law[0][..., -1]) <= SURELY * law[1][..., -1])
-        unit = np.zeros_like(A[..., :1, :])
-        unit[..., -1] = 1
-        pairs = []
-        for equations, of_law, product in ((P, law[0], unit), (dP, law[1], 0 * unit)):
-            position = equations[..., n + 2 : n + 3, :][..., at]
-            position[..., :-1] += of_law[..., :-1]
-            reaction, second = equations[..., n + 1 : n + 2, :][..., at], equations[..., n + 3 :, :][..., at]
-            pairs.append(np.concatenate([position, reaction, product, second], axis=-2))
-        shown, error = _product(pairs, X)
-        for rows, of_moment, equations in zip((shown, error), moment, (P, dP), strict=True):
-            rows[..., 0, 0] += of_moment[..., 0, 1] / ticks
-            rows[..., 1, 0] += equations[..., n + 1, n + 1]
-            rows[..., 3:, 0] += equations[..., n + 3 :, n + 1]
-        error[..., 0, :] = np.where(held, error[..., 0, :], np.inf)
-        return DcGain(*(rows.reshape(-1, *rows.shape[-2:]) for rows in (shown, error)), True)
+            inverse = _Bounded(0 * A, 0 * A)
+            X = _Bounded(*solved(A, dA, right, of_right))
+        # Of the share of the position that is read by no state: G and H, its change in a frame, and l, which it is relative to.
+        share = self.P[..., [place], :][..., adding]
+        change = share @ self.P[..., adding, :]
+        of_change = np.abs(share) @ self.dP[..., adding, :]
+        law = _Bounded(change[..., at], of_change[..., at]).times(inverse)
+        forces = slice(constant, None)
+        by_law = law.times(self._rows(at, forces))
+        moment = _Bounded(change[..., forces] - by_law.value, of_change[..., forces] + by_law.error)
+        still = np.abs(moment.value[..., 0]) <= SURELY * moment.error[..., 0]
+        alone = np.abs(law.value[..., -1]) <= SURELY * law.error[..., -1]
+        product = np.zeros_like(A[..., :1, :])
+        product[..., -1] = 1
+        others = slice(n + 3, None)
+        position = self._rows([place], at)
+        for matrix, of_law in zip(position, law, strict=True):
+            matrix[..., :-1] += of_law[..., :-1]
+        rows = [position, self._rows([reaction], at), _Bounded(product, 0 * product), self._rows(others, at)]
+        stacked = _Bounded(*(np.concatenate(matrices, axis=-2) for matrices in zip(*rows, strict=True)))
+        shown = stacked.times(X)
+        for matrix, of_moment, P in zip(shown, moment, (self.P, self.dP), strict=True):
+            matrix[..., 0, 0] += of_moment[..., 0, 1] / ticks
+            matrix[..., 1, 0] += P[..., reaction, constant]
+            matrix[..., 3:, 0] += P[..., others, constant]
+        shown.error[..., 0, :] = np.where(still & alone, shown.error[..., 0, :], np.inf)
+        value, error = (matrix.reshape(-1, *matrix.shape[-2:]) for matrix in shown)
+        return DcGain(value, error, True)
 
     def _unknowns(self, n):
         """Indices of the states that the signals depend on, and of those that the position alone reads."""
         reads = (self.P != 0).any(tuple(range(self.P.ndim - 2)))[:, :n]
-        shown = np.flatnonzero(reads[n + 2]).tolist()
-        rows, determined = [n, n + 1, *range(n + 3, self.P.shape[-2]), *shown], set()
-        for row in rows:
+        in_position = np.flatnonzero(reads[n + 2]).tolist()
+        of_second = range(n + 3, self.P.shape[-2])
+        rows = [n, n + 1, *of_second, *in_position]
+        determined = set()
+        for row in rows:  # which grows by the states that are found
             new = set(np.flatnonzero(reads[row]).tolist()) - determined
             determined |= new
             rows += sorted(new)
-        return sorted(determined), [state for state in shown if state not in determined]
-
-
-def _product(left, right):
-    """The product of two matrices, each a pair with bounds on the errors of its entries; in a batch as for one loop alone."""
-    (a, da), (b, db) = ([np.ascontiguousarray(matrix) for matrix in pair] for pair in (left, right))
-    size, sizes = np.abs(a), np.abs(b)
-    return a @ b, da @ (sizes + db) + size @ (db + a.shape[-1] * ROUNDING * sizes)
+        adding = [state for state in in_position if state not in determined]
+        return sorted(determined), adding
