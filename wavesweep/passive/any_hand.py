@@ -53,12 +53,17 @@ def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
     """
     if loop.device is None or loop.reads_velocity:
         return None
-    drawn, batch = loop.drawn(), loop.batch
+    drawn = loop.drawn()
+    batch = loop.batch
     ticks, x = reaction(loop, drawn, batch)
     lifted = ticks.lifted()
-    responsive, apart = _responsive(lifted, x), settled(lifted, x)
-    pairs = [(getattr(apart, name), getattr(lifted, name)) for name in LiftedMap.__slots__]
-    lifted = LiftedMap(*(np.where(responsive[:, None, None], *pair) for pair in pairs))
+    responsive = _responsive(lifted, x)
+    apart = settled(lifted, x)
+    chosen = {}
+    for name in LiftedMap.__slots__:
+        settles = responsive[:, None, None]
+        chosen[name] = np.where(settles, getattr(apart, name), getattr(lifted, name))
+    lifted = LiftedMap(**chosen)
     M = ticks.kind.size
     period = np.broadcast_to(np.real(drawn.period), batch).reshape(-1)
     peak = damping_peak(ticks, lifted, period, np.where(responsive, 0.0, LOWEST))
@@ -82,28 +87,48 @@ def reaction(loop: HeldLoop, drawn: MultirateLoop, batch) -> tuple[TickMaps, lis
     displacement over and a force times the root of its share; see `damping_needed`. drawn: the blocks of the loops. States that
     the force does not depend on are left out.
     """
-    device, force, steps = loop.device, loop.drawing.hand[0], loop.parts
-    n, moves, sums, pushed = len(steps), [], dict(drawn.sums), {}
-    ports = tuple(port.removeprefix(f"{device}.") for port in steps)
-    ruler = Block(device, ports, ("x", "v"), ("x",), np.zeros((1, 1)), np.ones((1, n)), np.eye(2, 1), np.zeros((2, n)))
-    placed = tuple(
-        replace(placed_block, block=ruler) if placed_block.block.name == device else placed_block
-        for placed_block in drawn.placed
+    device = loop.device
+    force, *_ = loop.drawing.hand
+    parts = loop.parts  # input of the device -> share of the tick
+    n = len(parts)
+    ruler = Block(
+        device,
+        inputs=tuple(port.removeprefix(f"{device}.") for port in parts),
+        outputs=("x", "v"),
+        states=("x",),
+        E=np.zeros((1, 1)),
+        B=np.ones((1, n)),
+        C=np.eye(2, 1),
+        D=np.zeros((2, n)),
     )
-    for port, share in steps.items():
-        root, gains = np.sqrt(share), {signal: -gain for signal, gain in drawn.sums[port].items() if signal != force}
-        pushed = pushed | gains
+    placed = []
+    for placed_block in drawn.placed:
+        if placed_block.block.name == device:
+            placed.append(replace(placed_block, block=ruler))
+        else:
+            placed.append(placed_block)
+    sums = dict(drawn.sums)
+    moves = []
+    pushed = {}  # what pushes the device from this part of the tick on
+    for port, share in parts.items():
+        root = np.sqrt(share)
+        for signal, gain in drawn.sums[port].items():
+            if signal != force:
+                pushed[signal] = -gain
         sums[f"{REACTION}.{port}"] = {signal: root * gain for signal, gain in pushed.items()}
-        sums[port] = {(move := f"move.{port}"): root}
+        move = f"move.{port}"
+        sums[port] = {move: root}
         moves.append(move)
-    outputs = tuple(f"{REACTION}.{port}" for port in steps)
-    ticks = Ticks.of(replace(drawn, placed=placed, sums=sums, inputs=(*drawn.inputs, *moves), exact=None), outputs)
-    at = [ticks.maps[0].inputs.index(move) for move in moves]
-    maps = [(tick_map.E, tick_map.B[..., at], tick_map.C, tick_map.D[..., at]) for tick_map in ticks.maps]
-    reached = np.flatnonzero(read(maps))
-    maps = [(E[..., reached, :][..., reached], B[..., reached, :], C[..., reached], D) for E, B, C, D in maps]
-    at = [i for i, state in enumerate(reached) if ticks.states[state] == f"{device}.x"]
-    return TickMaps.of(maps, ticks.kind, batch), at
+    inputs = (*drawn.inputs, *moves)
+    outputs = tuple(f"{REACTION}.{port}" for port in parts)
+    with_ruler = replace(drawn, placed=tuple(placed), sums=sums, inputs=inputs, exact=None)
+    ticks = Ticks.of(with_ruler, outputs)
+    moved = [ticks.maps[0].inputs.index(move) for move in moves]
+    maps = [(each.E, each.B[..., moved], each.C, each.D[..., moved]) for each in ticks.maps]
+    kept = np.flatnonzero(read(maps))
+    maps = [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps]
+    x = [place for place, state in enumerate(kept) if ticks.states[state] == f"{device}.x"]
+    return TickMaps.of(maps, ticks.kind, batch), x
 
 
 def settled(lifted: LiftedMap, x) -> LiftedMap:
@@ -118,25 +143,37 @@ def settled(lifted: LiftedMap, x) -> LiftedMap:
         return lifted
     rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
     with np.errstate(all="ignore"):
-        place = -_exact(lifted.E[:, rest][..., rest], lifted.E[:, rest][..., x])
+        of_rest = lifted.E[:, rest]
+        R = -_exact(of_rest[..., rest], of_rest[..., x])
         g = lifted.G[:, x]
-        stiffness = g @ (lifted.O[..., x] + lifted.O[..., rest] @ place) / (g**2).sum(-1, keepdims=True)
-        E, G, O = (matrix.copy() for matrix in (lifted.E, lifted.G, lifted.O))
-        E[:, x, :], E[:, :, x], O[..., x] = 0.0, 0.0, 0.0
+        force = lifted.O[..., x] + lifted.O[..., rest] @ R
+        k = g @ force / (g**2).sum(-1, keepdims=True)
+        T = lifted.T - k * np.swapaxes(g, -1, -2) * g / 2
+        E = lifted.E.copy()
+        E[:, x, :] = 0.0
+        E[:, :, x] = 0.0
         E[:, x, x] = -1.0
-        G[:, rest] -= place * lifted.G[:, x]
-        return LiftedMap(E, lifted.T - stiffness * np.swapaxes(g, -1, -2) * g / 2, O, G)
+        O = lifted.O.copy()
+        O[..., x] = 0.0
+        G = lifted.G.copy()
+        G[:, rest] -= R * g
+        return LiftedMap(E, T, O, G)
 
 
 def _exact(A, b):
     """The solution of A X = b, with refined inverses where it is real."""
-    return solve(A, b) if np.iscomplexobj(A) else solved(A, 0 * A, b, 0 * b)[0]
+    if np.iscomplexobj(A):
+        return solve(A, b)
+    X, _ = solved(A, 0 * A, b, 0 * b)
+    return X
 
 
 def _responsive(lifted: LiftedMap, x) -> np.ndarray:
     """Whether the states other than the position x settle, `(loops,)`."""
     rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
-    return is_stable(lifted.E[:, rest][..., rest]) if rest.size else np.isfinite(lifted.E).all((-1, -2))
+    if not rest.size:
+        return np.isfinite(lifted.E).all((-1, -2))
+    return is_stable(lifted.E[:, rest][..., rest])
 
 
 POINTS = 33  # values tried first
@@ -154,22 +191,28 @@ def runs_of(passive, span, more=()) -> tuple[np.ndarray, np.ndarray]:
 
     def passed(points):
         is_passive = np.zeros(points.size, bool)
-        for zero_or_not in (np.flatnonzero(points == 0), np.flatnonzero(points != 0)):  # a zero takes a branch out of the loop
-            if zero_or_not.size:
-                is_passive[zero_or_not] = passive(points[zero_or_not])
+        # A zero takes a branch out of the loop, and is asked about by itself.
+        for alike in (np.flatnonzero(points == 0), np.flatnonzero(points != 0)):
+            if alike.size:
+                is_passive[alike] = passive(points[alike])
         return is_passive
 
     # evenly in the square root: the soft end matters most, and 0 belongs to the range
     points = np.union1d(low + (high - low) * np.linspace(0, 1, POINTS) ** 2, more)
     good = passed(points)
     change = np.flatnonzero(good[1:] != good[:-1])
-    inside, outside = (np.where(good[change] == kind, points[change], points[change + 1]) for kind in (True, False))
+    before = points[change]
+    after = points[change + 1]
+    inside = np.where(good[change], before, after)
+    outside = np.where(good[change], after, before)
     while change.size and np.abs(inside - outside).max() > FINEST * (high - low):
-        between = inside[:, None] + (outside - inside)[:, None] * np.arange(1, CUTS + 1) / (CUTS + 1)
+        away = (outside - inside)[:, None]
+        between = inside[:, None] + away * np.arange(1, CUTS + 1) / (CUTS + 1)
         passed_between = passed(between.reshape(-1)).reshape(between.shape)
         count = np.where(passed_between.all(-1), CUTS, passed_between.argmin(-1))
         marks = np.concatenate([inside[:, None], between, outside[:, None]], axis=-1)
-        inside, outside = (np.take_along_axis(marks, count[:, None] + step, -1)[:, 0] for step in (0, 1))
+        inside = np.take_along_axis(marks, count[:, None], -1)[:, 0]
+        outside = np.take_along_axis(marks, count[:, None] + 1, -1)[:, 0]
     rising = good[change + 1]
     lows = np.concatenate([points[:1][good[:1]], inside[rising]])
     highs = np.concatenate([inside[~rising], points[-1:][good[-1:]]])

@@ -25,7 +25,10 @@ def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
     outside = {block.name for block in drawing.blocks if block.type in (*WAVE_ENDS, "mass")}
     trees = [drawing.tick_hz]
     for block in drawing.blocks:
-        trees += [block.every, block.phase] if block.name in outside else [tree for _, tree in block.trees()]
+        if block.name in outside:
+            trees += [block.every, block.phase]
+        else:
+            trees += [tree for _, tree in block.trees()]
     for port, terms in drawing.wires:
         if port.endswith(".in") or port.rpartition(".")[0] not in outside:
             trees += [gain for _, gain in terms]
@@ -52,8 +55,16 @@ class WaveChannel:
     def entries(self) -> int:
         """Entries of the largest matrix whose singular values are the norm."""
         ways = (self.whole,) if self.joined else (self.outward, self.inward)
-        shapes = ([channel_way.maps[kind][3].shape[-2:] for kind in channel_way.kind.tolist()] for channel_way in ways)
-        return max(sum(rows for rows, _ in shape) * sum(columns for _, columns in shape) for shape in shapes)
+        entries = []
+        for way in ways:
+            outputs = 0
+            inputs = 0
+            for kind in way.kind.tolist():
+                _, _, _, D = way.maps[kind]
+                outputs += D.shape[-2]
+                inputs += D.shape[-1]
+            entries.append(outputs * inputs)
+        return max(entries)
 
     def refuse_large(self) -> None:
         """Raise UsageError for a matrix of more than MOST_ENTRIES."""
@@ -74,28 +85,44 @@ def channel_of(drawing: Drawing, values) -> WaveChannel | None:
         return None
     types = {block.name: block.type for block in drawing.blocks}
     drawn = _cut_at_ends(Loops(drawing, values).drawn(), types)
-    ends = [placed_block.block.name for placed_block in drawn.placed if types[placed_block.block.name] in WAVE_ENDS]
+    names = [placed_block.block.name for placed_block in drawn.placed]
+    places = [place for place, name in enumerate(names) if types[name] in WAVE_ENDS]
+    ends = [names[place] for place in places]
     ticks = Ticks.of(drawn, tuple(f"{name}.in" for name in ends))
-    runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in ends_of_run] for ends_of_run in drawn.schedule()[0]]
-    periods = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
+    running, *_ = drawn.schedule()  # the blocks that run in each kind of tick
+    runs = [[end for end, place in enumerate(places) if place in blocks] for blocks in running]
+    often = np.array([drawn.placed[place].runs(drawn.ticks).sum() for place in places])
+    periods = drawn.ticks / often
     frame = np.asarray(np.real(drawn.period) * drawn.ticks)
     batch = np.broadcast_shapes(frame.shape, *(block.batch for block in ticks.maps))
-    user = np.array([*map(types.get, ends)], str) == "wave"
     between = partial(_between, ticks, runs, periods, batch)
     every = np.ones(len(ends), bool)
-    every_way, *ways = (between(*pair) for pair in ((every, every), (user, ~user), (~user, user)))
-    joined = any(np.any(E) | np.any(D) for side in (user, ~user) for E, _, _, D in between(side, side).maps)
-    return WaveChannel(every_way, *ways, joined, np.broadcast_to(frame, batch))
+    user = np.array([*map(types.get, ends)], str) == "wave"
+    joined = False
+    for side in (user, ~user):
+        for E, _, _, D in between(side, side).maps:
+            joined |= bool(np.any(E) | np.any(D))
+    return WaveChannel(
+        whole=between(every, every),
+        outward=between(user, ~user),
+        inward=between(~user, user),
+        joined=joined,
+        frame=np.broadcast_to(frame, batch),
+    )
 
 
 def _between(ticks, runs, periods, batch, senders, receivers):
     """The maps from the waves that some ends send to those that some ends receive, masks `(ends,)`, in units of their power."""
     maps = []
     for block, ends_of_run in zip(ticks.maps, runs, strict=True):
-        sent, received = ([end for end in ends_of_run if chosen[end]] for chosen in (senders, receivers))
-        weights = np.sqrt(periods[sent]), np.sqrt(periods[received])[:, None]
-        C, D = (rows[..., received, :] * weights[1] for rows in (block.C, block.D))
-        maps.append((block.E, block.B[..., sent] / weights[0], C, D[..., sent] / weights[0]))
+        sent = [end for end in ends_of_run if senders[end]]
+        received = [end for end in ends_of_run if receivers[end]]
+        of_sent = np.sqrt(periods[sent])
+        of_received = np.sqrt(periods[received])[:, None]
+        B = block.B[..., sent] / of_sent
+        C = block.C[..., received, :] * of_received
+        D = (block.D[..., received, :] * of_received)[..., sent] / of_sent
+        maps.append((block.E, B, C, D))
     reachable = read(maps) & reached(maps)
     return TickMaps.of(
         [(E[..., reachable, :][..., reachable], B[..., reachable, :], C[..., reachable], D) for E, B, C, D in maps],
@@ -104,14 +131,13 @@ def _between(ticks, runs, periods, batch, senders, receivers):
     )
 
 
-def _index(drawn, name):
-    return next(at for at, placed_block in enumerate(drawn.placed) if placed_block.block.name == name)
-
-
 def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
     """The channel alone: ends only send waves, which are its inputs, and what comes from outside is zero."""
     unit = np.ones((1, 1))
-    placed, sums, inputs = [], {}, []
+    placed = []
+    sums = {}
+    inputs = []
+    received = []
     for placed_block in drawn.placed:
         name = placed_block.block.name
         if types[name] in WAVE_ENDS:
@@ -119,15 +145,16 @@ def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
             placed.append(ScheduledBlock(relay, placed_block.every, placed_block.phase))
             sums[f"{name}.wave"] = {f"wave.{name}": 1.0}
             inputs.append(f"wave.{name}")
+            received.append(f"{name}.in")
         elif types[name] != "mass":
             placed.append(placed_block)
-    made = {f"{placed_block.block.name}.{port}" for placed_block in placed for port in placed_block.block.outputs}
-    inside = (placed_block.block for placed_block in placed if types[placed_block.block.name] not in WAVE_ENDS)
-    ports = [f"{block.name}.{port}" for block in inside for port in block.inputs]
-    for port in (
-        *ports,
-        *(f"{placed_block.block.name}.in" for placed_block in placed if types[placed_block.block.name] in WAVE_ENDS),
-    ):
+    made = set()
+    ports = []
+    for block in (placed_block.block for placed_block in placed):
+        made |= {f"{block.name}.{port}" for port in block.outputs}
+        if types[block.name] not in WAVE_ENDS:
+            ports += [f"{block.name}.{port}" for port in block.inputs]
+    for port in (*ports, *received):
         sums[port] = {signal: gain for signal, gain in drawn.sums.get(port, {}).items() if signal in made}
     return MultirateLoop(drawn.period, tuple(placed), sums, tuple(inputs), rate=drawn.rate)
 
@@ -172,16 +199,32 @@ def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
 def norm_of(channel: WaveChannel) -> ChannelNorm:
     """`channel_norm` of a channel."""
     channel.refuse_large()
-    peaks = [squared_norm(channel_way) for channel_way in (channel.outward, channel.inward)]
-    joined_norm = squared_norm(channel.whole) if channel.joined else None
-    batch, frame = channel.frame.shape, channel.frame
-    sides = [column for side in peaks for column in (np.sqrt(side.value).reshape(batch), side.theta.reshape(batch) / frame)]
-    certified = np.logical_and.reduce([peak.certified for peak in ([joined_norm] if joined_norm else peaks)]).reshape(batch)
-    out, out_omega, back, back_omega = sides
-    norm, omega = np.maximum(out, back), np.where(out >= back, out_omega, back_omega)
-    if joined_norm:
-        norm, omega = np.sqrt(joined_norm.value).reshape(batch), joined_norm.theta.reshape(batch) / frame
-    return ChannelNorm(norm, omega, *sides, certified)
+    frame = channel.frame
+
+    def norm_and_omega(peak):
+        return np.sqrt(peak.value).reshape(frame.shape), peak.theta.reshape(frame.shape) / frame
+
+    out = squared_norm(channel.outward)
+    back = squared_norm(channel.inward)
+    outward, outward_omega = norm_and_omega(out)
+    inward, inward_omega = norm_and_omega(back)
+    if channel.joined:
+        whole = squared_norm(channel.whole)
+        norm, omega = norm_and_omega(whole)
+        certified = whole.certified
+    else:
+        norm = np.maximum(outward, inward)
+        omega = np.where(outward >= inward, outward_omega, inward_omega)
+        certified = out.certified & back.certified
+    return ChannelNorm(
+        norm=norm,
+        omega=omega,
+        outward=outward,
+        outward_omega=outward_omega,
+        inward=inward,
+        inward_omega=inward_omega,
+        certified=certified.reshape(frame.shape),
+    )
 
 
 ORDERS = tuple(range(1, 9))
@@ -205,8 +248,12 @@ def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.n
 def _of_order(values, order, cutoffs):
     filters = {f"filters.{name}.order": order for name in ("lp1", "hp")}
     filters |= {f"filters.{name}.cutoff_hz": cutoffs for name in ("lp1", "hp")}
-    both_values = [values | filters | {"controller.kind": kind} for kind in ("pmw", "pmw-lm")]
-    alone, bank = (channel_norm(loop_drawing(loop_values), loop_values) for loop_values in both_values)
+    norms = {}
+    for kind in ("pmw", "pmw-lm"):
+        of_kind = values | filters | {"controller.kind": kind}
+        norms[kind] = channel_norm(loop_drawing(of_kind), of_kind)
+    alone = norms["pmw"]
+    bank = norms["pmw-lm"]
     return {
         "lp1_order": np.full(cutoffs.size, order),
         "lp1_cutoff_hz": cutoffs,
