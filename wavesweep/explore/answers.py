@@ -30,14 +30,17 @@ from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import make_grid
 from wavesweep.program.sweep.running import in_memory
 
-COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
+COLUMNS = 61  # of a plane, before a figure computes more
+FEWEST = 9  # of a plane whose columns take long
 SECONDS = 0.4  # that these may take
 POINTS = 90  # frequencies of a response
 ROUNDS = 6  # of false position for the intervals through the design
 EDGE = 0.05  # of a plane that is left beyond the design
-ROOM, WIDER = 1.25, 8.0  # times the highest limit, in two digits; times the range in which none is found
+ROOM = 1.25  # times the highest limit, in two digits: up to where a plane goes
+WIDER = 8.0  # times the range in which no limit is found
 PIXELS = (800, 400)  # of the plane
-ROUGH, FINER = 2, 8  # pixels to which a preview is right, and parts of its cells where lines are not
+ROUGH = 2  # pixels to which a preview is right
+FINER = 8  # parts of the cells of a preview in which lines are not right
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +55,18 @@ class Plane:
     @classmethod
     def of(cls, given: Mapping[str, object]) -> Plane:
         """The plane that a page asks for. Errors: KeyError, TypeError or ValueError for anything else."""
-        x, y = given["x"], given["y"]
-        spans = [tuple(float(end) for end in given[name]) for name in ("x_span", "y_span")]
+        x = given["x"]
+        y = given["y"]
         if not (isinstance(x, str) and isinstance(y, str) and x != y):
             raise ValueError("expected two different keys")
-        if not all(len(span) == 2 and np.isfinite(span).all() and span[0] < span[1] for span in spans):
-            raise ValueError("expected two spans")
-        return cls(x, y, *spans)
+        return cls(x, y, _span_of(given["x_span"]), _span_of(given["y_span"]))
+
+
+def _span_of(given) -> tuple[float, float]:
+    low, high = map(float, given)
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise ValueError("expected a span")
+    return low, high
 
 
 def quick(spec: Spec, with_response: bool = True) -> dict:
@@ -67,7 +75,10 @@ def quick(spec: Spec, with_response: bool = True) -> dict:
     design = own_design(spec, loop)
     for numbers in asked("on_check", "numbers", spec):
         design |= numbers
-    return {"own": design} | ({"response": response(spec, loop)} if with_response else {})
+    answer = {"own": design}
+    if with_response:
+        answer["response"] = response(spec, loop)
+    return answer
 
 
 def preview(spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[float, float]], by_gain: bool) -> dict:
@@ -84,30 +95,36 @@ def preview(spec: Spec, plane: Plane, cells: int, search: Mapping[str, tuple[flo
         return {}
     if by_gain or (cut is not None and plane.y in WALL):
         curve, view = _columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2 + 1))
-        gaps = known_gaps(curve.columns, view, ROUGH * (plane.y_span[1] - plane.y_span[0]) / view.high)
-        return {"plane": plane_of(PlaneCurve(curve.columns, gaps), view) | {"how": "columns"}}
+        low, high = plane.y_span
+        gaps = known_gaps(curve.columns, view, ROUGH * (high - low) / view.high)
+        shape = plane_of(PlaneCurve(curve.columns, gaps), view)
+        return {"plane": {**shape, "how": "columns"}}
     return {"plane": _cell_plane(spec, plane, cells)}
 
 
 def is_gain(spec: Spec, plane: Plane) -> bool:
     """Whether intervals along y are those of a single gain of a frame, which take a few milliseconds for many values of x."""
     try:
-        return cost_of(spec, _axis(spec, plane.y, (), plane.y_span))[1] is Way.CUT
+        _, way = cost_of(spec, _axis(spec, plane.y, (), plane.y_span))
     except WavesweepError:
         return False
+    return way is Way.CUT
 
 
 def _by_curve(spec, cut: LinearFractional, plane: Plane, search) -> dict:
     """The wall's plane and the intervals through the design by the boundary's explicit curve; K_VE may be either axis."""
-    solved = WALL.index(plane.y)
-    theta, walls = refined_curve(cut, (plane.x_span, plane.y_span) if solved else (plane.y_span, plane.x_span))
+    solved = WALL.index(plane.y)  # 0: K_VE, 1: B_VE
+    window = (plane.y_span, plane.x_span) if solved == 0 else (plane.x_span, plane.y_span)
+    theta, walls = refined_curve(cut, window)
     ranges = []
     for path, span in search.items():
-        at, other_value = WALL.index(path), np.array([spec.values[WALL[1 - WALL.index(path)]]])
-        pairs = quick_columns(cut, theta, walls, at, other_value, span, ROUNDS)[0]
-        ranges.append({"path": path, "span": span, "intervals": [{"low": low, "high": high} for low, high in pairs]})
+        along = WALL.index(path)
+        other_value = spec.values[WALL[1 - along]]
+        (column,) = quick_columns(cut, theta, walls, along, np.array([other_value]), span, ROUNDS)
+        intervals = [{"low": low, "high": high} for low, high in column]
+        ranges.append({"path": path, "span": span, "intervals": intervals})
     shape = _preview(plane, lambda x: quick_columns(cut, theta, walls, solved, np.array(x), plane.y_span))
-    return {"plane": shape | {"how": "curve", "angles": theta.size}, "ranges": ranges}
+    return {"plane": {**shape, "how": "curve", "angles": theta.size}, "ranges": ranges}
 
 
 def _preview(plane, columns_at) -> dict:
@@ -115,23 +132,38 @@ def _preview(plane, columns_at) -> dict:
 
     columns_at: gives a list of intervals for each of some values of x.
     """
-    (low, high), view, intervals_at, gaps = plane.y_span, View(plane.x, False, *PIXELS), {}, {}
-    places, cells = np.linspace(*plane.x_span, COLUMNS).tolist(), []
-    for _ in range(2):
-        for x, column in zip(places, columns_at(places) if places else [], strict=True):
-            intervals_at[x] = tuple(Interval(*ends, ends[0] > low, ends[1] < high, False) for ends in column), ()
-        for points in cells or [places]:
-            gaps |= known_gaps({x: intervals_at[x] for x in points}, view, ROUGH * (high - low) / view.high)
-        cells = [[a, *view.between(a, b, FINER), b] for a, b in pairwise(sorted(intervals_at)) if (a, b) not in gaps]
-        places = [x for points in cells for x in points[1:-1]]
-    gaps |= {gap: NARROW for gap in pairwise(sorted(intervals_at)) if gap not in gaps}
+    low, high = plane.y_span
+    view = View(plane.x, False, *PIXELS)
+    rough = ROUGH * (high - low) / view.high
+    intervals_at = {}
+
+    def compute(places):
+        if not places:
+            return
+        for x, column in zip(places, columns_at(places), strict=True):
+            intervals = [Interval(first, last, first > low, last < high, False) for first, last in column]
+            intervals_at[x] = (tuple(intervals), ())
+
+    places = np.linspace(*plane.x_span, COLUMNS).tolist()
+    compute(places)
+    gaps = known_gaps(intervals_at, view, rough)
+    finer = []  # the cells in which lines are not right yet, divided
+    for left, right in pairwise(places):
+        if (left, right) not in gaps:
+            finer.append([left, *view.between(left, right, FINER), right])
+    compute([x for cell in finer for x in cell[1:-1]])
+    for cell in finer:
+        gaps |= known_gaps({x: intervals_at[x] for x in cell}, view, rough)
+    for gap in pairwise(sorted(intervals_at)):
+        gaps.setdefault(gap, NARROW)
     return plane_of(PlaneCurve(intervals_at, gaps), view)
 
 
 def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:
     """The plane by the eigenvalues in the middle of so many cells along each side."""
-    x, y = (np.linspace(*span, 2 * cells + 1)[1::2] for span in (plane.x_span, plane.y_span))
-    axes = tuple(_axis(spec, *pair) for pair in ((plane.x, x), (plane.y, y)))
+    x = np.linspace(*plane.x_span, 2 * cells + 1)[1::2]
+    y = np.linspace(*plane.y_span, 2 * cells + 1)[1::2]
+    axes = (_axis(spec, plane.x, x), _axis(spec, plane.y, y))
     stable = (radius_over(spec, axes) < 1).reshape(cells, cells)
     return {"how": "cells", "x": x.tolist(), "y": y.tolist(), "stable": stable.astype(int).tolist()}
 
@@ -146,19 +178,28 @@ def _axis(spec, path, values, span=None) -> Axis:
 def certified_plane(spec: Spec, plane: Plane) -> dict:
     """The plane by the stable intervals along y of the table, at values of x and, between them, of the figure."""
     along = _axis(spec, plane.y, (), plane.y_span)
-    seconds, way_of = cost_of(spec, along)
-    count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS)) if way_of is Way.CUT else FEWEST
+    seconds, way = cost_of(spec, along)
+    count = FEWEST
+    if way is Way.CUT:
+        count = int(np.clip(SECONDS / seconds, FEWEST, COLUMNS))
     across = _axis(spec, plane.x, np.linspace(*plane.x_span, count))
-    sweep = {"along": along.name, across.name: list(across.values), along.name: {"start": along.start, "stop": along.stop}}
-    return plane_of(*_columns(spec, plane, across.values, {"spec": {**spec.tables(), "sweep": sweep}}))
+    sweep = {
+        "along": along.name,
+        across.name: list(across.values),
+        along.name: {"start": along.start, "stop": along.stop},
+    }
+    facts = {"spec": {**spec.tables(), "sweep": sweep}}
+    return plane_of(*_columns(spec, plane, across.values, facts))
 
 
 def _columns(spec, plane, x, facts=MappingProxyType({})) -> tuple[PlaneCurve, View]:
     """The stable intervals along y at some values of x and, with facts, where a figure of these asks for more."""
-    axes = _axis(spec, plane.x, x), _axis(spec, plane.y, (), plane.y_span)
-    rows = in_memory(job_over(make_grid(spec, axes[:1], plane.y), axes[1]))
-    view = View(axes[0].name, False, *PIXELS)
-    return curves_of([rows], view, facts)[0], view
+    across = _axis(spec, plane.x, x)
+    along = _axis(spec, plane.y, (), plane.y_span)
+    rows = in_memory(job_over(make_grid(spec, (across,), plane.y), along))
+    view = View(across.name, False, *PIXELS)
+    (curve,) = curves_of([rows], view, facts)
+    return curve, view
 
 
 def plane_of(curve: PlaneCurve, view: View) -> dict:
@@ -168,20 +209,30 @@ def plane_of(curve: PlaneCurve, view: View) -> dict:
     certified parts of the boundary. bars: (x, low, high, certified). unknown: (from, to, low, high), the last two None of what
     is not known outside the areas.
     """
-    region, places = region_of(curve, view), sorted(curve.columns)
-    columns = [curve.columns[x] for x in places]
+    region = region_of(curve, view)
+    places = sorted(curve.columns)
+    columns = []
+    partly = []
+    for x in places:
+        intervals, open_spans = curve.columns[x]
+        columns.append([(interval.low, interval.high, interval.certified) for interval in intervals])
+        partly.append(bool(open_spans))
+    unknown = []
+    for left, right, low, high in region.unknown:
+        everywhere = np.isinf(low)
+        unknown.append((left, right, None, None) if everywhere else (left, right, low, high))
     return {
         "how": "certified",
         "x": places,
-        "columns": [[(interval.low, interval.high, interval.certified) for interval in intervals] for intervals, _ in columns],
+        "columns": columns,
         "known": [gap in curve.gaps for gap in pairwise(places)],
-        "partly": [bool(spans) for _, spans in columns],
+        "partly": partly,
         "areas": region.areas,
         "unproved": region.unproved,
         "lines": region.certain,
         "doubtful": region.doubtful,
         "bars": [(x, bar.low, bar.high, bar.certified) for x, bar in region.bars],
-        "unknown": [(*cell, *(None if np.isinf(end) else end for end in (low, high))) for *cell, low, high in region.unknown],
+        "unknown": unknown,
     }
 
 
@@ -193,10 +244,16 @@ def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:
     """The stable intervals of the spec's own design along a number within a span, as rows of the table of `zwidth`."""
     rows = in_memory(job_over(make_grid(spec, (), path), _axis(spec, path, (), span)))
     columns = {name: rows[name].tolist() for name in INTERVAL}
-    ranges = [dict(zip(INTERVAL, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    stable = [row for row, count in zip(ranges, rows["intervals"].tolist(), strict=True) if count]
-    certified = bool(rows["certified"].all())
-    return {"path": path, "span": span, "intervals": stable, "certified": certified, "doubt": str(rows["doubt"][0])}
+    intervals = []
+    for row in np.flatnonzero(rows["intervals"]).tolist():
+        intervals.append({name: column[row] for name, column in columns.items()})
+    return {
+        "path": path,
+        "span": span,
+        "intervals": intervals,
+        "certified": bool(rows["certified"].all()),
+        "doubt": str(rows["doubt"][0]),
+    }
 
 
 def response(spec: Spec, loop: Lifted | None) -> dict | None:
@@ -206,15 +263,16 @@ def response(spec: Spec, loop: Lifted | None) -> dict | None:
     frequency = frequencies(spec)
     slow = None if spec.drawing else spec.values["rates.fast_hz"] / spec.values["rates.ratio"] / 2
     at_hand = respond(loop, frequency)
+    admittance = at_hand.admittance.ravel()
+    impedance = at_hand.impedance.ravel()
     errors = at_hand.admittance_error.ravel(), at_hand.impedance_error.ravel()
-    lost = ~np.isfinite(at_hand.admittance.ravel())
-    columns = complex_columns("admittance", at_hand.admittance.ravel()) | complex_columns(
-        "impedance", at_hand.impedance.ravel()
-    )
+    doubts = doubt_of(errors, True, ~np.isfinite(admittance))
+    columns = complex_columns("admittance", admittance) | complex_columns("impedance", impedance)
+    sizes_and_phases = {name: column.tolist() for name, column in columns.items() if name.endswith(("_abs", "_deg"))}
     return {
         "frequency_hz": frequency.tolist(),
-        **{name: column.tolist() for name, column in columns.items() if name.endswith(("_abs", "_deg"))},
-        "doubt": sorted(set(doubt_of(errors, True, lost).tolist()) - {""}),
+        **sizes_and_phases,
+        "doubt": sorted(set(doubts.tolist()) - {""}),
         "error": float(np.nanmax(np.concatenate(errors), initial=0.0)),
         "slow_nyquist_hz": slow,
     }
@@ -232,10 +290,13 @@ def first_plane(spec: Spec, sliders) -> Plane | None:
     smooth = {slider.path: slider for slider in sliders if slider.search}
     if len(smooth) < 2:
         return None
+    candidates = list(spec.wall)
     along = spec.names.find(spec.along) if spec.along else None
-    swept = [axis.path for axis in spec.sweep if axis.path in smooth]
-    order = dict.fromkeys([*spec.wall, *([along.path] if along else []), *swept, *smooth])
-    y, x, *_ = [path for path in order if path in smooth]
+    if along:
+        candidates.append(along.path)
+    candidates += [axis.path for axis in spec.sweep]
+    candidates += smooth
+    y, x, *_ = dict.fromkeys(path for path in candidates if path in smooth)
     across = smooth[x]
     return fitted(spec, smooth, x, y, across.search if across.values else (across.low, across.high))
 
@@ -249,18 +310,21 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
     up = sliders[y]
     x_span = _with(spec, sliders[x], *x_span)
     whole_plane = Plane(x, y, x_span, _with(spec, up, min(up.search[0], up.low), up.search[1]))
-    (low, high), factor = whole_plane.y_span, 1.0
+    low, high = whole_plane.y_span
+    factor = 1.0
     while factor <= widest:
-        plane = Plane(x, y, x_span, (low, low + factor * (high - low)))
+        end = low + factor * (high - low)
+        plane = Plane(x, y, x_span, (low, end))
         try:
-            columns = _columns(spec, plane, np.linspace(*x_span, FEWEST))[0].columns.values()
+            curve, _ = _columns(spec, plane, np.linspace(*x_span, FEWEST))
         except WavesweepError:  # somewhere in the range there is no loop
             return whole_plane
-        limits = [interval.high for column, _ in columns for interval in column if interval.high < plane.y_span[1]]
+        columns = [intervals for intervals, _ in curve.columns.values()]
+        limits = [interval.high for intervals in columns for interval in intervals if interval.high < end]
         if limits:
             top = low + float(f"{ROOM * (max(*limits, up.value) - low):.2g}")
-            return Plane(x, y, x_span, (low, min(top, plane.y_span[1])))
-        if not all(column for column, _ in columns):
+            return Plane(x, y, x_span, (low, min(top, end)))
+        if not all(columns):
             return whole_plane
         factor *= WIDER
     return whole_plane
@@ -269,5 +333,7 @@ def fitted(spec: Spec, sliders, x: str, y: str, x_span: tuple[float, float], wid
 def _with(spec, slider, low, high):
     """A range with the slider's value in it, and space beyond this, as far as the spec takes it."""
     value = slider.value
-    ends = min(low, value), max(high, value + EDGE * (max(high, value) - low))
-    return tuple(taken(spec, slider.path, value, end) for end in ends)
+    beyond = value + EDGE * (max(high, value) - low)
+    first = taken(spec, slider.path, value, min(low, value))
+    last = taken(spec, slider.path, value, max(high, beyond))
+    return first, last
