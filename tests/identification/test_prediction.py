@@ -86,3 +86,20 @@ def test_every_kind_of_simulated_log_repeats():
     for kind in KINDS:
         first, again = (of_one_mass(kind, 1, 0, 0.05)[0].reading for _ in range(2))
         assert np.array_equal(first, again)
+
+
+@pytest.mark.slow
+def test_friction_that_falls_with_speed_is_found_with_its_curve():
+    """The numbers of the march are 1.6 times the friction at rest, and a speed of 0.02 of the acceleration over 5."""
+    log = of_one_mass("Stribeck", 4, 0, 3.0)[2]
+    found = predicted(Model(friction=True), log.force, log.reading, log.period, log.step)
+    assert found.static.force == pytest.approx(1.6 * log.truth["friction"], rel=0.1)
+    assert found.static.speed == pytest.approx(0.02 * np.abs(log.force).max() / log.truth["mass"] / 5, rel=0.1)
+    assert found.numbers["friction"] == pytest.approx(log.truth["friction"], rel=0.03)
+    assert found.numbers["damping"] == pytest.approx(log.truth["damping"], rel=0.03)
+
+
+@pytest.mark.slow
+def test_friction_that_does_not_fall_is_no_curve():
+    log = of_one_mass("Coulomb", 4, 0, 3.0)[2]
+    assert predicted(Model(friction=True), log.force, log.reading, log.period, log.step).static is None

@@ -21,7 +21,7 @@ from wavesweep.identification.model import (
     readings,
     sensitivities,
 )
-from wavesweep.identification.prediction import Prediction, predicted
+from wavesweep.identification.prediction import Prediction, StaticFriction, predicted
 
 ONE_WAY = 0.98  # share of the motion in one direction above which friction acts like a constant force
 RESTING = 10  # equal readings at the start of a log show a device held by friction
@@ -71,7 +71,8 @@ class Fit:
     theta: the numbers of `model.names`, and half the widths of their intervals. readings, residual: of all rows, not a number
     in the first ones. noise: white noise of the readings in addition to their rounding. estimate: the likelihood about theta;
     None of a fit by predictions, whose readings are predicted from one row to the next. walked: rms of the force that these
-    found beside that of the log (N). extra: by how much wider the intervals are than those of a model that explains the log.
+    found beside that of the log (N). static: friction at rest, where these found that it falls with speed. extra: by how much
+    wider the intervals are than those of a model that explains the log.
     """
 
     model: Model
@@ -83,6 +84,7 @@ class Fit:
     noise: float
     estimate: Estimate | None = None
     walked: float = 0.0
+    static: StaticFriction | None = None
     extra: np.ndarray | float = 0.0
 
     @property
@@ -95,7 +97,7 @@ def by_prediction(found: Prediction, force: np.ndarray, reading: np.ndarray, per
     """The fit by the errors of predictions."""
     left = np.append(np.full(found.skip, np.nan), found.left)
     rows = LogRows(force, reading, period, resolution, found.skip, found.used)
-    return Fit(found.model, found.theta, found.half, rows, reading - left, left, found.noise, walked=found.walked)
+    return Fit(found.model, found.theta, found.half, rows, reading - left, left, found.noise, None, found.walked, found.static)
 
 
 def fitted(

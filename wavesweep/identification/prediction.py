@@ -7,7 +7,9 @@ the mass and the friction are linear in the innovations, and follow for each cho
 Golub and Pereyra 1973); so does the state at the first row. The variances of the forces, relative to that of the reading, are
 fitted as well.
 
-Friction is `F tanh(v/v_t)`, averaged over the tick, with the velocity from a smoother. Nothing pushes a device that rests.
+Friction is `F tanh(v/v_t)`, averaged over the tick, with the velocity from a smoother. If the log shows that it falls with
+speed, `(F_s - F) exp(-(v/v_s)^2)` is added to F (Armstrong-Helouvry, Dupont and Canudas de Wit 1994). Nothing pushes a device
+that rests.
 
 An interval is the widest of those of white innovations and of sums of scores over 10 and over 20 blocks of rows, wider by what
 other variances and the last round of the smoother change.
@@ -23,7 +25,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
-from scipy.special import stdtrit
+from scipy.special import erf, stdtrit
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.identification.model import ORDER, OWN, Model, late, of_modes, resonance
@@ -42,6 +44,9 @@ HIGHEST = 8.0  # decade of a variance
 SPARE = 4  # rows that are left out beyond the delay
 DIFFERENCE = 1e-3  # of the size of a number, of central differences
 PASSES = 2  # of the smoother
+FADING = (0.1, 0.3, 1.0)  # speeds at which static friction fades, over the usual one, tried first
+FALLS = 0.1  # share of the friction by which it has to fall with speed
+NARROWEST = 10.0  # times the slowest speed at which friction turns round: the least speed at which it fades
 BLOCKS = (10, 20)
 WILD = 5.0  # standard deviations at which an innovation is clipped in the scores
 OTHER = ((2, 0), (-2, 0), (0, 3), (0, -3), (2, 3), (-2, -3))  # decades by which the variances are changed
@@ -102,17 +107,34 @@ class ScaledLog:
             few = replace(few, moving=self.moving[first:end], speeds=self.speeds[first:end])
         return few
 
-    def side(self, turning: float) -> np.ndarray:
-        """The mean of tanh(v/turning) over each tick, in which the velocity is a straight line."""
-        return self.remembered(("side", turning), lambda: self._side(turning))
+    def side(self, turning: float, fading: float = np.inf) -> np.ndarray:
+        """The mean of tanh(v/turning) exp(-(w/fading)^2) over each tick, in which the velocity is a straight line.
 
-    def _side(self, turning):
-        now = self.speeds / turning
+        w is turning log cosh(v/turning), which is |v| but for the turn: so there is a primitive.
+        """
+        return self.remembered(("side", turning, fading), lambda: self._side(turning, fading))
+
+    def _side(self, turning, fading):
+        now = self.speeds
         then = np.append(now[1:], now[-1])
         change = then - now
-        straight = np.abs(change) > 1e-3
-        mean = (_log_cosh(then) - _log_cosh(now)) / np.where(straight, change, 1.0)
-        return self.moving * np.where(straight, mean, np.tanh((now + then) / 2))
+        middle = (now + then) / 2
+        primitive = turning * _log_cosh(now / turning)
+        at_middle = np.tanh(middle / turning)
+        if fading < np.inf:
+            primitive = np.sqrt(np.pi) / 2 * fading * erf(primitive / fading)
+            at_middle = at_middle * np.exp(-((turning * _log_cosh(middle / turning) / fading) ** 2))
+        straight = np.abs(change) > 1e-3 * turning
+        grown = np.append(primitive[1:], primitive[-1]) - primitive
+        mean = grown / np.where(straight, change, 1.0)
+        return self.moving * np.where(straight, mean, at_middle)
+
+
+class StaticFriction(NamedTuple):
+    """The friction at rest (N), which falls to that of the model as exp(-(v/speed)^2); speed: that of Stribeck (m/s)."""
+
+    force: float
+    speed: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +143,7 @@ class Prediction:
 
     left: innovations, in the unit of the reading, from row `skip` on; used: false for those of outliers. noise: of the reading
     alone. walked: the rms of the force that is not in the log (N), from a smoother. correlation: of neighbouring innovations.
-    searched: the numbers of the search by their names.
+    searched: the numbers of the search by their names. static: None if friction is a line.
     """
 
     model: Model
@@ -134,6 +156,7 @@ class Prediction:
     walked: float
     correlation: float
     searched: Mapping[str, float]
+    static: StaticFriction | None
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -195,6 +218,8 @@ def _pushes(log, found, tick):
     pushes = [[(begun, now), (tick.held - begun, before)]]
     if log.model.friction:
         pushes.append([(tick.held, -log.side(found["turning"]))])
+        if "fading" in found:
+            pushes.append([(tick.held, -log.side(found["turning"], found["fading"]))])
     return pushes
 
 
@@ -229,7 +254,9 @@ class _Search:
             entries["drift"] = (np.log10(begun["drift"]), 1.5, lowest[1], HIGHEST)
         if model.friction:
             usual = float(log.speeds.std())
-            entries["turning"] = (np.log(log.slowest), 0.7, np.log(log.slowest / 10), np.log(usual))
+            entries["turning"] = (np.log(begun["turning"]), 0.7, np.log(log.slowest / 10), np.log(usual))
+            if "fading" in begun:
+                entries["fading"] = (np.log(begun["fading"]), 0.7, np.log(NARROWEST * log.slowest), np.log(3 * usual))
         self.names = tuple(entries)
         self.begun, self.size, self.low, self.high = np.array(list(entries.values())).T
         self.fixed = {"square": 0.0, "delay": model.delay or 0.0, "white": 0.0, "drift": 0.0}
@@ -240,8 +267,9 @@ class _Search:
         for name in ("white", "drift"):
             if name in self.names:
                 numbers[name] = 10 ** numbers[name]
-        if "turning" in numbers:
-            numbers["turning"] = float(np.exp(numbers["turning"]))
+        for name in ("turning", "fading"):
+            if name in numbers:
+                numbers[name] = float(np.exp(numbers[name]))
         if "log_share" in numbers:
             numbers["share"] = float(np.exp(numbers["log_share"]))
             numbers["square"] = float(np.exp(numbers["log_square"]))
@@ -272,8 +300,30 @@ def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: floa
     search, point, skip = _near(log, whole)
     if log is not whole:
         point = _least(whole, search, point, skip, 5)
-    log, moved, before = whole, 0.0, None
-    for _ in range(PASSES * model.friction):
+    rounds = _Rounds(whole, point)
+    if model.friction:
+        rounds = _smoothing(rounds, search, skip)
+        curved = _with_curve(rounds.log, search, rounds.point, skip)
+        if curved is not None:
+            search, point = curved
+            rounds = _smoothing(_Rounds(rounds.log, point), search, skip)
+    found = _estimated(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
+    return replace(found, used=~wild[skip:])
+
+
+class _Rounds(NamedTuple):
+    """A log with the velocities of the smoother, the point of a search, and by how much the last round moved the numbers."""
+
+    log: ScaledLog
+    point: np.ndarray
+    before: np.ndarray | None = None
+    moved: np.ndarray | float = 0.0
+
+
+def _smoothing(rounds, search, skip):
+    """Rounds of a smoother that gives the velocity, and of a search with the friction at this velocity."""
+    log, point, before, moved = rounds
+    for _ in range(PASSES):
         predictor, errors, effects = _errors(log, search.found(point), skip)
         gains, _ = _projected(errors, effects)
         if not gains[0] > 0:
@@ -287,8 +337,24 @@ def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: floa
             break
         log = replace(log, speeds=speeds)
         point = _least(log, search, point, skip, 8)
-    found = _estimated(log, search, point, skip, before, moved)
-    return replace(found, used=~wild[skip:])
+    return _Rounds(log, point, before, moved)
+
+
+def _with_curve(log, search, point, skip):
+    """A search with friction that falls with speed (Stribeck), and its point; None if it does not explain the log better."""
+    without = _square(log, search, point, skip)
+    begun = search.found(point)
+    tried = []
+    for share in FADING:
+        curved = _Search(log, begun | {"fading": share * float(log.speeds.std())})
+        tried.append((_square(log, curved, curved.begun, skip), curved))
+    _, curved = min(tried, key=itemgetter(0))
+    point = _least(log, curved, curved.begun, skip, 8)
+    _, errors, effects = _errors(log, curved.found(point), skip)
+    _, sliding, fades = _projected(errors, effects)[0]
+    falls = fades > FALLS * sliding
+    enough = _square(log, curved, point, skip) < without * np.exp(-2 * LIKELIER / len(log.reading))
+    return (curved, point) if falls and enough else None
 
 
 def _spikes(reading, resolution):
@@ -565,7 +631,17 @@ def _estimated(log, search, point, skip, before, moved):
         _walked(log, search, point, skip),
         float(left[1:] @ left[:-1] / (left @ left)),
         search.found(point),
+        _static(log, search.found(point), gains),
     )
+
+
+def _static(log, found, gains):
+    """The static friction and the speed at which it fades; None for a line."""
+    if "fading" not in found:
+        return None
+    rest = float((gains[1] + gains[2]) / gains[0]) * log.pushed
+    speed = found["fading"] * log.unit * log.period ** (ORDER[log.model.measured] - 1)
+    return StaticFriction(rest, speed)
 
 
 def _step(log, search, point, skip, free):

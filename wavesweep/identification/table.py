@@ -314,6 +314,8 @@ def _residual(fit, verdict) -> dict[str, Any]:
         "steps": verdict.rms / fit.rows.resolution if fit.rows.resolution else None,
         "white_noise": fit.noise,
         "walked": fit.walked,
+        "static_friction": fit.static.force if fit.static else None,
+        "stribeck_speed": fit.static.speed if fit.static else None,
         "correlation": verdict.correlation,
         "correlation_of_encoder": verdict.correlation_expected,
         "frequency_hz": None if isnan(verdict.frequency_hz) else verdict.frequency_hz,
@@ -361,10 +363,20 @@ def _lines(found: Numbers) -> Iterator[Line]:
         yield "each reading is within half a step of the model: the intervals are those of an encoder without noise", False
     if left["white_noise"] and found["explained"]:
         yield f"white noise of {left['white_noise']:.3g} {unit} in addition to the rounding", False
-    if followed and "friction" in found["parameters"]:
+    if left["static_friction"]:
+        yield _falling(left, found["turns"]), False
+    elif followed and "friction" in found["parameters"]:
         line = "friction and damping are a line over the speeds of the log; what falls with speed is in neither"
         yield line, False
     yield from _judgement(found, "log")
+
+
+def _falling(residual: Mapping[str, Any], turns: bool) -> str:
+    """What is said of friction that falls with speed."""
+    newton, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
+    at_rest = f"{residual['static_friction']:.3g} {newton} at rest"
+    fades = f"by exp(-(v/{residual['stribeck_speed']:.3g} {speed})^2)"
+    return f"friction falls with speed, from {at_rest} to the number above, {fades}; the device of a spec has this number alone"
 
 
 def _spoken(found: Numbers) -> Iterator[Line]:
