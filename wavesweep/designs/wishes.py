@@ -64,33 +64,48 @@ def evaluate(
     for all of it, and other values are missing where a loop is refuted, and not certified where it is not proved.
     Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
     """
-    measured, searched = {}, {}
+    measured = {}
+    searched = {}  # damping of the walls -> points, and the stiffest wall of each
+    felt = any(wish.name == "felt" for wish in wishes)
     for wish in wishes:
-        walls = {path: wish.options.get("B_VE", (spec.values[path],)) for path in spec.wall[1:]}
         if wish.name in ("z_width", "felt"):
-            key = walls[spec.wall[1]]
-            if key not in searched:
-                felt = any(wish.name == "felt" for wish in wishes)
-                points = points_of(spec.values, designs, scenarios, walls)
-                searched[key] = points, _stiffest(spec, points, (*designs,), stop, felt, proof)
-            measured[wish.name] = _worst_wall(spec, wish, *searched[key], stop)
+            damping = wish.options.get("B_VE", (spec.values[spec.wall[1]],))
+            if damping not in searched:
+                points = points_of(spec.values, designs, scenarios, {spec.wall[1]: damping})
+                stiffest = _stiffest(spec, points, (*designs,), stop, felt, proof)
+                searched[damping] = points, stiffest
+            measured[wish.name] = _worst_wall(spec, wish, *searched[damping], stop)
             continue
-        walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
-        walls = dict.fromkeys(walls, (0.0,)) if wish.name == "free_motion" else walls
+        walls = _walls_of(spec, wish)
         points = points_of(spec.values, designs, scenarios, {} if wish.kind.reads else walls)
         measure = _offered if wish.kind.measure else _MEASURES[wish.name]
-        value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *_unknown(points.size))
+        blank = _unknown(points.size)
+        value, certified = _where_solvable(spec, points, partial(measure, spec, wish), *blank)
         if proof and not wish.kind.reads:  # all of the loop
             said = _of_each(points, lambda own: proof.verdict(spec.with_values(own)), (*designs, *walls))
-            value, certified = np.where(said == "refuted", np.nan, value), certified & (said == "proved")
-        worst = points.worst(value, wish.kind.more)
-        measured[wish.name] = WorstMeasure(*worst, points.all_of(certified), np.zeros(len(worst[0]), bool))
+            value = np.where(said == "refuted", np.nan, value)
+            certified = certified & (said == "proved")
+        worst, scenario = points.worst(value, wish.kind.more)
+        nowhere = np.zeros(len(worst), bool)
+        measured[wish.name] = WorstMeasure(worst, scenario, points.all_of(certified), nowhere)
     return measured
+
+
+def _walls_of(spec, wish):
+    """The walls that a wish is about: path -> values."""
+    walls = {}
+    for path, option in zip(spec.wall, ("walls", "B_VE"), strict=False):
+        if wish.name == "free_motion":
+            walls[path] = (0.0,)
+        else:
+            walls[path] = wish.options.get(option, (spec.values[path],))
+    return walls
 
 
 def _worst_wall(spec, wish, points, stiffest, stop):
     """The worst of `z_width` or `felt` over the scenarios of every design."""
-    value, certified = stiffest.wall if wish.name == "z_width" else stiffest.felt, stiffest.certified
+    value = stiffest.wall if wish.name == "z_width" else stiffest.felt
+    certified = stiffest.certified
     if "band_hz" in wish.options:
         value, certified = _felt_over(spec, wish.options["band_hz"], points, stiffest)
     worst, scenario = points.worst(value, more=True)
@@ -115,7 +130,8 @@ def _where_solvable(spec, points: Points, measure: Callable[[Points], tuple], *b
         except (UsageError, SpecError, IllPosedLoopError):  # of one of them at least
             if spec.drawing is None:  # whose numbers were checked with the spec
                 raise
-            waiting += np.array_split(batch, 2) if batch.size > 1 else []
+            if batch.size > 1:
+                waiting += np.array_split(batch, 2)
         else:
             for filled, values in zip(blank, measured, strict=True):
                 filled[batch] = values
@@ -132,8 +148,13 @@ def _batches(spec, points: Points, most: int = BATCH):
 
 def _of_each(points, of, paths):
     """Return what `of` says of the values of some paths, which no scenario changes, of each point."""
-    first, back = distinct_rows({path: points.changes[path] for path in paths}, points.size)
-    return np.array([of({path: points.changes[path][at].item() for path in paths}) for at in first])[back]
+    columns = {path: points.changes[path] for path in paths}
+    first, back = distinct_rows(columns, points.size)
+    said = []
+    for at in first:
+        own = {path: column[at].item() for path, column in columns.items()}
+        said.append(of(own))
+    return np.array(said)[back]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,29 +176,37 @@ def _stiffest(spec, points: Points, designs, stop, wished, proof) -> _Stiffest:
     axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), start, stop, False)
 
     def stiffest_of(points):  # all different
-        value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
+        value = np.zeros(points.size)
+        felt = np.zeros(points.size)
+        certified = np.ones(points.size, bool)
         for batch, _ in _batches(spec, points):
             changes = {path: column[batch] for path, column in points.changes.items()}
             rows = at_points(spec, axis, changes, points.ties, felt=wished)
             at = batch[rows["slice"]]
             certified[at] = rows["certified"]
-            first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= start)
-            value[at[first]] = np.fmin(rows["high"], rows["open_low"])[first]
-            felt[at[first]] = np.where(rows["open_low"] < rows["high"], np.nan, rows["felt_high"])[first]
+            from_start = (rows["interval"] == 0) & (rows["low"] <= start)
+            first = (rows["intervals"] > 0) & from_start
+            known_up_to = np.fmin(rows["high"], rows["open_low"])
+            value[at[first]] = known_up_to[first]
+            felt_there = np.where(rows["open_low"] < rows["high"], np.nan, rows["felt_high"])
+            felt[at[first]] = felt_there[first]
         return value, felt, certified
 
     once, back = distinct_rows(points.changes, points.size)
     blank = np.full(once.size, np.nan), *_unknown(once.size)
-    value, felt, certified = (array[back] for array in _where_solvable(spec, points.some(once), stiffest_of, *blank))
+    found = _where_solvable(spec, points.some(once), stiffest_of, *blank)
+    value, felt, certified = (array[back] for array in found)
     if not proof:
         return _Stiffest(value, felt, certified, np.zeros(points.size, bool))
     paths = [path for path in points.changes if path in designs or path in spec.wall]
     proved = _of_each(points, lambda own: proof.stiffest(spec.with_values(own), axis.path, stop), paths)
     wall = np.minimum(value, proved)
     at_walls = replace(points, changes={**points.changes, axis.path: wall})
-    for members, loops in _batches(spec, at_walls) if wished else ():
-        felt[members] = np.where(wall[members] > 0, felt_of(loops, members.size), 0.0)
-    return _Stiffest(wall, felt, certified & (~np.isnan(felt) | (not wished)), proved < value)
+    if wished:
+        for members, loops in _batches(spec, at_walls):
+            felt[members] = np.where(wall[members] > 0, felt_of(loops, members.size), 0.0)
+        certified = certified & ~np.isnan(felt)
+    return _Stiffest(wall, felt, certified, proved < value)
 
 
 def _felt_over(spec, band, points, stiffest):
@@ -185,23 +214,33 @@ def _felt_over(spec, band, points, stiffest):
 
     It is 0 without a wall.
     """
-    wall, certified = stiffest.wall, stiffest.certified.copy()
-    value, walled = np.where(wall > 0, np.nan, wall), np.flatnonzero(wall > 0)
+    wall = stiffest.wall
+    certified = stiffest.certified.copy()
+    value = np.where(wall > 0, np.nan, wall)
+    walled = np.flatnonzero(wall > 0)
     if not walled.size:
         return value, certified
-    ties = {path: points.changes[path] * wall for path in points.ties}
-    at_walls = Points({**points.changes, **ties, spec.wall[0]: wall}, (), points.shape).some(walled)
+    numbers = dict(points.changes)
+    for path in points.ties:
+        numbers[path] = points.changes[path] * wall
+    numbers[spec.wall[0]] = wall
+    at_walls = Points(numbers, (), points.shape).some(walled)
 
     def least_added(points):
-        free = replace(points, changes={**points.changes, **{path: np.zeros(points.size) for path in spec.wall}})
+        no_wall = {path: np.zeros(points.size) for path in spec.wall}
+        free = replace(points, changes={**points.changes, **no_wall})
         modes = _modes(spec, points).beside(_modes(spec, free))
 
         def added(at, frequency):
-            with_wall, without = (_responses(spec, frequency, points_there.some(at)) for points_there in (points, free))
-            off = (np.abs(response.impedance) * response.impedance_error for response in (with_wall, without))
+            with_wall = _responses(spec, frequency, points.some(at))
+            without = _responses(spec, frequency, free.some(at))
+            off = np.abs(with_wall.impedance) * with_wall.impedance_error
+            off = off + np.abs(without.impedance) * without.impedance_error
             size = with_wall.impedance - without.impedance
-            # A dip is a zero of the difference, which times both admittances has no poles but those of both loops.
-            return size, sum(off), [(size * with_wall.admittance * without.admittance, modes.some(at))]
+            # A dip is a zero of the difference, which times both admittances has no poles but those
+            # of both loops.
+            without_poles = size * with_wall.admittance * without.admittance
+            return size, off, [(without_poles, modes.some(at))]
 
         return _extreme(band, points.size, added, np.min)
 
@@ -212,16 +251,19 @@ def _felt_over(spec, band, points, stiffest):
 
 def _free_motion(spec, wish, points):
     """Largest size of the impedance over a band, N/m, without the wall; missing if the loop is unstable."""
-    stable, modes = _radii(spec, points) < 1, _modes(spec, points)
+    stable = _radii(spec, points) < 1
+    modes = _modes(spec, points)
 
     def impedance(at, frequency):
-        response_there = _responses(spec, frequency, points.some(at))
+        there = _responses(spec, frequency, points.some(at))
+        own = modes.some(at)
+        off = np.abs(there.impedance) * there.impedance_error
         # A resonance is a zero of the admittance, a dip one of the product of both.
-        both = response_there.admittance, response_there.impedance * response_there.admittance
-        off = np.abs(response_there.impedance) * response_there.impedance_error
-        return response_there.impedance, off, [(function, modes.some(at)) for function in both]
+        singular = [(there.admittance, own), (there.impedance * there.admittance, own)]
+        return there.impedance, off, singular
 
-    value, certified = _extreme(wish.options.get("band_hz", BAND_HZ), points.size, impedance, np.max)
+    band = wish.options.get("band_hz", BAND_HZ)
+    value, certified = _extreme(band, points.size, impedance, np.max)
     return np.where(stable, value, np.nan), certified & stable
 
 
@@ -236,11 +278,15 @@ def _extreme(band, size, response, least):
     def sample(at, frequency):
         size, off, responses = response(at, frequency)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return Sampled(np.log(np.abs(size)), (off <= ERROR * np.abs(size)).all(-1), responses)
+            logarithm = np.log(np.abs(size))
+            sure = (off <= ERROR * np.abs(size)).all(-1)
+        return Sampled(logarithm, sure, responses)
 
     def reduce(degrees, share):
         del share
-        return np.exp(least(degrees @ dense, axis=(-1, -2))), np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
+        value = np.exp(least(degrees @ dense, axis=(-1, -2)))
+        resolved = np.abs(degrees[..., -HIGH:]).max((-1, -2)) <= UNSEEN
+        return value, resolved
 
     return over_band(band, np.arange(size), sample, reduce, *_unknown(size), at_poles=False)
 
@@ -254,23 +300,26 @@ def _transparency(spec, wish, points):
     stable_points = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
     if not stable_points.size:
         return np.where(stable, 0.0, np.nan), stable
-    stable_ones, place = points.some(stable_points), np.searchsorted(stable_points, np.arange(points.size))
+    stable_ones = points.some(stable_points)
+    place = np.searchsorted(stable_points, np.arange(points.size))
     ideal, coupled, coupled_of = _coupled(spec, stable_ones)
-    modes, of_ideal = _modes(spec, stable_ones), _modes(ideal, coupled).some(coupled_of)
+    modes = _modes(spec, stable_ones)
+    of_ideal = _modes(ideal, coupled).some(coupled_of)
 
     def sample(at, frequency):
         at = place[at]
         different, back = np.unique(coupled_of[at], return_inverse=True)
-        (admittance, off), (wanted, of_wanted) = (
-            _admittances(*pair, frequency) for pair in ((spec, stable_ones.some(at)), (ideal, coupled.some(different)))
-        )
-        wanted, sure = wanted[back], (np.maximum(off, of_wanted[back]) <= ERROR).all(-1)
+        admittance, off = _admittances(spec, stable_ones.some(at), frequency)
+        wanted, of_wanted = _admittances(ideal, coupled.some(different), frequency)
+        wanted = wanted[back]
+        sure = (np.maximum(off, of_wanted[back]) <= ERROR).all(-1)
         with np.errstate(all="ignore"):
             square = np.abs(np.log(admittance / wanted)) ** 2
         return Sampled(square, sure, [(admittance, modes.some(at)), (wanted, of_ideal.some(at))])
 
     def reduce(degrees, share):
-        value, unseen = np.sqrt(degrees[..., 0] @ share), np.abs(degrees[..., -HIGH:]).max(-1) @ share
+        value = np.sqrt(degrees[..., 0] @ share)
+        unseen = np.abs(degrees[..., -HIGH:]).max(-1) @ share
         return value, unseen <= UNSEEN * np.maximum(value, ERROR) ** 2  # responses are not known better
 
     band = wish.options.get("band_hz", BAND_HZ)
@@ -286,14 +335,17 @@ def _radii(spec, points):
 
 def _modes(spec, points) -> BandModes:
     """The modes of the loops of points."""
-    exponents, rate = [], np.empty(points.size)
+    exponents = []
+    rate = np.empty(points.size)
     for members, loops in _batches(spec, points):
         drawn = loops.drawn()
         E, _ = loops.read.frames_with_reliability(loops.read.drift(), drawn)
         rate[members] = 1 / np.real(drawn.period * drawn.ticks)
+        delta, _ = eigenvalues(E)
         with np.errstate(divide="ignore", invalid="ignore"):
-            exponents.append((members, np.log1p(eigenvalues(E)[0]) / 2j / np.pi))
-    frequency = np.full((points.size, max((exponent.shape[-1] for _, exponent in exponents), default=0)), np.nan, complex)
+            exponents.append((members, np.log1p(delta) / 2j / np.pi))
+    most = max((exponent.shape[-1] for _, exponent in exponents), default=0)
+    frequency = np.full((points.size, most), np.nan, complex)
     for members, exponent in exponents:
         frequency[members, : exponent.shape[-1]] = exponent * rate[members, None]
     return BandModes(frequency, rate)
@@ -301,24 +353,29 @@ def _modes(spec, points) -> BandModes:
 
 def _responses(spec, frequency, points) -> Response:
     """The responses at the hand, `(points, frequencies)`."""
-    responses = Response(*(np.empty((points.size, frequency.size), kind) for kind in (complex, complex, float, float)))
+    shape = points.size, frequency.size
+    responses = Response(*(np.empty(shape, kind) for kind in (complex, complex, float, float)))
     for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
-        for array, values in zip(responses, responses_of(loops, members.size, frequency, ERROR / 2), strict=True):
+        found = responses_of(loops, members.size, frequency, ERROR / 2)
+        for array, values in zip(responses, found, strict=True):
             array[members] = values
     return responses
 
 
 def _admittances(spec, points, frequency):
     """Return the admittances at the hand and bounds on their relative errors, `(points, frequencies)`."""
-    value, error = np.empty((points.size, frequency.size), complex), np.empty((points.size, frequency.size))
+    value = np.empty((points.size, frequency.size), complex)
+    error = np.empty((points.size, frequency.size))
     for members, loops in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
         # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
         response = responses_of(loops, members.size, frequency, np.inf)
-        value[members], error[members] = response.admittance, response.admittance_error
+        value[members] = response.admittance
+        error[members] = response.admittance_error
         again = np.flatnonzero(~(error[members] <= ERROR / 2).all(-1))
         if again.size:
             response = responses_of(loops.some(again), again.size, frequency, ERROR / 2)
-            value[members[again]], error[members[again]] = response.admittance, response.admittance_error
+            value[members[again]] = response.admittance
+            error[members[again]] = response.admittance_error
     return value, error
 
 
@@ -333,7 +390,8 @@ def _coupled(spec, points):
 
 def _offered(spec, wish, points):
     """What a capability measures. Of points that differ only in numbers that it does not read, it is computed once."""
-    reads, value, certified = wish.kind.reads, *_unknown(points.size)
+    value, certified = _unknown(points.size)
+    reads = wish.kind.reads
     if reads:
         read = {path: column for path, column in points.changes.items() if path.startswith(reads)}
         first, back = distinct_rows(read, points.size)
@@ -342,20 +400,25 @@ def _offered(spec, wish, points):
         if spec.drawing:
             loops.refuse_unsuitable()
         value[members], certified[members] = wish.kind.measure(loops, members.size)
-    return (value[back], certified[back]) if reads else (value, certified)
+    if reads:
+        return value[back], certified[back]
+    return value, certified
 
 
 def _delay_margin(spec, wish, points):
     """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
     del wish
     delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
-    value, open_, certain = np.full(points.size, -1.0), np.arange(points.size), np.ones(points.size, bool)
+    value = np.full(points.size, -1.0)
+    certain = np.ones(points.size, bool)
+    open_ = np.arange(points.size)  # those that are stable with every delay so far
     longest = longest_delay(spec.values["rates.ratio"])
     for added in range(longest + 1):
         open_ = open_[delay[open_] + added <= longest]
         if not open_.size:
             break
-        changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + added}
+        changes = {path: column[open_] for path, column in points.changes.items()}
+        changes[DELAY] = delay[open_] + added
         radius = _radii(spec, Points(changes, (), (open_.size, 1, 1)))
         certain[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
         open_ = open_[radius < 1]
@@ -379,10 +442,12 @@ def _settling(spec, wish, loops, size):
     """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
     del spec, wish
     E, certain = _frames(loops, size)
-    drawn, delta = loops.drawn(), eigenvalues(E)[0]
-    delta = np.where(certain, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
+    drawn = loops.drawn()
+    delta, _ = eigenvalues(E)
+    last = slowest(delta) if delta.shape[-1] else -1.0
+    last = np.where(certain, last, np.nan)
     with np.errstate(all="ignore"):
-        time = -np.real(drawn.period * drawn.ticks) / np.log1p(delta).real
+        time = -np.real(drawn.period * drawn.ticks) / np.log1p(last).real
     return np.where((time >= 0) & np.isfinite(time), time, np.nan), certain
 
 
@@ -403,9 +468,11 @@ def _chatter(spec, wish, loops, size):
 def _depth(spec, wish, loops, size):
     """Depth to which the walls can be pressed at rest, m; missing if one is not felt or the loop is unstable."""
     del spec
-    felt, radius = felt_of(loops, size), loops.read.radii(size)
+    felt = felt_of(loops, size)
+    radius = loops.read.radii(size)
+    force = wish.options["max_force"][0]
     with np.errstate(all="ignore"):
-        value = np.where((felt > 0) & (radius < 1), wish.options["max_force"][0] / felt, np.nan)
+        value = np.where((felt > 0) & (radius < 1), force / felt, np.nan)
     return value, ~np.isnan(value)
 
 
@@ -423,7 +490,8 @@ def _batched(measure):
 
 def slowest(delta):
     """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most, `(...)`."""
-    return np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[..., None], -1)[..., 0]
+    last = np.argmax(np.abs(1 + delta), -1)
+    return np.take_along_axis(delta, last[..., None], -1)[..., 0]
 
 
 def responses_of(loops: Loops, size: int, frequency_hz, good: float) -> Response:
