@@ -176,6 +176,17 @@ def frames_of(kind, box):
     return plan.over([Side(paths[0], 0.0), *map(Side, paths[1:])], box)
 
 
+def test_frames_of_several_lengths_share_the_plant_of_a_cell():
+    box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(180.0), 0.05, 1.0, 50.0]])
+    (one, other), (_, apart) = (dict.fromkeys(loop for loop, _ in frames_of("pmw", box).ticks) for _ in range(2))
+    known = {}
+    first, second, alone = one.over(box, known), other.over(box, known), apart.over(box)
+    assert second.blocks["device"] is first.blocks["device"]
+    for own, shared in zip(alone.blocks["device"], second.blocks["device"], strict=True):
+        assert (own.terms == shared.terms).all()
+        assert (own.rest == shared.rest).all()
+
+
 @pytest.mark.slow
 def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
     """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""

@@ -86,9 +86,9 @@ class FramesOver:
 
     def _maps(self, cell):
         """The maps of all kinds of ticks without drift, `(kinds, n, n)`."""
-        changes = []
+        changes, known = [], {}
         for loop, places in groupby(self.ticks, lambda pair: pair[0]):
-            model = loop.over(cell)
+            model = loop.over(cell, known)
             changes += [model.tick(each.loop, each.place, each.held, each.exact) for _, each in places]
         terms = np.stack([change.terms for change in changes], 1)
         both = Polynomials(terms, np.stack([change.rest for change in changes]), changes[0].numbers, changes[0].order)

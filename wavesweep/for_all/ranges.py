@@ -86,12 +86,14 @@ def cover(
     up: bool = True,
     words: Sequence[Word] = (),
     report: Callable[[float], None] | None = None,
+    gain: float = 0.0,
 ) -> Covering:
     """Prove that all frames of a box shrink in every order, or on average, except in the parts that are left open.
 
     The proof goes along the first side, up or down: the part that is tried next is always one that holds it up. It ends where a
     word is met that grows. work: operations after which it ends. words: those that grow fastest beyond the box. report: is
-    called with the value of the first side that the proof has reached.
+    called with the value of the first side that the proof has reached. gain: of the first side, below which the proof ends at a
+    part without norms in its middle, since it can reach no further than that middle.
     """
     number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
     divided = set()  # stretches of the first side in whose middle there were no norms: they are divided for all other numbers
@@ -106,7 +108,10 @@ def cover(
             used += spent
             if parts is None:
                 break
-            if parts and parts[0].barren and parts[0].box[0, 0] > part.box[0, 0]:
+            barren = bool(parts) and parts[0].barren > 0
+            if barren and stretch[1] - stretch[0] < gain:
+                break
+            if barren and parts[0].box[0, 0] > part.box[0, 0]:
                 divided.add(stretch)
         heappop(queue)
         for half in parts:

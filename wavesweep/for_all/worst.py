@@ -23,6 +23,7 @@ NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
 CLIMBS = 6  # to points at which numbers closer to the start are refuted
 LOOKED_AT = 3  # points of a climb at which all words are searched
 MOVED = 1e-4  # relative: a gain of the search below this ends it
+ALIKE = 1e-3  # relative: frames that differ by less have the same words that grow first
 WORK = 7e11  # operations of the proofs: about a minute
 UPWARD = 0.6  # part of the work for the way to the upper end
 PART = 0.4  # of the way to the refuted number, at which a proof is begun
@@ -118,7 +119,8 @@ def bracket_over(
         units = None if first.zero else units_of(loops.frames, _layer(loops, *ends), follows)
         words = [end.word for end in (below, above) if end.word]
         layer = _layer(loops, bottom, top)
-        found = cover(replace(loops.frames, units=units), layer, follows, most - spent, up, words, reached if report else None)
+        frames, told = replace(loops.frames, units=units), reached if report else None
+        found = cover(frames, layer, follows, most - spent, up, words, told, (1 - NEAR) * TOLERANCE)
         return found, float(first.number(found.end - ROUNDED if up else found.end + ROUNDED)), spent + found.used
 
     while high < (goal := _goal(above, limits[1], start)) and spent < UPWARD * work:
@@ -169,19 +171,42 @@ def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
 
     Words are searched at the points at which members grow most up to what is refuted already, until that comes no closer.
     """
-    best, tried = Refuted(), np.concatenate([loops.starts, loops.extremes()])
+    best, tried, searched = Refuted(), np.concatenate([loops.starts, loops.extremes()]), []
     for _ in range(CLIMBS):
         end, starts = (best.x, [*tried, best.point]) if best.word else (limit, tried)
         box = np.column_stack([sorted((start, end)), loops.box])
         climbed = climb(loops.growth, box, np.insert(starts, 0, end, axis=1))
         before = best
         for point in dict.fromkeys(map(tuple, climbed.points[:LOOKED_AT, 1:].tolist())):
-            best = _refuted_at(loops, point, start, limit, best)
+            if any(_alike(loops, point, other, end) for other in searched):
+                best = _moved(loops, point, start, best)
+            else:
+                best = _refuted_at(loops, point, start, limit, best)
+                searched.append(point)
         if best is before or (before.word and abs(best.x - before.x) <= MOVED * abs(before.x - start)):
             break
     if best.word and not loops.on_average:
         return replace(best, x=nearest(loops.family(best.point), best.word, start, best.x))
     return best
+
+
+def _alike(loops, point, other, x):
+    """Whether two points have nearly the same frames at a number."""
+    if loops.on_average:
+        return point == other
+    family = loops.family(other)
+    others = family.at(x)
+    difference = loops.family(point).at(x) - others
+    if not np.isfinite(others).all():
+        return False
+    centre, _ = first_centre(others, family.follows)  # in whose basis the frames are small
+    return bool(np.abs(centre.in_basis(difference)).max() <= ALIKE)
+
+
+def _moved(loops, point, start, best):
+    """What the best word refutes at a point, if it is closer to the start there."""
+    at = _beyond(loops, point, best.word, start, best.x, best.x) if best.word else None
+    return best if at is None else Refuted(at, tuple(point), best.word)
 
 
 def _refuted_at(loops, point, start, limit, best):

@@ -94,9 +94,10 @@ class EnclosedLoop:
         self.kept: dict[Any, Any] = {}
         self.last: tuple[np.ndarray, LoopModel] | None = None  # the cell that was asked for last
 
-    def over(self, cell: np.ndarray) -> LoopModel:
+    def over(self, cell: np.ndarray, known: dict[Any, BlockModel] | None = None) -> LoopModel:
         """Return the blocks and the gains of the wires in a cell `(2, sides)`.
 
+        known: blocks in this cell, of loops with the same values and sides; those that are the same here are taken from there.
         Errors: UnresolvedError if the cell is too wide for a bound; its number is the index of a side.
         """
         if self.last is not None and np.array_equal(self.last[0], cell):
@@ -104,7 +105,7 @@ class EnclosedLoop:
         wide = np.flatnonzero(cell[0] < cell[1])
         with ctx.workprec(BITS):
             try:
-                model = _Evaluation(self, cell, wide).model()
+                model = _Evaluation(self, cell, wide, {} if known is None else known).model()
             except UnresolvedError as error:
                 raise UnresolvedError(None if error.number is None else int(wide[error.number])) from None
         self.last = cell, model
@@ -220,8 +221,8 @@ class LoopModel:
 class _Evaluation:
     """One cell of a loop: the values of its expressions, and the blocks that these make."""
 
-    def __init__(self, loop: EnclosedLoop, cell: np.ndarray, wide: np.ndarray) -> None:
-        self.loop, self.numbers, self.order = loop, wide.size, loop.order
+    def __init__(self, loop: EnclosedLoop, cell: np.ndarray, wide: np.ndarray, known: dict[Any, BlockModel]) -> None:
+        self.loop, self.numbers, self.order, self.known = loop, wide.size, loop.order, known
         self.values = {}
         for at, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
             low, high = map(float, cell[:, at])
@@ -267,17 +268,18 @@ class _Evaluation:
         return shares
 
     def _once(self, block, make, *arguments):
-        """The model of a block, kept for all cells if it reads none of the sides."""
+        """The model of a block, kept for all cells if it reads none of the sides, and else for other loops in this cell."""
         trees = [self.loop.drawing.tick_hz, *(tree for _, tree in block.trees())]
         if isinstance(block, Plant):
             timed = {name for _, name in (*block.arriving, *block.sensed)}
             trees += [tree for name, tree in self.loop.drawing.dead_times.items() if name in timed]
         if any(self.reads(tree) for tree in trees):
-            return make(*arguments)
-        key = block.name, self.numbers
-        if key not in self.loop.kept:
-            self.loop.kept[key] = make(*arguments)
-        return self.loop.kept[key]
+            kept, key = self.known, block
+        else:
+            kept, key = self.loop.kept, (block.name, self.numbers)
+        if key not in kept:
+            kept[key] = make(*arguments)
+        return kept[key]
 
     def reads(self, tree: Tree) -> bool:
         """Whether a tree reads a number of the sides."""
