@@ -1,5 +1,6 @@
 """[for_all]: what is proved for all values of numbers that are not known, and what refutes more."""
 
+import re
 from dataclasses import replace
 from functools import reduce
 from itertools import product
@@ -541,3 +542,44 @@ def test_a_gaussian_is_nothing_far_from_its_peak_and_counts_at_it():
     assert row.certified
     assert row.settled
     assert row.high < 0.7 <= row.fails_from < 0.7001
+
+
+HELD = """
+rates.tick_hz = 1000
+numbers = { m = 1.0, k = 10.0, K = 100.0, b = 5.0, n = 2 }
+block.arm = { type = "mass", mass = "m", damping = "b" }
+block.wall = { type = "hold", every = "n" }
+wire = { "wall.u" = "arm.x", "arm.f" = "-K*wall.y - k*arm.x" }
+for_all = { m = { start = 0.5, stop = 2 }, k = { start = 0, stop = 400 } }
+sweep = { along = "K", K = { start = 0, stop = 20000 } }
+"""
+
+
+def test_where_the_budget_ends_the_part_that_is_open_is_told(tmp_path, monkeypatch, caplog):
+    (tmp_path / "spec.toml").write_text(HELD)
+    spec = load(tmp_path / "spec.toml")
+    caplog.set_level("INFO", "wavesweep.proof")
+    monkeypatch.setattr(unknown_module, "WORK", 1e9)
+    row = {name: column[1] for name, column in intervals(spec, jobs=1, along="K").columns.items()}
+    found = re.fullmatch(r"([0-9.]+) %, within K (\d+) to \d+, m [0-9.]+ to 2, k 0 to 400", row["left_open"])
+    assert found
+    assert 0 < float(found[1]) <= 100
+    assert float(found[2]) == pytest.approx(row["high"], rel=1e-3)
+    assert not row["settled"]
+    assert row["high"] < row["fails_from"]
+    assert any(re.fullmatch(r"K proved from [0-9.]+ to [0-9.]+ so far", each) for each in caplog.messages)
+    monkeypatch.setattr(unknown_module, "WORK", 3e7)
+    said = for_all_module.in_words(for_all_module.verdict(spec))
+    part = re.search(r"not known: proved for m 0.5 to ([0-9.]+), open from there \(100 %, within m \1 to 2, k 0 to 400\)", said)
+    assert part
+    monkeypatch.undo()
+    smaller = load(tmp_path / "spec.toml", [f"for_all.m.stop={part[1]}"])
+    assert for_all_module.verdict(smaller)["verdict"] == "proved"
+    assert for_all_module.verdict(spec) == {"verdict": "proved", "counterexample": "", "kind": "for_all"}
+
+
+def test_nothing_is_open_where_a_proof_reaches_its_goal(tmp_path):
+    (tmp_path / "spec.toml").write_text(HELD)
+    row = {name: column[1] for name, column in intervals(load(tmp_path / "spec.toml"), jobs=1, along="K").columns.items()}
+    assert row["settled"]
+    assert row["left_open"] == ""

@@ -10,7 +10,7 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.search.interval_records import blank_records
-from wavesweep.for_all.unknown import Case, Part, proofs
+from wavesweep.for_all.unknown import Case, Part, Proved, proofs
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.felt import RECORD
 from wavesweep.haptics.held_loop import HeldLoop, held_loop
@@ -108,9 +108,9 @@ class BoxGuarantee(Guarantee):
         return records
 
 
-def _all_but_margin(part: Part, proved: tuple[float, float] | None) -> bool:
+def _all_but_margin(part: Part, proved: Proved | None) -> bool:
     low, high = part.within(MARGIN)
-    return proved is not None and proved[0] <= low and high <= proved[1]
+    return proved is not None and proved.low <= low and high <= proved.high
 
 
 def box_in_words(text: str | None) -> BoxGuarantee:

@@ -19,6 +19,7 @@ from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN
 from wavesweep.for_all.mean_square import brackets_on_average, grows_everywhere, parts_that_decay
 from wavesweep.for_all.members import claims_hold, members, nowhere
+from wavesweep.for_all.sides import LeftOpen
 from wavesweep.for_all.unknown import FROM_ZERO, Case, Part, proofs, searched
 from wavesweep.for_all.varying import Rules, bracketed, bracketed_over, decided, decided_along, decided_over, placed, text_of
 from wavesweep.haptics.felt import FELT
@@ -221,16 +222,17 @@ class _Loop:
     def intervals(self) -> list[Row]:
         """The rows of loops whose numbers are constant."""
         proved_parts = proofs(self.cases, self.span, NEAR)
-        return [self._near(interval, *proved) for interval, proved in proved_parts if proved]
+        return [self._near(interval, proved) for interval, proved in proved_parts if proved]
 
-    def _near(self, part, low, high) -> Row:
+    def _near(self, part, proved) -> Row:
         """The proof reaches over this much of a part, which is settled if that is near to its ends, and these are known."""
+        low, high = proved.low, proved.high
         near = [is_near(low, part.low) or (part.low_by is None and low <= FROM_ZERO * part.high), is_near(high, part.high)]
         known = [
             by is not None or end == edge
             for by, end, edge in zip((part.low_by, part.high_by), (part.low, part.high), self.span, strict=True)
         ]
-        return Row(low, high, part, all(near + known), text_of_part(part))
+        return Row(low, high, part, all(near + known), text_of_part(part), open_in_words(proved.open))
 
     def varying(self) -> list[Row]:
         """The rows of loops whose frames vary."""
@@ -291,18 +293,18 @@ class _Loop:
         interval = Part(
             *(end.x if end.word else end_value for end, end_value in zip(ends, (bracket.low, bracket.high), strict=True)), *by
         )
-        return Row(
-            bracket.low, bracket.high, interval, bracket.settled, text_of_part(interval), self._left_open(case, bracket.open)
-        )
+        return Row(bracket.low, bracket.high, interval, bracket.settled, text_of_part(interval), open_in_words(bracket.open))
 
-    def _left_open(self, case, open_):
-        """Which part of the numbers next to the proof was neither proved nor refuted, as a text."""
-        if open_ is None:
-            return ""
-        (low, high), share = open_
-        names = [self.along, *(axis.path for axis in case.ranges)]
-        places = (f"{name_of(path)} {span_in_words(a, b, 4)}" for path, a, b in zip(names, low, high, strict=True))
-        return shorten(f"{100 * share:.3g} %, within {', '.join(places)}", LEFT_OPEN, placeholder=" ...")
+
+def open_in_words(open_: LeftOpen | None) -> str:
+    """Which part of the numbers next to a proof was neither proved nor refuted, as a text."""
+    if open_ is None:
+        return ""
+    places = []
+    for path, low, high in zip(open_.paths, *open_.ends, strict=True):
+        places.append(f"{name_of(path)} {span_in_words(low, high, 4)}")
+    share = f"{100 * open_.share:.3g} %, " if len(open_.paths) > 1 else ""
+    return shorten(f"{share}within {', '.join(places)}", LEFT_OPEN, placeholder=" ...")
 
 
 def is_near(one: float, other: float) -> bool:
@@ -350,6 +352,8 @@ def in_words(found: Mapping[str, str]) -> str:
         if found.get("doubt")
         else "not known, neither proved nor refuted: see what `wavesweep stability-region` proves"
     )
+    if found.get("partly"):
+        unknown = f"not known: {found['partly']}"
     words = {"proved": f"proved {stable}", "unknown": unknown}
     refuted = unstable.format(in_a_sentence(found["counterexample"]))
     return f"{words_of_kind}: {words.get(found['verdict'], refuted)}"
@@ -357,7 +361,8 @@ def in_words(found: Mapping[str, str]) -> str:
 
 def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
     """Whether the spec's own loop is stable for all numbers of its [for_all]: verdict ("proved", "refuted" or "unknown"),
-    counterexample, the numbers with which it is unstable, and kind, what it is about, a key of OF_KINDS.
+    counterexample, the numbers with which it is unstable, and kind, what it is about, a key of OF_KINDS. partly: of constant
+    numbers whose proof did not end, what is proved and what is open, as a text.
     rules: others than those of the spec."""
     refuse_unsuitable_ranges(spec, "")
     rules = rules or Rules.of(spec)
@@ -368,34 +373,52 @@ def verdict(spec: Spec, rules: Rules | None = None) -> dict[str, str]:
 
 
 def _verdict(spec, rules):
-    decided = True
+    decided, partly = True, ""
     loop = _Loop(rules, "", (0.0, 0.0), Loops(own_loop(spec).drawing, dict(spec.values)))
     for number, case in enumerate(loop.cases):
-        said, numbers = _case_verdict(spec, rules, number, case)
+        said, numbers, text = _case_verdict(spec, rules, number, case)
         if said == "refuted":
             return {"verdict": said, "counterexample": numbers_in_words(numbers)}
         decided &= said == "proved"
+        partly = partly or text
     covered = {"verdict": "proved" if decided else "unknown", "counterexample": ""}
+    if partly:
+        covered["partly"] = partly
     if decided and not claims_hold(rules, loop.cases):
         return covered | {"verdict": "unknown", "doubt": "contradiction"}
     return covered
 
 
 def _case_verdict(spec, rules, number, case):
-    """The verdict on a case, and if it is refuted the numbers with which it is unstable."""
+    """The verdict on a case, if it is refuted the numbers with which it is unstable, and what is proved of one that is not."""
     if rules.vary and case.ranges:
         said, by = decided_over(rules, case.values, case.ranges)
-        return said, case.fixed | by
+        return said, case.fixed | by, ""
     if rules.vary:
         said, pattern = _decided(spec, rules, number, case)
-        return said, {**case.fixed, pattern: None}
+        return said, {**case.fixed, pattern: None}, ""
     numbers = case.unstable()
     covered = case.cover() if numbers is None and case.ranges else None
     if covered is not None and covered.unstable:
         numbers = case.unstable(np.array(covered.unstable))
     if numbers is not None:
-        return "refuted", numbers
-    return "unknown" if covered is not None and not covered.whole else "proved", {}
+        return "refuted", numbers, ""
+    if covered is None or covered.whole:
+        return "proved", {}, ""
+    return "unknown", {}, _partly(case, covered)
+
+
+def _partly(case, covered):
+    """What is proved of a case whose proof has not ended, and what holds it up, as a text."""
+    if covered.open is None:
+        return ""
+    first = case.ranges[0]
+    fixed = f" with {numbers_in_words(case.fixed)}" if case.fixed else ""
+    if covered.low < covered.high:
+        proved = f"proved for {first.name} {span_in_words(covered.low, covered.high, 4)}{fixed}, open from there"
+    else:
+        proved = f"open from {first.name} = {covered.low:.4g} on{fixed}"
+    return f"{proved} ({open_in_words(covered.open)})"
 
 
 def _decided(spec, rules, number, case):

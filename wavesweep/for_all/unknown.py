@@ -1,5 +1,6 @@
 """Intervals that hold for all values of numbers that are not known, but constant: searched, then proved."""
 
+import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from wavesweep.engine.drawing.drawing import name_of
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.resolution import Resolution
 from wavesweep.engine.loops.resolution import Side as Expressed
@@ -20,9 +22,10 @@ from wavesweep.for_all.average import ALONE, OnAverage
 from wavesweep.for_all.climb import climb, constant_growth, corners_of
 from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover
-from wavesweep.for_all.sides import WIDE, as_numbers, as_sides, side_of
+from wavesweep.for_all.sides import WIDE, LeftOpen, as_numbers, as_sides, left_open, side_of
 from wavesweep.program.reading.axes import Axis
 
+LOGGER = logging.getLogger("wavesweep.proof")  # what a proof has reached, which a command shows
 CLIMBS = 8  # of the search for worse numbers within what the others leave
 MET = 8  # unstable members that a climb has found, whose exact intervals are computed
 SAME = 1e-9  # relative: ends that are as near are found again
@@ -76,9 +79,22 @@ def searched(cases: Sequence["Case"], span: tuple[float, float], narrow: bool = 
     return intervals
 
 
-def proofs(
-    cases: Sequence["Case"], span: tuple[float, float], near: float
-) -> Iterator[tuple[Part, tuple[float, float] | None]]:
+@dataclass(frozen=True, slots=True)
+class Proved:
+    """What is proved of a box: all from low to high of the number along which it is, or of the first range without one.
+
+    open: what holds the proof up next to `high`, or to `low`; None if nothing does. unstable: points that a proof has met and
+    that seem unstable, with the number first. whole: whether all is proved.
+    """
+
+    low: float
+    high: float
+    open: LeftOpen | None = None
+    unstable: tuple[tuple[float, ...], ...] = ()
+    whole: bool = True
+
+
+def proofs(cases: Sequence["Case"], span: tuple[float, float], near: float) -> Iterator[tuple[Part, Proved | None]]:
     """Yield the intervals that no loop met so far refutes, in order, and what is proved of each, None without.
 
     near: share of an end that is refuted, by which what is tried to be proved stays away from it.
@@ -87,7 +103,7 @@ def proofs(
     while left:
         part, rounds = left.pop(0)
         if not any(case.ranges for case in cases):  # the exact intervals of each case are its proof
-            yield part, (part.low, part.high)
+            yield part, Proved(part.low, part.high)
             continue
         low, high = part.within(near)
         if not low < high:
@@ -100,24 +116,12 @@ def proofs(
         if intervals != [part] and rounds:
             left = [(narrower, rounds - 1) for narrower in intervals] + left
             continue
-        proved_low, proved_high = max(each.low for each in covers), min(each.high for each in covers)
+        lowest = max(covers, key=lambda each: each.low)
+        highest = min(covers, key=lambda each: each.high)
         for interval in intervals:
             inner = interval.within(near)
-            found = max(proved_low, inner[0]), min(proved_high, inner[1])
-            yield interval, found if found[0] < found[1] else None
-
-
-@dataclass(frozen=True, slots=True)
-class Proved:
-    """What is proved of a box along its number: all from low to high, NaN if nothing is.
-
-    unstable: a point that a proof has met and that seems unstable, with the number first. whole: whether all is proved.
-    """
-
-    low: float
-    high: float
-    unstable: tuple[tuple[float, ...], ...]
-    whole: bool
+            low, high = max(lowest.low, inner[0]), min(highest.high, inner[1])
+            yield interval, Proved(low, high, highest.open or lowest.open) if low < high else None
 
 
 class Case:
@@ -235,20 +239,37 @@ class Case:
         whole = as_sides(box, sides)
         frames = constant_frames(self.loop, sides, whole)
         if not self.along:
-            found = cover(frames, whole, ALWAYS, self.left)
-            self.left -= found.used
-            return Proved(np.nan, np.nan, _met(found, sides), not found.open)
+            return self._covered(frames, sides, whole, self.left, up=True)
         start = float(sides[0].place(low + START * (high - low)))
-        ends, met = [], ()
-        for up in (True, False):
-            part = whole.copy()
-            part[1 - up, 0] = start
-            found = cover(frames, part, ALWAYS, self.left / 2 if up else self.left, up)
-            self.left -= found.used
-            end = float(sides[0].number(found.end))
-            ends.append(box[int(up), 0] if not found.open else end - ROUNDED * abs(end) if up else end + ROUNDED * abs(end))
-            met += _met(found, sides)
-        return Proved(float(ends[1]), float(ends[0]), met, False)
+        lower, upper = whole.copy(), whole.copy()
+        lower[1, 0] = upper[0, 0] = start
+        above = self._covered(frames, sides, upper, self.left / 2, up=True)
+        below = self._covered(frames, sides, lower, self.left, up=False)
+        return Proved(
+            below.low if below.open or below.unstable else float(low),
+            above.high if above.open or above.unstable else float(high),
+            above.open or below.open,
+            above.unstable + below.unstable,
+            above.whole and below.whole,
+        )
+
+    def _covered(self, frames, sides, box, work, *, up):
+        """What is proved of a box of sides from its low end on, or from its high end on down."""
+        first = sides[0]
+        begun = float(first.number(box[1 - up, 0]))
+
+        def report(reached):
+            ends = sorted((begun, float(first.number(reached))))
+            LOGGER.info("%s proved from %.4g to %.4g so far", name_of(first.path), *ends)
+
+        found = cover(frames, box, ALWAYS, work, up, report=report)
+        self.left -= found.used
+        end = float(first.number(found.end))
+        if found.open:
+            end += ROUNDED * abs(end) * (-1 if up else 1)
+        low, high = (begun, end) if up else (end, begun)
+        open_ = None if found.word else left_open(found, sides, box, up=up)
+        return Proved(low, high, open_, _met(found, sides), not found.open)
 
     def unstable(self, starts: Sequence[Sequence[float]] = ()) -> Mapping[str, float] | None:
         """Numbers with which the loop is not stable, or not known to be, where a climb finds some; None without.

@@ -45,7 +45,7 @@ from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, fr
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
-from wavesweep.for_all.sides import as_sides, side_of
+from wavesweep.for_all.sides import LeftOpen, as_sides, side_of
 from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
 from wavesweep.haptics.controller_page import loop_drawing
@@ -205,7 +205,7 @@ class Over:
     below: End
     above: End
     settled: bool
-    open: tuple[np.ndarray, float] | None
+    open: LeftOpen | None
 
 
 def bracketed_over(

@@ -16,7 +16,7 @@ from wavesweep.for_all.mean_square import nearest_growing
 from wavesweep.for_all.norms import first_centre
 from wavesweep.for_all.patterns import Word, crossing, growing, growth, is_refuted, nearest, refuted_beyond
 from wavesweep.for_all.ranges import Box, cover, units_of
-from wavesweep.for_all.sides import as_numbers, as_sides
+from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, left_open
 
 TOLERANCE = 0.01  # distance of proof and refutation that is aimed at, relative to the refuted number
 NEAR = 0.8  # of the tolerance, how far from the refuted number the proof ends
@@ -47,8 +47,7 @@ class Refuted:
 class WorstBracket:
     """The numbers around a start that are proved for the whole box, low to high, NaN if none is; and the refuted ones.
 
-    open: the box around what was left open next to `high`, or to `low`, as low and high ends of the number and of the others,
-    and its share of the others; None if nothing was left.
+    open: what was left open next to `high`, or to `low`; None if nothing was.
     """
 
     low: float
@@ -56,7 +55,7 @@ class WorstBracket:
     below: Refuted
     above: Refuted
     settled: bool
-    open: tuple[np.ndarray, float] | None
+    open: LeftOpen | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,13 +126,13 @@ def bracket_over(
         found, end, spent = proved(high, goal, UPWARD * work, True)
         high = max(high, end)
         if not (found.word and rounds):
-            open_ = _left(loops, found, 0)
+            open_ = left_open(found, loops.sides, _layer(loops, *limits), up=True)
             break
         above, rounds = _met(loops, found, start, above), rounds - 1
     goal = _goal(below, limits[0], start)
     if start < high and goal < start:
         found, end, spent = proved(goal, start, work, False)
-        low, open_ = min(low, end), open_ or _left(loops, found, 1)
+        low, open_ = min(low, end), open_ or left_open(found, loops.sides, _layer(loops, *limits), up=False)
     if high == low:
         return WorstBracket(np.nan, np.nan, below, above, False, open_)
     near = [_near(low, below.x if below.word else limits[0]), _near(high, above.x if above.word else limits[1])]
@@ -154,16 +153,6 @@ def _goal(refuted, limit, start):
 def _layer(loops, low, high):
     """The sides of all loops from a number to another."""
     return as_sides(np.column_stack([[low, high], loops.box]), loops.sides)
-
-
-def _left(loops, found, end):
-    """The box around what holds a proof up on its way from below (end 0) or above (1), and its share of the other sides."""
-    if not found.open:
-        return None
-    open_, whole = np.array(found.open), as_sides(loops.box, loops.sides[1:])
-    open_, wide = open_[open_[:, end, 0] == found.end], whole[0] < whole[1]
-    share = ((open_[:, 1] - open_[:, 0])[:, 1:][:, wide] / (whole[1] - whole[0])[wide]).prod(1).sum()
-    return as_numbers(np.array([open_[:, 0].min(0), open_[:, 1].max(0)]), loops.sides), float(share)
 
 
 def _worst(loops: LoopsOver, start: float, limit: float) -> Refuted:
