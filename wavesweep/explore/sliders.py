@@ -17,7 +17,8 @@ from wavesweep.program.spec.writing import as_toml
 from wavesweep.program.sweep.grid import is_plain
 
 FACTOR = 4.0  # times a gain's value: the end of its slider
-HALVINGS, DIGITS = 12, 3  # steps towards an end that the spec accepts, and digits of that end
+HALVINGS = 12  # steps towards an end that the spec accepts
+DIGITS = 3  # of that end
 HAND = {"operator.mass": 0.5, "operator.damping": 5.0, "operator.stiffness": 500.0}  # usual numbers of keys that are often 0
 
 
@@ -59,17 +60,24 @@ def sliders_of(spec: Spec) -> list[Slider]:
 def _keys_read(spec):
     """The keys that the loop reads, also where a gain is raised from zero."""
     # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.
-    raised = {path: 1.0 if value == 0 and isinstance(value, float) else value for path, value in spec.values.items()}
+    raised = dict(spec.values)
+    for path, value in spec.values.items():
+        if value == 0 and isinstance(value, float):
+            raised[path] = 1.0
     read = keys_of_page(spec.values) | keys_of_page(raised)
     if spec.delay_of_frame:
         read -= {"environment.delay"}
-    return (read - {"rates.ratio"}) | {"rates.slow_hz"} if _keeps_slow_rate(spec) else read
+    if _keeps_slow_rate(spec):
+        read -= {"rates.ratio"}
+        read |= {"rates.slow_hz"}
+    return read
 
 
 def _paths(spec):
     if spec.drawing:
         return [path for path in spec.names.numeric if path in spec.values]
-    read, paths = _keys_read(spec), []
+    read = _keys_read(spec)
+    paths = []
     for path in spec.names.numeric:
         stem, _, last = path.rpartition(".")
         by_edges = f"{stem}.passband_hz" in spec.given
@@ -89,33 +97,11 @@ def _stops(spec, key):
     """The rates that divide each other, of a spec that keeps a slow rate; empty for other keys."""
     if spec.uneven or not _keeps_slow_rate(spec) or key.path not in ("rates.fast_hz", "rates.slow_hz"):
         return ()
-    slow_hz, ratio = spec.own("rates.slow_hz"), spec.values["rates.ratio"]
-    ratios = range(1, min(int(FACTOR * ratio), HIGHEST_RATIO) + 1)
-    if key.path == "rates.fast_hz":
-        return tuple(slow_hz * other for other in ratios if _accepts(spec, key.path, slow_hz * other))
-    return tuple(sorted(spec.values["rates.fast_hz"] / other for other in ratios))
-
-
-def _is_uneven_rate(spec, key, value):
-    """Whether a key is a whole rate of a spec of uneven rates; other rates are hardly ever in step again."""
-    return spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer()
-
-
-def _is_stepped(spec, key, value, plain):
-    """Whether a slider may go in whole steps."""
-    drawn = spec.drawing and not plain and key.path != "rates.tick_hz"
-    return key.type == "integer" or drawn or _is_uneven_rate(spec, key, value)
-
-
-def _range_above(value, axis, stepped):
-    """The lowest value and the scale of a slider whose lowest value would be refused."""
-    low = min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
-    return low, "log" if low > 0 and not stepped else "linear"
-
-
-def _limits(spec, path, ends, wanted):
-    """What keeps the ends of a slider from those that are wanted."""
-    return "; ".join(_limited(spec, path, *pair) for pair in zip(ends, wanted, strict=True) if pair[0] != pair[1])
+    ratios = range(1, min(int(FACTOR * spec.values["rates.ratio"]), HIGHEST_RATIO) + 1)
+    if key.path == "rates.slow_hz":
+        return tuple(sorted(spec.values["rates.fast_hz"] / ratio for ratio in ratios))
+    rates = [spec.own("rates.slow_hz") * ratio for ratio in ratios]
+    return tuple(rate for rate in rates if _accepts(spec, key.path, rate))
 
 
 def _slider(spec: Spec, key: Key) -> Slider:
@@ -123,38 +109,51 @@ def _slider(spec: Spec, key: Key) -> Slider:
     axis = next((axis for axis in spec.sweep if axis.path == key.path), None)
     names = {path: name for name, path in spec.names.symbols.items()}
     most = _most(spec, key)
-    least = key.low
     low, high, scale = _range(key, value, axis, most)
     plain = is_plain(spec, key.path)
-    stepped = _is_stepped(spec, key, value, plain)
-    if _is_uneven_rate(spec, key, value):
+    # Other rates of a spec of uneven rates are hardly ever in step again.
+    uneven_rate = spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer()
+    if uneven_rate:
         scale = "linear"
+    structural = spec.drawing and not plain and key.path != "rates.tick_hz"
+    stepped = key.type == "integer" or structural or uneven_rate
     integral = stepped and float(value).is_integer()
-    if (
-        spec.drawing and not integral and value > low and not _accepts(spec, key.path, low)
-    ):  # a mass of 0, which its block refuses
-        low, scale = _range_above(value, axis, stepped)
+    if spec.drawing and not integral and value > low and not _accepts(spec, key.path, low):
+        # The lowest value is refused, such as a mass of 0 by its block.
+        if stepped:
+            low = min(value, *axis.values) if axis and axis.values else value
+            scale = "linear"
+        else:
+            low = max(value, 0.0) / FAR
+            scale = "log" if low > 0 else "linear"
     stops = _stops(spec, key)
     if stops:
-        low, high, scale = stops[0], stops[-1], "linear"
-    wanted = low, high
-    low, high = (taken(spec, key.path, value, end, integral) for end in wanted)
+        low = stops[0]
+        high = stops[-1]
+        scale = "linear"
+    lowest = taken(spec, key.path, value, low, integral)
+    highest = taken(spec, key.path, value, high, integral)
+    limited = []
+    if lowest != low:
+        limited.append(_limited(spec, key.path, lowest, low))
+    if highest != high:
+        limited.append(_limited(spec, key.path, highest, high))
     return Slider(
         path=key.path,
         name=names.get(key.path, key.path),
         unit="" if key.unit in ("", "1") else key.unit,
         description=key.description,
         value=value,
-        low=low,
-        high=high,
-        least=least,
+        low=lowest,
+        high=highest,
+        least=key.low,
         most=most,
         scale=scale,
         step=1 if integral else None,
-        search=_search(spec, key, value, axis, (low, high)) if plain else None,
+        search=_search(spec, key, value, axis, (lowest, highest)) if plain else None,
         values=tuple(map(float, axis.values)) if axis else (),
         stops=stops,
-        limited=_limits(spec, key.path, (low, high), wanted),
+        limited="; ".join(limited),
     )
 
 
@@ -180,11 +179,16 @@ def taken(spec: Spec, path: str, value: float, end: float, whole: bool = False) 
     """The end of a range or, if other numbers rule it out, a short number near the last one that the spec accepts."""
     if _accepts(spec, path, end):
         return end
-    start, rounding = value, ROUND_CEILING if end < value else ROUND_FLOOR
+    start = value
+    rounding = ROUND_CEILING if end < value else ROUND_FLOOR
     for _ in range(HALVINGS):
         middle = (value * end) ** 0.5 if value * end > 0 else (value + end) / 2
-        middle = round(middle) if whole else middle
-        value, end = (middle, end) if _accepts(spec, path, middle) else (value, middle)
+        if whole:
+            middle = round(middle)
+        if _accepts(spec, path, middle):
+            value = middle
+        else:
+            end = middle
     short = float(Context(prec=DIGITS, rounding=rounding).create_decimal(value))
     fits = not whole and min(start, value) <= short <= max(start, value) and _accepts(spec, path, short)
     return short if fits else value
@@ -216,19 +220,27 @@ def _range(key, value, axis, most):
     """(low, high, scale) of a slider."""
     if key.type == "integer":
         low = key.low if key.low is not None else min(key.choices, default=0)
-        high = most if most is not None and most <= 100 else 4 * max(value, 1)
-        return low, min(high, most) if most is not None else high, "linear"
+        high = 4 * max(value, 1)
+        if most is not None:
+            high = most if most <= 100 else min(high, most)
+        return low, high, "linear"
     if axis and axis.scale and axis.start < axis.stop:
-        return min(axis.start, value), max(axis.stop, value), axis.scale if min(axis.start, value) > 0 else "linear"
+        low = min(axis.start, value)
+        high = max(axis.stop, value)
+        return low, high, axis.scale if low > 0 else "linear"
     low, high, scale = _usual(key, value, most)
-    return (min(low, axis.start), max(high, axis.stop), scale) if axis else (low, high, scale)
+    if axis:
+        low = min(low, axis.start)
+        high = max(high, axis.stop)
+    return low, high, scale
 
 
 def _usual(key, value, most):
     """The range of a slider about a value, for a number that is not swept."""
     if key.above_low and value > 0:
         return value / FAR, min(value * FAR, most or value * FAR), "log"
-    usual = USUAL.get(next((name for name, path in SYMBOLS.items() if path == key.path), ""), HAND.get(key.path, 1.0))
+    symbol = next((name for name, path in SYMBOLS.items() if path == key.path), "")
+    usual = USUAL.get(symbol, HAND.get(key.path, 1.0))
     if value < 0:
         return FACTOR * value, -FACTOR * value, "linear"
     low = 0.0 if key.low == 0 or value else -FACTOR * usual
@@ -239,17 +251,21 @@ def _search(spec, key, value, axis, ends):
     """The range of stable intervals: that of [sweep], and otherwise that of the slider."""
     if axis and axis.start < axis.stop:
         return float(axis.start), float(axis.stop)
-    return K_VE_SPAN if key.path in spec.wall[:1] else (float(ends[0]), float(max(ends[1], value)))
+    if key.path in spec.wall[:1]:
+        return K_VE_SPAN
+    low, high = ends
+    return float(low), float(max(high, value))
 
 
 def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
     """The spec with other numbers; a whole number may come as a float. Errors: SpecError with every mistake."""
-    wanted = {}
+    changes: dict[str, float] = {}
     for path, value in values.items():
         key = spec.names.find(path)
         integral = key is not None and key.type == "integer" and isinstance(value, float) and value.is_integer()
-        wanted[path] = int(value) if integral else value
-    changes = {path: value for path, value in wanted.items() if path not in spec.values or spec.values[path] != value}
+        wanted = int(value) if integral else value
+        if path not in spec.values or spec.values[path] != wanted:
+            changes[path] = wanted
     return spec.with_values(changes) if changes else spec
 
 
@@ -264,20 +280,30 @@ def text_of(spec: Spec) -> str:
         tables["rates"]["slow_hz"] = spec.own("rates.slow_hz")
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
-        by_edges = {path.rpartition(".")[0] for path in spec.given if path.rpartition(".")[2] in BAND_EDGES}
-        follow = {f"{stem}.{last}" for stem in by_edges for last in ("order", "cutoff_hz")}
+        kept = {*keys_of_page(spec.values), *_paths(spec), *spec.given}
+        for path in spec.given:
+            stem, _, last = path.rpartition(".")
+            if last in BAND_EDGES:  # from which these follow
+                kept -= {f"{stem}.order", f"{stem}.cutoff_hz"}
         studies = {name: tables.pop(name) for name in ("sweep", "bode", "for_all", "measured", "design") if name in tables}
-        tables = _only(tables, {*keys_of_page(spec.values), *_paths(spec), *spec.given} - follow) | studies
-    tables = {**tables, **({"simulate": simulated} if (simulated := _simulate_table(spec)) else {})}
+        tables = _only(tables, kept) | studies
+    simulated = _simulate_table(spec)
+    if simulated:
+        tables["simulate"] = simulated
     _drop_mistakes(tables)
     return as_toml(tables)
 
 
 def _simulate_table(spec):
     """The keys of [simulate] that the spec gives, as TOML has them."""
+    if not spec.simulate:
+        return {}
     names = sorted(path.removeprefix("simulate.") for path in spec.given if path.startswith("simulate."))
-    settings = {name: spec.simulate[name] for name in names} if spec.simulate else {}
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()}
+    table = {}
+    for name in names:
+        value = spec.simulate[name]
+        table[name] = list(value) if isinstance(value, tuple) else value
+    return table
 
 
 def _drop_mistakes(tables):
@@ -297,8 +323,12 @@ def _below(frequencies, most):
     """Frequencies, as a spec gives them, up to `most`."""
     if not isinstance(frequencies, Mapping):
         return [f for f in frequencies if f <= most] or [most]
-    start, stop = (frequencies[name] for name in ("start", "stop"))
-    return frequencies if stop <= most else {**frequencies, "start": start if start < most else most / 1e3, "stop": most}
+    if frequencies["stop"] <= most:
+        return frequencies
+    start = frequencies["start"]
+    if start >= most:
+        start = most / 1e3
+    return {**frequencies, "start": start, "stop": most}
 
 
 def _only(table: Mapping[str, Any], kept: Container[str], above: str = "") -> dict[str, Any]:
@@ -307,7 +337,8 @@ def _only(table: Mapping[str, Any], kept: Container[str], above: str = "") -> di
     for name, value in table.items():
         if isinstance(value, Mapping):
             inner = _only(value, kept, f"{above}{name}.")
-            tables |= {name: inner} if inner else {}
+            if inner:
+                tables[name] = inner
         elif f"{above}{name}" in kept:
             tables[name] = value
     return tables

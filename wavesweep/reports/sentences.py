@@ -30,8 +30,9 @@ HEADS = {
     "high": "to",
     "low_hz": "lower limit oscillates at",
     "high_hz": "upper limit oscillates at",
+    "fails_below": "refuted below",
+    "fails_from": "refuted from",
 }
-HEADS |= {"fails_below": "refuted below", "fails_from": "refuted from"}
 OWN = ("", "spec", "operator")  # whose rows are those of the spec's own loop
 
 
@@ -43,11 +44,18 @@ def question(spec: Spec) -> str:
         return "Is the loop stable, and how far may each of its numbers go?"
     asked_for = f"is {required_in_words(spec.require.written())}" if spec.require else "is the loop stable"
     text = f"For which {along.name} from {along.start:g} to {along.stop:g}{_unit(spec, along)} {asked_for}"
-    if other_axes:
-        single = [axis for axis in other_axes if len(axis.values) == 1]
-        several = [axis for axis in other_axes if axis not in single]
-        text += f", at {' and '.join(_values(spec, axis) for axis in single)}" if single else ""
-        text += f", for each of {' and of '.join(_values(spec, axis) for axis in several)}" if several else ""
+    single = []
+    several = []
+    for axis in other_axes:
+        values = _values(spec, axis)
+        if len(axis.values) == 1:
+            single.append(values)
+        else:
+            several.append(values)
+    if single:
+        text += f", at {' and '.join(single)}"
+    if several:
+        text += f", for each of {' and of '.join(several)}"
     if spec.for_all:
         text += f", {'; '.join(_ranges(spec))}"
     return f"{text}?"
@@ -63,9 +71,13 @@ def _values(spec: Spec, axis: Axis) -> str:
 def _ranges(spec: Spec) -> Iterator[str]:
     """Yield the numbers of [for_all] with their ranges."""
     for axis in spec.for_all.axes:
-        unit, values = _unit(spec, axis), ", ".join(map(str, axis.values))
-        span = f"in {values}{unit}" if axis.scale is None else f"from {axis.start:g} to {axis.stop:g}{unit}"
-        yield f"for every {axis.name} {span}{', another one in each frame' * (axis.path in spec.for_all.varying)}"
+        unit = _unit(spec, axis)
+        if axis.scale is None:
+            span = f"in {', '.join(map(str, axis.values))}{unit}"
+        else:
+            span = f"from {axis.start:g} to {axis.stop:g}{unit}"
+        varies = ", another one in each frame" if axis.path in spec.for_all.varying else ""
+        yield f"for every {axis.name} {span}{varies}"
     if spec.for_all.lost:
         yield f"with up to {spec.for_all.lost} results in a row that are lost"
     if spec.for_all.loss:
@@ -94,37 +106,49 @@ def words_of_spec(spec: Spec) -> str:
 
 def interval_rows(table: Table) -> tuple[tuple[str, ...], list[list[str]]] | None:
     """The head and the rows of a short table of intervals as texts; None of a long one."""
-    columns, axes, whose = table.columns, axes_of(table.columns), whose_column(table.columns)
+    columns = table.columns
     if len(columns["along"]) > MOST_ROWS:
         return None
+    whose = whose_column(columns)
+    shown = list(axes_of(columns))
+    if whose:
+        shown.append(whose)
+    shown += ["low", "high", "low_hz", "high_hz"]
+    shown += [name for name in ("fails_below", "fails_from") if name in columns and not np.isnan(columns[name]).all()]
     units = {field.name: field.unit for field in fields_of(table.kind, columns, table.facts)}
-    refuted = [name for name in ("fails_below", "fails_from") if name in columns and not np.isnan(columns[name]).all()]
-    shown = [*axes, *([whose] if whose else []), "low", "high", "low_hz", "high_hz", *refuted]
-    said = dict(HEADS, low=f"{columns['along'][0]} from")
-    head = [_with_unit(said.get(name, name), units.get(name, "1")) for name in shown]
-    kinds = row_kinds()
-    rows = [
-        [*(kinds[row[name]].legend if name == whose else _text(row[name]) for name in shown), _proof(row)]
-        for row in _rows(columns)
-    ]
-    for row, number in zip(rows, columns["intervals"].tolist(), strict=True):
-        row[shown.index("low")] = row[shown.index("low")] if number else "none"
+    titles = {**HEADS, "low": f"{columns['along'][0]} from"}
+    head = []
+    for name in shown:
+        title = titles.get(name, name)
+        unit = units.get(name, "1")
+        head.append(title if unit in ("", "1") else f"{title} ({unit})")
+    rows = []
+    for row in _rows(columns):
+        texts = {name: _text(row[name]) for name in shown}
+        if whose:
+            texts[whose] = row_kinds()[row[whose]].legend
+        if not row["intervals"]:
+            texts["low"] = "none"
+        rows.append([*texts.values(), _proof(row)])
     return (*head, "proof"), rows
 
 
-def _with_unit(text: str, unit: str) -> str:
-    """A heading with its unit, if it has one."""
-    return text if unit in ("", "1") else f"{text} ({unit})"
-
-
 def _proof(row: Columns) -> str:
-    """Whether a row is certified, proved by the checker of a guarantee, or checked. Of hands only what is settled is proved."""
+    """Whether a row is certified, proved by the checker of a guarantee, or checked.
+
+    Of hands only what is settled is proved.
+    """
     kind = row_kinds()[row.get("hand", "")]
     if kind.searched:
         return "proved" if row["settled"] else "not proved: searched"
     word = "proved" if row.get("guarantee", "spec") != "spec" else kind.vouched_for(row)
-    open_ = open_places({name: [value] for name, value in row.items()}, 0)
-    return word if row["certified"] else f"not {word}: {row['doubt']}{f', {open_in_words(open_)}' if open_ else ''}"
+    if row["certified"]:
+        return word
+    reason = row["doubt"]
+    places = open_places({name: [value] for name, value in row.items()}, 0)
+    if places:
+        reason = f"{reason}, {open_in_words(places)}"
+    return f"not {word}: {reason}"
 
 
 def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
@@ -136,18 +160,27 @@ def counterexamples(spec: Spec, table: Table) -> list[list[str]]:
     for row in _telling(table.columns):
         axes = {name: row[name] for name in axes_of(table.columns) if not np.isnan(row[name])}
         whose = row.get(whose_column(row), "")
-        at = ", ".join([f"{name} = {value:g}" for name, value in axes.items()] + [row_kinds()[whose].legend] * bool(whose))
+        places = [f"{name} = {value:g}" for name, value in axes.items()]
+        if whose:
+            places.append(row_kinds()[whose].legend)
+        at = ", ".join(places)
+        along = row["along"]
         for end, side, fails in (("low", -1.0, "fails_below"), ("high", 1.0, "fails_from")):
             if whose in OWN and not np.isnan(row[f"{end}_omega"]):
-                rows_found += [[at, *beyond] for beyond in _beyond(spec, row["along"], axes, row[end], side)]
+                for value, eigenvalue in _beyond(spec, along, axes, row[end], side):
+                    rows_found.append([at, value, eigenvalue])
             elif not np.isnan(row.get(fails, np.nan)):
-                refuter = getattr(Refuters.read(row["counterexample"]), end)
-                value = rounded_up(row[fails]) if end == "high" else rounded_down(row[fails])
-                rows_found.append([at, f"{row['along']} = {value}", refuter])
+                refuters = Refuters.read(row["counterexample"])
+                if end == "high":
+                    rows_found.append([at, f"{along} = {rounded_up(row[fails])}", refuters.high])
+                else:
+                    rows_found.append([at, f"{along} = {rounded_down(row[fails])}", refuters.low])
             elif not np.isnan(row.get(f"{end}_hand_mass", np.nan)):
-                hand = "a hand of {:.4g} kg, {:.4g} N*s/m and {:.4g} N/m"
-                hand_words = hand.format(*(row[f"{end}_hand_{key}"] for key in ("mass", "damping", "stiffness")))
-                rows_found.append([at, f"{row['along']} beyond {row[end]:.6g}", hand_words])
+                mass = row[f"{end}_hand_mass"]
+                damping = row[f"{end}_hand_damping"]
+                stiffness = row[f"{end}_hand_stiffness"]
+                hand = f"a hand of {mass:.4g} kg, {damping:.4g} N*s/m and {stiffness:.4g} N/m"
+                rows_found.append([at, f"{along} beyond {row[end]:.6g}", hand])
     return rows_found
 
 
@@ -162,13 +195,15 @@ def _beyond(spec: Spec, along: str, axes: dict[str, float], end: float, side: fl
         except SpecError:  # beyond what the spec takes, as a stiffness below 0
             return
         worst = int(np.nanargmax(modes["radius"]))
-        if modes["radius"][worst] > 1:
-            real, imaginary = modes["z_re"][worst], abs(modes["z_im"][worst])
-            z = f"{real:.6g} ± {imaginary:.6g}i" if imaginary else f"{real:.6g}"
-            hz, grows = modes["shown_hz"][worst], -modes["time_constant_s"][worst]
+        mode = {name: column[worst] for name, column in modes.items()}
+        if mode["radius"] > 1:
+            imaginary = abs(mode["z_im"])
+            z = f"{mode['z_re']:.6g} ± {imaginary:.6g}i" if imaginary else f"{mode['z_re']:.6g}"
+            size = f"modulus 1 + {mode['radius'] - 1:.3g}"
+            hz = mode["shown_hz"]
             motion = f"an oscillation of {hz:.4g} Hz" if hz > 0 else "without oscillation"
-            size = f"modulus 1 + {modes['radius'][worst] - 1:.3g}"
-            yield [f"{along} = {value:.7g}", f"eigenvalue {z} per frame, {size}: {motion}, grows by e in {grows:.4g} s"]
+            grows = f"grows by e in {-mode['time_constant_s']:.4g} s"
+            yield [f"{along} = {value:.7g}", f"eigenvalue {z} per frame, {size}: {motion}, {grows}"]
             return
 
 
@@ -189,4 +224,6 @@ def _rows(columns: Columns) -> Iterator[dict]:
 
 
 def _text(value: float | str) -> str:
-    return value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.6g}"
+    if isinstance(value, str):
+        return value
+    return "" if np.isnan(value) else f"{value:.6g}"
