@@ -24,6 +24,7 @@ SHRUNK = 0.7  # of its size, below which a box is contracted again before it is 
 DEEPEST = 6  # cuts of a box for each bit
 MOST_OPEN = 200  # boxes at a time, and crossings of a part, beyond which these bits are too few
 POLISHED = 3  # times that an enclosure is contracted further
+ALL, FIRST_HALF, SECOND_HALF = (arb(0), arb(1)), (arb(0), arb(0.5)), (arb(0.5), arb(1))  # shares of a range
 
 
 class CrowdedError(UndecidedError):
@@ -48,14 +49,17 @@ def crossings(part: FamilyPart, budget: Budget) -> Iterator[Crossing]:
         if table.ncols() == 1:  # the same for all values
             count_outside(table.entries())
             continue
-        for sign, theta in ((1, arb(0)), (-1, arb.pi())) if n else ((1, arb("nan")),):
-            ends = arb_mat([[sum((table[j, i] * sign**j for j in range(n + 1)), arb(0)) for i in range(table.ncols())]])
-            for _, (low, high) in _boxes(ends, ends, budget):
+        real_roots = [(1, arb(0)), (-1, arb.pi())] if n else [(1, arb("nan"))]
+        for z, theta in real_roots:
+            powers = arb_mat([[arb(z) ** j for j in range(n + 1)]])
+            at_z = powers * table
+            for _, (low, high) in _boxes(at_z, at_z, budget):
                 yield Crossing(part.low + width * low.union(high), theta)
-        to_U, to_V = _on_circle(n, ctx.prec)
-        for (left, right), (low, high) in _boxes(to_U * table, to_V * table, budget) if n > 1 else ():
-            angle = 2 * (1 - left.union(right)).nonnegative_part().sqrt().min(1).asin()
-            yield Crossing(part.low + width * low.union(high), angle)
+        if n > 1:
+            to_U, to_V = _on_circle(n, ctx.prec)
+            for (left, right), (low, high) in _boxes(to_U * table, to_V * table, budget):
+                half_angle = (1 - left.union(right)).nonnegative_part().sqrt().min(1).asin()
+                yield Crossing(part.low + width * low.union(high), 2 * half_angle)
 
 
 def is_unstable(part: FamilyPart) -> bool:
@@ -64,10 +68,13 @@ def is_unstable(part: FamilyPart) -> bool:
     Coefficients of a frame that grows by many powers of ten say so long before the small roots are known.
     """
     for table in part.polynomials:
-        rows, n = table.tolist(), table.nrows() - 1
-        for j, row in enumerate(rows[:-1]):
-            sides = [[a + sign * comb(n, j) * b for a, b in zip(row, rows[-1], strict=True)] for sign in (1, -1)]
-            if _have_one_sign([*sides[0], *sides[1]]):
+        *lower, leading = table.tolist()
+        n = len(lower)
+        for j, coefficient in enumerate(lower):
+            largest = [comb(n, j) * c for c in leading]  # of a polynomial whose roots are all inside
+            above = [a - b for a, b in zip(coefficient, largest, strict=True)]
+            below = [a + b for a, b in zip(coefficient, largest, strict=True)]
+            if _have_one_sign([*below, *above]):
                 return True
     return False
 
@@ -79,11 +86,13 @@ def count_outside(p: list[arb]) -> int:
     """
     outside = 0
     while len(p) > 1:
-        first, last = p[0], p[-1]
+        first = p[0]
+        last = p[-1]
         if abs(first) < abs(last):
             p = [last * a - first * b for a, b in zip(p[1:], p[-2::-1], strict=True)]
         elif abs(first) > abs(last):
-            p, outside = [first * a - last * b for a, b in zip(p[:-1], p[:0:-1], strict=True)], outside + 1
+            p = [first * a - last * b for a, b in zip(p[:-1], p[:0:-1], strict=True)]
+            outside += 1
         else:
             raise UndecidedError
         scale = max(abs(c).upper() for c in p)
@@ -99,14 +108,18 @@ def count_outside(p: list[arb]) -> int:
 def _on_circle(n, bits):
     """The matrices from the coefficients of a polynomial to the Bernstein coefficients of U and V on (-1, 1)."""
     del bits
-    h, odd = divmod(n, 2)
-    tensors = []
-    for sign, slope, constant in ((1, 2, -1), (-1, 2, 1)) if odd else ((1, 1, 0), (-1, 2, 0)):
-        lower = not odd and sign < 0  # sin(k theta)/sin(theta) is of degree k - 1
-        coefficients = [[0]] * lower + chebyshev(h + 1 - lower, slope, constant)
-        columns = [[sign * c for c in p] for p in reversed(coefficients)] + coefficients[1 - odd :]
-        tensors.append(bernstein(columns, h).transpose())
-    return tensors
+    half, odd = divmod(n, 2)
+    if odd:  # cosines and sines of (k + 1/2) theta, over those of theta/2
+        of_U = chebyshev(half + 1, 2, -1)
+        of_V = chebyshev(half + 1, 2, 1)
+    else:  # cos(k theta), and sin(k theta)/sin(theta), which is of degree k - 1
+        of_U = chebyshev(half + 1, 1)
+        of_V = [[0], *chebyshev(half, 2)]
+    middle_twice = 0 if odd else 1  # the middle coefficient of an even degree stands once
+    even = [*reversed(of_U), *of_U[middle_twice:]]
+    negative = [[-c for c in p] for p in reversed(of_V)]
+    uneven = [*negative, *of_V[middle_twice:]]
+    return bernstein(even, half).transpose(), bernstein(uneven, half).transpose()
 
 
 def _boxes(U, V, budget):
@@ -116,27 +129,31 @@ def _boxes(U, V, budget):
     """
     if all(c.contains(0) for c in (*U.entries(), *V.entries())):  # an eigenvalue that is always on the circle
         raise UndecidedError
-    narrow, count = arb(2) ** (-int(NARROW * ctx.prec)), 0
+    narrow = arb(2) ** (-int(NARROW * ctx.prec))
+    count = 0
     open_ = [_Box(U, V, (arb(0), arb(1)), (arb(0), arb(1)), 0)]
     while open_:
         box = open_.pop()
         budget.use((U.nrows() + U.ncols()) * U.nrows() * U.ncols() + 1500)
         if _have_one_sign(box.U.entries()) or (V is not U and _have_one_sign(box.V.entries())):
             continue
-        thin = [box.U.nrows() == 1 or box.x[1] - box.x[0] < narrow, box.k[1] - box.k[0] < narrow]
+        thin_in_x = box.U.nrows() == 1 or bool(box.x[1] - box.x[0] < narrow)
+        thin_in_number = bool(box.k[1] - box.k[0] < narrow)
+        thin = thin_in_x and thin_in_number
         ranges = _contracted(box.U, box.V)
         if ranges is None:
             continue
-        shrunk = (ranges[0][1] - ranges[0][0]) * (ranges[1][1] - ranges[1][0]) < SHRUNK
-        count += all(thin)
-        if all(thin) and (not shrunk or box.polished == POLISHED):
+        (x_from, x_to), (k_from, k_to) = ranges
+        shrunk = (x_to - x_from) * (k_to - k_from) < SHRUNK
+        count += thin
+        if thin and (not shrunk or box.polished == POLISHED):
             yield box.x, box.k
         elif shrunk:
-            open_.append(box.cut(ranges, polished=box.polished + all(thin)))
+            open_.append(box.cut(ranges, polished=box.polished + thin))
+        elif thin_in_x or (not thin_in_number and _bends_along_number(box)):
+            open_ += [box.cut([ALL, FIRST_HALF]), box.cut([ALL, SECOND_HALF])]
         else:
-            along = int(thin[0] or (not thin[1] and _bends_along_number(box)))
-            halves = (arb(0), arb(0.5)), (arb(0.5), arb(1))
-            open_ += [box.cut([half if i == along else (arb(0), arb(1)) for i in range(2)]) for half in halves]
+            open_ += [box.cut([FIRST_HALF, ALL]), box.cut([SECOND_HALF, ALL])]
         if box.depth > DEEPEST * ctx.prec or len(open_) > MOST_OPEN or count > MOST_OPEN:
             raise CrowdedError
 
@@ -154,25 +171,31 @@ class _Box:
 
     def cut(self, ranges, polished=0):
         """The part of the box in these shares of its ranges."""
-        U, V = (_cut(polynomial, ranges) for polynomial in (self.U, self.V))
-        return _Box(U, V, _inside(self.x, ranges[0]), _inside(self.k, ranges[1]), self.depth + 1, polished)
+        x_shares, k_shares = ranges
+        U = _cut(self.U, ranges)
+        V = _cut(self.V, ranges)
+        return _Box(U, V, _inside(self.x, x_shares), _inside(self.k, k_shares), self.depth + 1, polished)
 
 
 def _bends_along_number(box):
     """Whether the functions vary more with the number than with x, relative to their size."""
-    total = np.zeros(2)
+    along_x = 0.0
+    along_number = 0.0
     for polynomial in (box.U, box.V):
         largest = max(abs(c).mid() for c in polynomial.entries())
-        if largest > 0:
-            size = np.array([float((c / largest).mid()) for c in polynomial.entries()]).reshape(
-                polynomial.nrows(), polynomial.ncols()
-            )
-            total += [np.abs(np.diff(size, axis=axis)).sum(axis).max(initial=0.0) for axis in (0, 1)]
-    return total[1] > total[0]
+        if not largest > 0:
+            continue
+        shares = np.array([float((c / largest).mid()) for c in polynomial.entries()])
+        shares = shares.reshape(polynomial.nrows(), polynomial.ncols())
+        along_x += np.abs(np.diff(shares, axis=0)).sum(0).max(initial=0.0)
+        along_number += np.abs(np.diff(shares, axis=1)).sum(1).max(initial=0.0)
+    return along_number > along_x
 
 
 def _have_one_sign(entries):
-    return all(c > 0 for c in entries) if entries[0] > 0 else entries[0] < 0 and all(c < 0 for c in entries)
+    if entries[0] > 0:
+        return all(c > 0 for c in entries)
+    return all(c < 0 for c in entries)
 
 
 def _contracted(U, V):
@@ -181,44 +204,59 @@ def _contracted(U, V):
     With the inverse of their mean slopes, U and V become nearly the variables themselves. A root is then at their mean value
     less a remainder, whose range the Bernstein coefficients bound.
     """
-    n, m = U.nrows() - 1, U.ncols() - 1
-    box_range = [(arb(0), arb(1)), (arb(0), arb(1))]
-    for row, terms in _preconditioned(U, V):
-        G = sum((polynomial * factor.mid() for factor, polynomial in terms[1:]), terms[0][1] * terms[0][0].mid())
-        rest = [G[i, j] - (arb(i) / n if row == 0 else arb(j) / m) for i in range(n + 1) for j in range(m + 1)]
-        low, high = -max(c.upper() for c in rest), -min(c.lower() for c in rest)
+    n = U.nrows() - 1
+    m = U.ncols() - 1
+    box_range = [ALL, ALL]
+    for variable, nearly in _preconditioned(U, V):
+        remainders = []
+        for i in range(n + 1):
+            for j in range(m + 1):
+                of_variable = arb(i) / n if variable == 0 else arb(j) / m
+                remainders.append(nearly[i, j] - of_variable)
+        low = -max(c.upper() for c in remainders)
+        high = -min(c.lower() for c in remainders)
         if not (low.is_finite() and high.is_finite()):
             continue
-        low, high = max(low, arb(0)), min(high, arb(1))
+        low = max(low, arb(0))
+        high = min(high, arb(1))
         if low > high:
             return None
-        box_range[row] = low, high
+        box_range[variable] = low, high
     return box_range
 
 
 def _preconditioned(U, V):
-    """For each variable that U and V settle, the terms of what is nearly that variable; none where their slopes do not."""
-    n, m = U.nrows() - 1, U.ncols() - 1
-    (ux, uk), (vx, vk) = (_slopes(polynomial, n, m) for polynomial in (U, V))
-    if n == 0:
-        return [(1, [(1 / uk, U)])] if uk != 0 else []
+    """Each variable that U and V settle, 0 for x and 1 for the number, and what is nearly it."""
+    ux, uk = _slopes(U)
+    vx, vk = _slopes(V)
+    if U.nrows() == 1:
+        return [(1, U * (1 / uk).mid())] if uk != 0 else []
     det = (ux * vk - uk * vx).mid()
     if det == 0 or not det.is_finite():
         return []
-    return [(0, [(vk / det, U), (-uk / det, V)]), (1, [(-vx / det, U), (ux / det, V)])]
+    nearly_x = U * (vk / det).mid() + V * (-uk / det).mid()
+    nearly_number = U * (-vx / det).mid() + V * (ux / det).mid()
+    return [(0, nearly_x), (1, nearly_number)]
 
 
-def _slopes(U, n, m):
+def _slopes(U):
     """The mean slopes in both variables, from the corners."""
+    n = U.nrows() - 1
+    m = U.ncols() - 1
     a, b, c, d = (U[i, j].mid() for i, j in product((0, n), (0, m)))
-    return (c + d - a - b) / 2 if n else arb(0), (b + d - a - c) / 2 if m else arb(0)
+    along_x = (c + d - a - b) / 2 if n else arb(0)
+    along_number = (b + d - a - c) / 2 if m else arb(0)
+    return along_x, along_number
 
 
 def _cut(U, ranges):
     """The coefficients on a part of the box."""
     (a, b), (c, d) = ranges
-    U = U if a == 0 and b == 1 else _restriction(U.nrows() - 1, a, b) * U
-    return U if c == 0 and d == 1 else U * _restriction(U.ncols() - 1, c, d).transpose()
+    if a != 0 or b != 1:
+        U = _restriction(U.nrows() - 1, a, b) * U
+    if c != 0 or d != 1:
+        U = U * _restriction(U.ncols() - 1, c, d).transpose()
+    return U
 
 
 def _restriction(n, a, b):
@@ -231,13 +269,15 @@ def _restriction(n, a, b):
 @lru_cache(maxsize=256)
 def _half(n, first, bits):
     del bits
-    return _of_restriction(n, *((arb(0), arb(0.5)) if first else (arb(0.5), arb(1))))
+    return _of_restriction(n, *(FIRST_HALF if first else SECOND_HALF))
 
 
 def _of_restriction(n, a, b):
     """Row i has the coefficients of `(1-a + a s)^(n-i) (1-b + b s)^i`, the blossom at a and b."""
-    first, second = arb_poly([1 - a, a]), arb_poly([1 - b, b])
-    firsts, seconds = [arb_poly([1])], [arb_poly([1])]
+    first = arb_poly([1 - a, a])
+    second = arb_poly([1 - b, b])
+    firsts = [arb_poly([1])]
+    seconds = [arb_poly([1])]
     for _ in range(n):
         firsts.append(firsts[-1] * first)
         seconds.append(seconds[-1] * second)
@@ -247,4 +287,5 @@ def _of_restriction(n, a, b):
 
 def _inside(range_, share):
     low, high = range_
-    return (low + (high - low) * share[0]).lower(), (low + (high - low) * share[1]).upper()
+    start, stop = share
+    return (low + (high - low) * start).lower(), (low + (high - low) * stop).upper()

@@ -50,10 +50,16 @@ class BallFamily:
     """
 
     def __init__(self, loop: BallLoop, span: tuple[float, float], budget: Budget) -> None:
-        self.loop, self.span, self.budget = loop, span, budget
+        self.loop = loop
+        self.span = span
+        self.budget = budget
         low, high = map(arb, span)
         places = loop.pattern(low.union(high))
-        self.parts = [indices.tolist() for indices in blocks_of(places) if places[np.ix_(indices, indices)].any()]
+        self.parts = []
+        for indices in blocks_of(places):
+            feeds_back = places[np.ix_(indices, indices)].any()
+            if feeds_back:
+                self.parts.append(indices.tolist())
         self.size = len(places)
         self.degree = _degree(loop)
         self.bent = any(_branches(tree, loop.number) for _, tree in loop.drawing.trees())
@@ -68,16 +74,24 @@ class BallFamily:
         """The coefficients of each component's polynomial at a value; times: multiplied by the determinants of the loops."""
         self.budget.use(self.loop.ticks.bit_length() * self.size**3 + 500 * self.size)
         frame, pivot = self.loop.frame(number)
-        rows, polynomials = frame.tolist(), []
+        matrix = type(frame)
+        polynomials = []
         for indices in self.parts:
-            polynomial = type(frame)([[rows[i][j] for j in indices] for i in indices]).charpoly()
-            polynomials.append([polynomial[j] * pivot if times else polynomial[j] for j in range(len(indices) + 1)])
-        return [*polynomials, [pivot]] if self.exact else polynomials
+            component = matrix([[frame[i, j] for j in indices] for i in indices])
+            characteristic = component.charpoly()
+            coefficients = [characteristic[j] for j in range(len(indices) + 1)]
+            if times:
+                coefficients = [c * pivot for c in coefficients]
+            polynomials.append(coefficients)
+        if self.exact:
+            polynomials.append([pivot])
+        return polynomials
 
     def find_ones(self) -> int:
         """Count the eigenvalues that are 1 for every value of the number, by digits that vanish at two precisions."""
         low, high = map(arb, self.span)
-        bits, counts = ctx.prec, []
+        bits = ctx.prec
+        counts = []
         for share, times in ((0.381966, 1), (0.618034, 2)):
             ctx.prec = times * bits
             try:
@@ -95,7 +109,8 @@ class BallFamily:
 
     def over_range(self) -> Iterator[FamilyPart]:
         """Yield the parts of the range in order."""
-        open_, count = [tuple(map(arb, self.span))], 0
+        open_ = [tuple(map(arb, self.span))]
+        count = 0
         while open_:
             low, high = open_.pop()
             count += 1
@@ -110,12 +125,16 @@ class BallFamily:
 
     def _errors(self, low, high):
         """Bounds on errors of each component's coefficients, and the nodes; None if the part is too long for few of them."""
-        middle, half = (low + high) / 2, (high - low) / 2
-        across, up = half * (ELLIPSE + arb(1) / ELLIPSE) / 2, half * (ELLIPSE - arb(1) / ELLIPSE) / 2
+        middle = (low + high) / 2
+        half = (high - low) / 2
+        across = half * (ELLIPSE + arb(1) / ELLIPSE) / 2  # semi-axes of the ellipse
+        up = half * (ELLIPSE - arb(1) / ELLIPSE) / 2
         around = acb(middle + arb(0, across.upper()), arb(0, up.upper()))
-        bounds, sizes = self.at(around), self.at(middle.mid())
-        if not all(c.is_finite() for p in (*bounds, *sizes) for c in p):
-            return None
+        bounds = self.at(around)
+        sizes = self.at(middle.mid())
+        for polynomial in (*bounds, *sizes):
+            if not all(c.is_finite() for c in polynomial):
+                return None
         most = 0.0
         for bound, size in zip(bounds, sizes, strict=True):
             largest = max(abs(c).upper() for c in size)
@@ -124,8 +143,11 @@ class BallFamily:
                 return None
             most = max(most, log2(float(ratio)) if ratio > 1 else 0.0)
         nodes = ceil((most + ctx.prec * KEPT) / log2(ELLIPSE)) + 3
-        share = arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)
-        return [([abs(c).upper() * share for c in bound], nodes) for bound in bounds]
+        share = arb(4) / (ELLIPSE - 1) / arb(ELLIPSE) ** (nodes - 1)  # theorem 8.2: 4 M rho^-n/(rho - 1)
+        errors = []
+        for bound in bounds:
+            errors.append(([abs(c).upper() * share for c in bound], nodes))
+        return errors
 
     def _interpolated(self, low, high, errors):
         nodes = self.degree + 1 if self.exact else errors[0][1]
@@ -133,9 +155,10 @@ class BallFamily:
         points, weights = _nodes(nodes, ctx.prec)
         values = [self.at((low + high) / 2 + (high - low) / 2 * point, times=self.exact) for point in points]
         for number, (times, error) in enumerate(zip(self.ones, errors, strict=True)):
-            size = len(values[0][number])
-            table = arb_mat([[values[i][number][j].real for i in range(nodes)] for j in range(size)]) * weights
-            rows = _trimmed(table.tolist(), error[0] if error else None)
+            at_nodes = [value[number] for value in values]
+            of_coefficients = [[c.real for c in column] for column in zip(*at_nodes, strict=True)]
+            in_chebyshev = arb_mat(of_coefficients) * weights
+            rows = _trimmed(in_chebyshev.tolist(), error[0] if error else None)
             yield arb_mat(_without_ones_rows(rows, times)) * _to_bernstein(len(rows[0]), ctx.prec)
 
 
@@ -157,24 +180,35 @@ def _degree(loop: BallLoop) -> float:
 
     Each equation of a tick, of a port, an output or a state, adds the degree of its factors.
     """
-    number, total, of_blocks = loop.number, 0, []
-    wires = {port: max((degree(gain, number) for _, gain in terms), default=0) for port, terms in loop.wires.items()}
+    number = loop.number
+    if reads(loop.drawing.tick_hz, number):
+        return inf
+
+    def largest(trees):
+        return max((degree(tree, number) for tree in trees), default=0)
+
+    of_wires = {port: largest(gain for _, gain in terms) for port, terms in loop.wires.items()}
+    of_blocks = []
     for block in loop.blocks:
-        kind, keys = ("", {}) if isinstance(block, Plant) else (block.type, dict(block.keys))
-        read_gain = sum(wires.get(f"{block.name}.{port}", 0) for port in block.ports[0])
-        if kind == "gain":
-            read_gain += degree(keys["k"], number)
-        elif kind == "ss" and keys["discrete"]:
-            rows = (row for name in "ABCD" for row in keys[name])  # rows side by side have the larger degree of both
-            read_gain += sum(max((degree(tree, number) for tree in row), default=0) for row in rows)
-        elif kind == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
-            read_gain += max(degree(tree, number) for tree in keys["num"])
-        elif any(reads(tree, number) for _, tree in block.trees()):
-            read_gain = inf
-        of_blocks.append(read_gain)
-    for kind in loop.kinds:
-        total += sum(of_blocks[at] for at in kind)
-    return inf if reads(loop.drawing.tick_hz, number) or total == inf else int(total)
+        of_ports = sum(of_wires.get(f"{block.name}.{port}", 0) for port in block.ports[0])
+        of_blocks.append(of_ports + _degree_of_block(block, number, largest))
+    total = 0
+    for running in loop.kinds:
+        total += sum(of_blocks[at] for at in running)
+    return total if total == inf else int(total)
+
+
+def _degree_of_block(block, number, largest) -> float:
+    """That of what a block does in a tick; largest: gives the largest degree of several trees."""
+    kind = "" if isinstance(block, Plant) else block.type
+    keys = dict(block.keys) if kind else {}
+    if kind == "gain":
+        return degree(keys["k"], number)
+    if kind == "ss" and keys["discrete"]:  # rows side by side have the larger degree of both
+        return sum(largest(row) for name in "ABCD" for row in keys[name])
+    if kind == "tf" and keys["discrete"] and not any(reads(tree, number) for tree in keys["den"]):
+        return largest(keys["num"])
+    return inf if any(reads(tree, number) for _, tree in block.trees()) else 0
 
 
 def _branches(tree: Tree, number: str) -> bool:
@@ -187,7 +221,8 @@ def _branches(tree: Tree, number: str) -> bool:
 def _ones(p):
     """How many times z - 1 divides a polynomial, if it does for all that the bits tell."""
     size = sum((abs(c) for c in p), arb(0))
-    least, count = size * arb(2) ** (-ctx.prec * STRUCTURE), 0
+    least = size * arb(2) ** (-ctx.prec * STRUCTURE)
+    count = 0
     shifted = arb_poly(p)(arb_poly([1, 1])).coeffs()
     while count < len(shifted) - 1 and shifted[count].contains(0):
         if not abs(shifted[count]).upper() < least:
@@ -203,20 +238,28 @@ def _without_ones(p, times):
 def _without_ones_rows(rows, times):
     """Rows of coefficients of a polynomial divided by (z - 1)^times; the remainder is known to be 0."""
     for _ in range(times):
-        carried, out = [arb(0)] * len(rows[0]), []
-        for row in reversed(rows[1:]):
+        lowest, *higher = rows
+        carried = [arb(0)] * len(lowest)
+        quotient = []
+        for row in reversed(higher):
             carried = [a + b for a, b in zip(carried, row, strict=True)]
-            out.append(carried)
-        if not all((a + b).contains(0) for a, b in zip(carried, rows[0], strict=True)):
+            quotient.append(carried)
+        remainder = [a + b for a, b in zip(carried, lowest, strict=True)]
+        if not all(c.contains(0) for c in remainder):
             raise UndecidedError
-        rows = out[::-1]
+        rows = quotient[::-1]
     return rows
 
 
 def _trimmed(rows, errors):
     """Rows of Chebyshev coefficients, of which the last ones that are nothing beside the largest are taken for errors."""
-    least = arb(2) ** (-ctx.prec * KEPT) * max(abs(c).mid() for row in rows for c in row)
-    kept_count = max([1, *(1 + i for row in rows for i, c in enumerate(row) if not abs(c).upper() <= least)])
+    largest = max(abs(c).mid() for row in rows for c in row)
+    least = arb(2) ** (-ctx.prec * KEPT) * largest
+    kept_count = 1
+    for row in rows:
+        for i, c in enumerate(row):
+            if not abs(c).upper() <= least:
+                kept_count = max(kept_count, 1 + i)
     trimmed = []
     for j, row in enumerate(rows):
         error = sum((abs(c).upper() for c in row[kept_count:]), errors[j] if errors else arb(0))
@@ -229,8 +272,12 @@ def _nodes(count, bits):
     """Chebyshev points on (-1, 1), and the matrix from values at them to Chebyshev coefficients; bits: the precision."""
     del bits
     angles = [arb.pi() * (2 * i + 1) / (2 * count) for i in range(count)]
-    weights = [[(angle * k).cos() * (2 if k else 1) / count for k in range(count)] for angle in angles]
-    return [angle.cos() for angle in angles], arb_mat(weights)
+    points = [angle.cos() for angle in angles]
+    weights = []
+    for angle in angles:
+        means = [(angle * k).cos() * 2 / count for k in range(1, count)]
+        weights.append([arb(1) / count, *means])
+    return points, arb_mat(weights)
 
 
 @lru_cache(maxsize=256)

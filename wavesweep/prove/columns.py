@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from itertools import pairwise
 from math import nan
 from typing import Any
 
@@ -57,7 +57,9 @@ def prove_column(
     bits, tried one after the other. operations: at most, of all precisions together, or what is left of them.
     Errors: ValueError for a loop with dead times in seconds.
     """
-    budget, loop, crowded = operations if isinstance(operations, Budget) else Budget(operations), None, 0
+    budget = operations if isinstance(operations, Budget) else Budget(operations)
+    loop = None
+    crowded = 0
     for bits in precisions:
         with ctx.workprec(bits):
             try:
@@ -81,13 +83,20 @@ def _proof(loop, span, integrators, budget):
         return Proof((), ctx.prec, proof_way)
     if ones > integrators:
         return Proof((), ctx.prec, proof_way)
-    inner = chain.from_iterable(crossings(stretch, budget) for stretch in family.over_range())
-    ends = _merged([*(Crossing(end, arb("nan")) for end in map(arb, span)), *inner])
+    found = [Crossing(arb(end), arb("nan")) for end in span]
+    for part in family.over_range():
+        found += crossings(part, budget)
+    ends = _merged(found)
     stable = [_is_stable(family, a.value.upper(), b.value.lower()) for a, b in pairwise(ends)]
     if any(map(all, pairwise(stable))):
         raise UndecidedError  # a root that may only touch the circle
-    intervals = [_rounded(loop, a, b, span) for (a, b), inside in zip(pairwise(ends), stable, strict=True) if inside]
-    return Proof(tuple(row for row in intervals if row[0] < row[1]), ctx.prec, proof_way)
+    intervals = []
+    for (a, b), inside in zip(pairwise(ends), stable, strict=True):
+        if inside:
+            low, high, *omegas = _rounded(loop, a, b, span)
+            if low < high:
+                intervals.append((low, high, *omegas))
+    return Proof(tuple(intervals), ctx.prec, proof_way)
 
 
 def _merged(found):

@@ -29,18 +29,27 @@ def ball_prover(loops: Loops, along: str, period: np.ndarray, operations: float 
         from wavesweep.prove.ball_polynomials import Budget
         from wavesweep.prove.columns import prove_column
 
-        loop, span = loops.one(column), (low - MARGIN * abs(low), high + MARGIN * abs(high))
-        loop, budget = loop.in_whole_ticks(along), budgets.setdefault(column, Budget(operations))
+        loop = loops.one(column).in_whole_ticks(along)
         if loop is None:
             return None
+        budget = budgets.setdefault(column, Budget(operations))
+        span = (low - MARGIN * abs(low), high + MARGIN * abs(high))
+        proof = None
         with suppress(IllPosedLoopError):
             drift = loop.changed({along: np.array(span)}).drift()
-            proof = prove_column(*loop, along, span, len(drift.states) - len(drift.remaining), operations=budget)
-            if proof:
-                exact_ends = dict(zip(span, (low, high), strict=True))
-                rows = [(exact_ends.get(row[0], row[0]), exact_ends.get(row[1], row[1]), *row[2:]) for row in proof.intervals]
-                return [(*row[:2], *(angle(column, loop, *end) for end in zip(row[2:], row[:2], strict=True))) for row in rows]
-        return None
+            integrators = len(drift.states) - len(drift.remaining)
+            proof = prove_column(*loop, along, span, integrators, operations=budget)
+        if not proof:
+            return None
+        asked = dict(zip(span, (low, high), strict=True))
+        rows = []
+        for found_start, found_stop, start_omega, stop_omega in proof.intervals:
+            start = asked.get(found_start, found_start)
+            stop = asked.get(found_stop, found_stop)
+            start_angle = angle(column, loop, start_omega, start)
+            stop_angle = angle(column, loop, stop_omega, stop)
+            rows.append((start, stop, start_angle, stop_angle))
+        return rows
 
     def angle(column, loop, omega, value):
         """The angle per frame of an oscillation at a value of the number, which the rate may follow from."""

@@ -6,7 +6,7 @@ A number of the loop may be a ball that holds a whole range of it, real or compl
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache, partial, reduce
+from functools import lru_cache, partial
 from math import lcm
 from types import SimpleNamespace
 from typing import Any
@@ -44,25 +44,41 @@ class BallLoop:
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
         if drawing.dead_times:
             raise ValueError(f"dead times in seconds: {', '.join(drawing.dead_times)}")
-        self.drawing, self.number, self._kept = drawing, number, {}
+        self.drawing = drawing
+        self.number = number
+        self._kept = {}
         self.blocks = [*(block.core(drawing.tick_hz) for block in drawing.alone), *drawing.plants]
         self.values = {name: value for name, value in scalars(values).items() if value is not None}
-        every = [int(value_of(block.every, self.values)) for block in self.blocks]
-        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks]
-        self.every, self.phases, self.ticks = every, phases, lcm(*every)
-        rhythms = list(enumerate(zip(every, phases, strict=True)))
-        self.kinds = tuple(tuple(i for i, (n, phases) in rhythms if t % n in phases) for t in range(self.ticks))
-        self.inputs, self.outputs = (
-            [(i, f"{block.name}.{port}") for i, block in enumerate(self.blocks) for port in block.ports[side]]
-            for side in (0, 1)
-        )
+        self.every = [int(value_of(block.every, self.values)) for block in self.blocks]
+        self.phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in self.blocks]
+        self.ticks = lcm(*self.every)
+        self.kinds = tuple(self._running_in(tick) for tick in range(self.ticks))
+        self.inputs = []
+        self.outputs = []
+        for i, block in enumerate(self.blocks):
+            inputs, outputs = block.ports
+            self.inputs += [(i, f"{block.name}.{port}") for port in inputs]
+            self.outputs += [(i, f"{block.name}.{port}") for port in outputs]
         self.at = {signal: j for j, (_, signal) in enumerate(self.outputs)}
         self.wires = {}
+        read = set()
         for port, terms in drawing.wires:
-            named = ((drawing.inside.get(signal, signal), gain) for signal, gain in terms)
-            self.wires[drawing.inside.get(port, port)] = [(signal, gain) for signal, gain in named if signal in self.at]
-        read = {self.at[signal] for terms in self.wires.values() for signal, _ in terms}
-        self.held = [j for j, (i, _) in enumerate(self.outputs) if every[i] > 1 and j in read]
+            kept = []
+            for signal, gain in terms:
+                source = drawing.inside.get(signal, signal)
+                if source in self.at:
+                    kept.append((source, gain))
+                    read.add(self.at[source])
+            self.wires[drawing.inside.get(port, port)] = kept
+        self.held = [j for j, (i, _) in enumerate(self.outputs) if self.every[i] > 1 and j in read]
+
+    def _running_in(self, tick: int) -> tuple[int, ...]:
+        """The blocks that run in a tick of the frame."""
+        running = []
+        for i, (every, phases) in enumerate(zip(self.every, self.phases, strict=True)):
+            if tick % every in phases:
+                running.append(i)
+        return tuple(running)
 
     def rate(self, number: Any) -> Any:
         """The rate of the tick (Hz) at a value of the number."""
@@ -74,21 +90,27 @@ class BallLoop:
         number: an arb or an acb. Entries are NaN if an algebraic loop may have no solution in that ball.
         """
         ticks = self.tick_maps(number)
-        pivot = reduce(lambda total, kind: total * ticks[kind][1], self.kinds, type(number)(1))
-        return product(self.kinds, {kind: tick for kind, (tick, _) in ticks.items()}), pivot
+        pivot = type(number)(1)
+        for kind in self.kinds:
+            _, pivot_of_tick = ticks[kind]
+            pivot = pivot * pivot_of_tick
+        maps = {kind: tick for kind, (tick, _) in ticks.items()}
+        return product(self.kinds, maps), pivot
 
     def pattern(self, number: Any) -> np.ndarray:
         """The entries of the frame that may not be 0 for a value in the ball `number`; zeros of sums are not seen."""
-        ones = {kind: arb_mat(_places(tick).astype(int).tolist()) for kind, (tick, _) in self.tick_maps(number).items()}
+        ones = {}
+        for kind, (tick, _) in self.tick_maps(number).items():
+            ones[kind] = arb_mat(_places(tick).astype(int).tolist())
         return _places(product(self.kinds, ones))
 
     def tick_maps(self, number: Any) -> dict[tuple[int, ...], tuple[Any, Any]]:
         """The map of each kind of tick, and the determinant of its algebraic loops."""
         blocks = [self._block(i, block, number) for i, block in enumerate(self.blocks)]
         matrix = arb_mat if isinstance(number, arb) else acb_mat
-        owners, wires = [i for i, block in enumerate(blocks) for _ in block[0]], self._wire_gains(matrix, number)
-        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.blocks]
-        A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
+        wires = self._wire_gains(matrix, number)
+        owners = [i for i, (A, *_) in enumerate(blocks) for _ in A]  # of each state
+        A, B, C, D = _side_by_side(blocks, [len(block.ports[0]) for block in self.blocks])
         return {kind: self._tick(set(kind), matrix, owners, wires, A, B, C, D) for kind in set(self.kinds)}
 
     def _wire_gains(self, matrix, number):
@@ -101,23 +123,42 @@ class BallLoop:
         return matrix(len(W), len(self.outputs), [gain for row in W for gain in row])  # a list of no rows has no columns
 
     def _tick(self, running, matrix, owners, W, A, B, C, D):
-        states, size = len(owners), len(owners) + len(self.held)
+        states = len(owners)
+        size = states + len(self.held)
+        places = {j: states + k for k, j in enumerate(self.held)}  # of held outputs among all that is remembered
 
-        def form(row, unit=-1):
-            return [*row, *[0] * (size - len(row))] if unit < 0 else [int(k == unit) for k in range(size)]
+        def padded(row):
+            return [*row, *[0] * (size - len(row))]
 
-        places, runs = {j: states + k for k, j in enumerate(self.held)}, [i in running for i, _ in self.outputs]
-        C = matrix([form(row) if on else form((), places.get(j, -1)) for j, (row, on) in enumerate(zip(C, runs, strict=True))])
-        D = matrix([row if on else [0] * len(row) for row, on in zip(D, runs, strict=True)])
+        def unit(at):
+            return [int(k == at) for k in range(size)]
+
+        runs = [i in running for i, _ in self.outputs]
+        shown = []
+        through = []
+        for j, (of_states, of_inputs) in enumerate(zip(C, D, strict=True)):
+            if runs[j]:
+                shown.append(padded(of_states))
+                through.append(of_inputs)
+            else:
+                shown.append(unit(places.get(j)))
+                through.append([0] * len(of_inputs))
+        C = matrix(shown)
+        D = matrix(through)
         inputs, pivot = _closed(W * D, W * C)
         if not size:
             return matrix(0, 0), pivot
-        outputs, after = (C + D * inputs).tolist(), (matrix(B) * inputs).tolist() if B else []
         rows = []
+        by_inputs = (matrix(B) * inputs).tolist() if B else []
         for k, i in enumerate(owners):
-            row_k = [a + b for a, b in zip(form(A[k]), after[k], strict=True)]
-            rows.append(row_k if i in running else form((), k))
-        return matrix(rows + [outputs[j] if runs[j] else form((), at) for j, at in places.items()]), pivot
+            if i in running:
+                rows.append([a + b for a, b in zip(padded(A[k]), by_inputs[k], strict=True)])
+            else:
+                rows.append(unit(k))
+        outputs = (C + D * inputs).tolist()
+        for j, at in places.items():
+            rows.append(outputs[j] if runs[j] else unit(at))
+        return matrix(rows), pivot
 
     def _block(self, i: int, block: DrawnBlock | Plant, number: Any) -> Any:
         def made():
@@ -126,27 +167,37 @@ class BallLoop:
                 return self._plant(block, period, number)
             return matrices(block.type, period, self._keys(block, number))
 
-        return self._once(("block", i), (self.drawing.tick_hz, *(tree for _, tree in block.trees())), number, made)
+        trees = (self.drawing.tick_hz, *(tree for _, tree in block.trees()))
+        return self._once(("block", i), trees, number, made)
 
     def _plant(self, plant, T, number):
         """A plant of several blocks: `x' = A x + B u`, `y = C x + D u`, `u = K y + e` with e held over the period."""
         models = [continuous(block.type, self._keys(block, number)) for block in plant.members]
-        orders, ports = [len(A) for A, *_ in models], [len(block.ports[0]) for block in plant.members]
-        A, B, C, D = (_diagonal([model[k] for model in models], (orders, ports)[k % 2]) for k in range(4))
-        rates, shown = ([[*x, *u] for x, u in zip(*pair, strict=True)] for pair in ((A, B), (C, D)))
-        (inputs, outputs), n, m = plant.drawn_ports, sum(orders), sum(ports)
+        ports = [len(block.ports[0]) for block in plant.members]
+        A, B, C, D = _side_by_side(models, ports)
+        n = len(A)
+        m = sum(ports)
+        rates = [[*by_states, *by_inputs] for by_states, by_inputs in zip(A, B, strict=True)]
+        shown = [[*by_states, *by_inputs] for by_states, by_inputs in zip(C, D, strict=True)]
+        inputs, outputs = plant.drawn_ports
         K = [[0] * len(outputs) for _ in inputs]
         for port, terms in plant.couplings:
             for signal, gain in terms:
                 K[inputs.index(port)][outputs.index(signal)] = self._value(gain, number)
         of = arb_mat if isinstance(number, arb) else acb_mat
-        back = (of(K) * of(shown)).tolist()
-        unit = [[int(i == j) for j in range(n + m)] for i in range(n + m)]
-        right = of([[*row[:n], *unit[n + i][n:]] for i, row in enumerate(back)])
-        inside, _ = _closed(of([row[n:] for row in back]), right)
-        rows = (of(rates + shown) * of(unit[:n] + inside.tolist())).tolist()
-        A, B, C, D = ([row[half] for row in row_set] for row_set in (rows[:n], rows[n:]) for half in (slice(n), slice(n, None)))
-        return *(held(A, B, T) if n else (A, B)), C, D
+        coupled = (of(K) * of(shown)).tolist()  # K y by states and inputs
+        by_inputs = [row[n:] for row in coupled]
+        by_states_and_e = [[*row[:n], *_unit(i, m)] for i, row in enumerate(coupled)]
+        inside, _ = _closed(of(by_inputs), of(by_states_and_e))
+        states = [_unit(i, n + m) for i in range(n)]
+        closed = (of(rates + shown) * of(states + inside.tolist())).tolist()
+        A = [row[:n] for row in closed[:n]]
+        B = [row[n:] for row in closed[:n]]
+        C = [row[:n] for row in closed[n:]]
+        D = [row[n:] for row in closed[n:]]
+        if n:
+            A, B = held(A, B, T)
+        return A, B, C, D
 
     def _keys(self, block, number):
         types = TYPES[block.type].keys
@@ -159,18 +210,19 @@ class BallLoop:
             return int(value_of(value, self.values))
         if kind == "list":
             return [self._value(tree, number) for tree in value]
-        return [[self._value(tree, number) for tree in row] for row in value] if kind == "rows" else value
+        if kind == "rows":
+            return [[self._value(tree, number) for tree in row] for row in value]
+        return value
 
     def _value(self, tree: Tree, number: Any) -> Any:
         ball = type(number)
-        constants = {constant: constant for constant in constants_of(tree)}
-        constants |= {name: self.values[name] for name, _ in names_in(tree) if name != self.number}
+        known = {constant: ball(constant) for constant in constants_of(tree)}
+        for name, _ in names_in(tree):
+            if name != self.number:
+                known[name] = ball(self.values[name])
+        known[self.number] = number
         try:
-            return ball(
-                evaluate(
-                    named(tree), {name: ball(v) for name, v in constants.items()} | {self.number: number}, _LIBRARIES[ball]
-                )
-            )
+            return ball(evaluate(named(tree), known, _LIBRARIES[ball]))
         except ZeroDivisionError:
             return ball("nan")
 
@@ -186,14 +238,25 @@ class BallLoop:
 
 def _closed(L, R):
     """The solution of `u = L u + R` and the determinant; without a loop in L it takes no division."""
-    size, places = L.nrows(), _places(L)
-    steps, reached = 0, np.eye(size, dtype=bool)
+    size = L.nrows()
+    places = _places(L)
+    steps = 0
+    reached = np.eye(size, dtype=bool)
     while reached.any() and steps <= size:
-        steps, reached = steps + 1, (reached.astype(float) @ places) > 0
-    if steps <= size:
-        return reduce(lambda found, _: R + L * found, range(steps - 1), R), type(L)([[1]])[0, 0]
-    S = type(L)([[int(i == j) for j in range(size)] for i in range(size)]) - L
+        reached = (reached.astype(float) @ places) > 0
+        steps += 1
+    matrix = type(L)
+    if steps <= size:  # L is nilpotent: u = R + L R + L^2 R + ...
+        u = R
+        for _ in range(steps - 1):
+            u = R + L * u
+        return u, matrix([[1]])[0, 0]
+    S = matrix([_unit(i, size) for i in range(size)]) - L
     return S.solve(R, nonstop=True, algorithm="lu"), S.det()
+
+
+def _unit(at, size):
+    return [int(k == at) for k in range(size)]
 
 
 def _places(matrix):
@@ -201,9 +264,23 @@ def _places(matrix):
     return np.array(rows, bool).reshape(matrix.nrows(), matrix.ncols())
 
 
+def _side_by_side(models, ports):
+    """The rows of A, B, C and D of several models that do not act on each other; ports: how many inputs each has."""
+    orders = [len(A) for A, *_ in models]
+    rows = []
+    for place, widths in enumerate((orders, ports, orders, ports)):
+        rows.append(_diagonal([model[place] for model in models], widths))
+    return rows
+
+
 def _diagonal(parts, widths):
     """Rows of blocks in a diagonal."""
-    return [[*[0] * sum(widths[:i]), *row, *[0] * sum(widths[i + 1 :])] for i, matrix in enumerate(parts) for row in matrix]
+    rows = []
+    for i, matrix in enumerate(parts):
+        before = [0] * sum(widths[:i])
+        after = [0] * sum(widths[i + 1 :])
+        rows += [[*before, *row, *after] for row in matrix]
+    return rows
 
 
 def product(kinds: tuple, maps: Mapping) -> Any:
@@ -215,7 +292,10 @@ def _multiplied(plan, maps):
     kind, times, *factors = plan
     if times:
         return _multiplied(factors[0], maps) ** times
-    return _multiplied(factors[1], maps) * _multiplied(factors[0], maps) if factors else maps[kind]
+    if not factors:
+        return maps[kind]
+    first, second = factors
+    return _multiplied(second, maps) * _multiplied(first, maps)
 
 
 @lru_cache(maxsize=256)
@@ -225,7 +305,9 @@ def _plan(kinds):
     for period in range(1, size // 2 + 1):
         if size % period == 0 and kinds == kinds[:period] * (size // period):
             return None, size // period, _plan(kinds[:period])
-    return (None, 0, _plan(kinds[: size // 2]), _plan(kinds[size // 2 :])) if size > 1 else (kinds[0], 0)
+    if size == 1:
+        return kinds[0], 0
+    return None, 0, _plan(kinds[: size // 2]), _plan(kinds[size // 2 :])
 
 
 @lru_cache(maxsize=4096)
