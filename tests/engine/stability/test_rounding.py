@@ -43,7 +43,7 @@ def test_the_bound_is_that_of_perturbed_entries(kind, along):
         return found.high[0], found.high_omega[:1] * loop.period
 
     value, theta = end(cut)
-    bound = end_errors(cut, along, fixed, value, on_circle(theta), np.zeros(1, bool))[1]
+    bound = end_errors(cut, NUMBER[along], fixed, value, on_circle(theta), np.zeros(1, bool))[1]
     for _ in range(20):
         moved = {part: getattr(cut, part) * (1 + 1e-7 * r.choice([-1, 1], getattr(cut, part).shape)) for part in "EBCD"}
         found.append(end(replace(cut, **moved))[0])
