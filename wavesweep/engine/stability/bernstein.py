@@ -2,6 +2,7 @@
 
 from functools import cache
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,64 +28,87 @@ def roots_by_sign(coefficients, noise):
     complete = np.zeros(rows, bool)
     if n < 2 or n > MOST or not rows:
         return (np.zeros(0, int), *np.zeros((3, 0))), complete
-    (row, low, high, b), complete = _isolated(*_whole(coefficients), noise)
-    value = low + (high - low) * _single_root(b)
-    order = np.lexsort((value, row))
-    row, value, low, high, slope = (array[order] for array in (row, value, low, high, np.sign(b[-1])))
-    first = np.diff(row, prepend=-1) != 0
-    last = np.append(first[1:], True)[: row.size]
-    before, after = np.where(first, -1.0, np.roll(high, 1)), np.where(last, 1.0, np.roll(low, -1))
-    return (row, value, np.minimum(value - before, after - value), slope), complete
+    pieces, complete = _isolated(*_whole(coefficients), noise)
+    value = pieces.low + (pieces.high - pieces.low) * _single_root(pieces.b)
+    order = np.lexsort((value, pieces.row))
+    pieces = pieces.some(order)
+    value = value[order]
+    first = np.diff(pieces.row, prepend=-1) != 0
+    last = np.append(first[1:], True)[: order.size]
+    before = np.where(first, -1.0, np.roll(pieces.high, 1))
+    after = np.where(last, 1.0, np.roll(pieces.low, -1))
+    apart = np.minimum(value - before, after - value)
+    return (pieces.row, value, apart, np.sign(pieces.b[-1])), complete
+
+
+class _Pieces(NamedTuple):
+    """Pieces from low to high of rows, and their Bernstein coefficients b, `(n, pieces)`."""
+
+    row: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    b: np.ndarray
+
+    def some(self, index) -> "_Pieces":
+        """Some of the pieces."""
+        return _Pieces(self.row[index], self.low[index], self.high[index], self.b[:, index])
 
 
 def _whole(coefficients):
     """Return the Bernstein coefficients on [-1, 1], `(n, rows)`, and a bound on their rounding."""
-    c, change = np.ascontiguousarray(coefficients.T), change_of_basis(coefficients.shape[1])
+    c = np.ascontiguousarray(coefficients.T)
+    change = change_of_basis(len(c))
     # Sums and not a matrix product, which BLAS may round differently in another batch.
-    b, size = change[:, :1] * c[0], np.abs(change[:, :1] * c[0])
+    b = change[:, :1] * c[0]
+    size = np.abs(b)
     for k in range(1, len(c)):
         term = change[:, k : k + 1] * c[k]
-        b, size = b + term, size + np.abs(term)
+        b = b + term
+        size = size + np.abs(term)
     return b, (len(c) + 2) * np.finfo(float).eps * size.max(0)
 
 
 def _isolated(b, rounding, noise):
-    """Return pieces with a single root, (row, low, high, Bernstein coefficients), and which rows are completely decided."""
+    """Return pieces with a single root, and which rows are completely decided."""
     n, rows = b.shape
-    row, low, high = np.arange(rows), np.full(rows, -1.0), np.full(rows, 1.0)
-    farthest, pieces = largest_bernstein(n - 1), []
+    farthest = largest_bernstein(n - 1)
     # A root at an end itself is no matter of signs.
-    complete = np.isfinite(b).all(0) & (np.minimum(np.abs(b[0]), np.abs(b[-1])) > noise + rounding)
-    row, low, high, b, rounding = (array[..., complete] for array in (row, low, high, b, rounding))
+    at_ends = np.minimum(np.abs(b[0]), np.abs(b[-1]))
+    complete = np.isfinite(b).all(0) & (at_ends > noise + rounding)
+    pieces = _Pieces(np.arange(rows), np.full(rows, -1.0), np.full(rows, 1.0), b).some(complete)
+    rounding = rounding[complete]
+    found = []
     for _ in range(HALVINGS):
+        row, low, high, b = pieces
         level = noise[row]
         none = (b.min(0) > level + rounding) | (b.max(0) < -level - rounding)
         threshold = farthest * level + rounding
         sign = (b > threshold).astype(np.int8) - (b < -threshold)
-        changes, unknown = (sign[1:] != sign[:-1]).sum(0), (sign == 0).sum(0)
+        changes = (sign[1:] != sign[:-1]).sum(0)
+        unknown = (sign == 0).sum(0)
         # The signs change once; one may be unknown if it is between the two.
         single = ~none & (sign[0] * sign[-1] == -1) & (unknown <= 1) & (changes == 1 + unknown)
-        pieces.append(tuple(array[..., single] for array in (row, low, high, b)))
+        found.append(pieces.some(single))
         rest = ~none & ~single
         complete[row[rest & (np.abs(b).max(0) <= level + rounding)]] = False  # a piece that noise alone may be
         rest = np.flatnonzero(rest & complete[row])
         if not rest.size:
             break
-        row, low, high, b, rounding = (array[..., rest] for array in (row, low, high, b, rounding))
-        rounding = rounding + 4 * n * np.finfo(float).eps * np.abs(b).max(0)
+        row, low, high, b = pieces.some(rest)
+        rounding = np.tile(rounding[rest] + 4 * n * np.finfo(float).eps * np.abs(b).max(0), 2)
         middle = low + SHARE * (high - low)
-        b = np.concatenate(_halves(b), axis=-1)
-        row, rounding, low, high = np.tile(row, 2), np.tile(rounding, 2), np.append(low, middle), np.append(middle, high)
+        halves = np.concatenate(_halves(b), axis=-1)
+        pieces = _Pieces(np.tile(row, 2), np.append(low, middle), np.append(middle, high), halves)
     else:
-        complete[row] = False
-    row, low, high, b = (np.concatenate(arrays, axis=-1) for arrays in zip(*pieces, strict=True))
-    decided = complete[row]
-    return (row[decided], low[decided], high[decided], b[:, decided]), complete
+        complete[pieces.row] = False
+    joined = _Pieces(*(np.concatenate(arrays, axis=-1) for arrays in zip(*found, strict=True)))
+    return joined.some(complete[joined.row]), complete
 
 
 def _halves(b):
     """Return the coefficients on either side of the cut (de Casteljau)."""
-    work, left = b.copy(), np.empty_like(b)
+    work = b.copy()
+    left = np.empty_like(b)
     left[0] = work[0]
     for k in range(1, len(b)):
         work[:-k] = (1 - SHARE) * work[:-k] + SHARE * work[1 : len(b) - k + 1]
@@ -100,29 +124,39 @@ def _single_root(b):
     n, count = b.shape
     b = b * np.sign(b[-1])
     after = (b <= 0).sum(0)  # the control polygon, which rises through zero before this coefficient, starts it
-    before, behind = (np.take_along_axis(b, at[None], 0)[0] for at in (after - 1, after))
+    before = np.take_along_axis(b, after[None] - 1, 0)[0]
+    behind = np.take_along_axis(b, after[None], 0)[0]
     t = (after - 1 + before / (before - behind)) / (n - 1)
-    low, high, active = np.zeros(count), np.ones(count), np.arange(count)
+    low = np.zeros(count)
+    high = np.ones(count)
+    active = np.arange(count)
     for _ in range(STEPS):
         if not active.size:
             break
         now = t[active]
         value, slope = _value_and_slope(b if active.size == count else b[:, active], now)
-        low[active], high[active] = np.where(value <= 0, now, low[active]), np.where(value > 0, now, high[active])
+        low[active] = np.where(value <= 0, now, low[active])
+        high[active] = np.where(value > 0, now, high[active])
         with np.errstate(divide="ignore", invalid="ignore"):
             step = -value / slope
-        least, most, last = low[active], high[active], np.abs(step) <= CLOSE
+        least = low[active]
+        most = high[active]
+        last = np.abs(step) <= CLOSE
         following = now + step
         inside = (following > least) & (following < most)
-        following = np.where(inside, following, np.where(last, np.clip(following, least, most), (least + most) / 2))
-        t[active], active = following, active[~last]
+        instead = np.where(last, np.clip(following, least, most), (least + most) / 2)
+        t[active] = np.where(inside, following, instead)
+        active = active[~last]
     return t
 
 
 def _value_and_slope(b, t):
     """Return the polynomial with these Bernstein coefficients, and its derivative, at t in [0, 1] (Horner's rule)."""
-    n, s = len(b), 1 - t
-    power, value, slope = np.ones_like(t), b[0], b[1] - b[0]
+    n = len(b)
+    s = 1 - t
+    power = np.ones_like(t)
+    value = b[0]
+    slope = b[1] - b[0]
     for k in range(1, n):
         power = power * t
         value = value * s + comb(n - 1, k) * b[k] * power
@@ -135,16 +169,13 @@ def _value_and_slope(b, t):
 def change_of_basis(n):
     """Return the Bernstein coefficients on [-1, 1], of degree n - 1, of U_0 .. U_{n-1}: `(n, n)`, every entry rounded once."""
     top = n - 1
-    change = np.array(
-        [
-            [
-                sum((-1) ** (k - j) * comb(2 * k + 2, 2 * j + 1) * comb(top - k, i - j) for j in range(min(i, k) + 1))
-                / (2 * comb(top, i))
-                for k in range(n)
-            ]
-            for i in range(n)
-        ]
-    )
+    change = np.empty((n, n))
+    for i in range(n):
+        for k in range(n):
+            total = 0  # in whole numbers, which rounds only in the division
+            for j in range(min(i, k) + 1):
+                total += (-1) ** (k - j) * comb(2 * k + 2, 2 * j + 1) * comb(top - k, i - j)
+            change[i, k] = total / (2 * comb(top, i))
     change.flags.writeable = False
     return change
 

@@ -88,7 +88,8 @@ def _moved(E, state):
 
 def _shifted(cut, w):
     """Return `w I - E`."""
-    w, n = np.asarray(w), cut.E.shape[-1]
+    w = np.asarray(w)
+    n = cut.E.shape[-1]
     A = np.empty((*np.broadcast_shapes(w.shape, cut.E.shape[:-2]), n, n), np.result_type(w, cut.E))
     np.negative(cut.E, out=A)
     A.reshape(*A.shape[:-2], n * n)[..., :: n + 1] += w[..., None]
@@ -100,8 +101,11 @@ def times(matrix, columns):
 
     BLAS rounds what is contiguous in another way than what is not, and last digits must not follow from how memory is laid out.
     """
-    matrix, columns = np.ascontiguousarray(matrix), np.ascontiguousarray(columns)
-    return matrix @ columns if np.iscomplexobj(matrix) else (matrix @ columns.view(float)).view(columns.dtype)
+    matrix = np.ascontiguousarray(matrix)
+    columns = np.ascontiguousarray(columns)
+    if np.iscomplexobj(matrix):
+        return matrix @ columns
+    return (matrix @ columns.view(float)).view(columns.dtype)
 
 
 def _outputs(cut, state):
@@ -132,8 +136,12 @@ def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> tuple[Poli
     the inverses of `w I - E` there or next to them, `(seeds, n, n)`.
     Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
     """
-    theta, value, inverses = theta.astype(float), np.full(theta.shape, np.nan), None
-    (done, far_off), active = np.zeros((2, *theta.shape), bool), np.arange(theta.size)
+    theta = theta.astype(float)
+    value = np.full(theta.shape, np.nan)
+    done = np.zeros(theta.shape, bool)
+    far_off = np.zeros(theta.shape, bool)
+    inverses = None
+    active = np.arange(theta.size)
     for _ in range(ROUNDS):
         if not active.size and inverses is not None:
             break
@@ -142,7 +150,9 @@ def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> tuple[Poli
         resolvent = Inverse(inverse(_shifted(loops, w)))
         curve, speed = _value_and_slope(loops, along, fixed[active], w, resolvent)
         step = _newton(*curve, theta[active], scale)
-        theta[active], value[active], done[active] = step.theta, step.value, step.converged
+        theta[active] = step.theta
+        value[active] = step.value
+        done[active] = step.converged
         if inverses is None:
             inverses = resolvent.matrix
         else:
@@ -160,7 +170,9 @@ def polish_of_many_states(
     cut: LinearFractional, states: ManyStates, along: str, fixed: float, theta, scale
 ) -> PolishedCrossings:
     """`polish` for a single loop of many states, without inverses, and so in little memory."""
-    theta, value, done = theta.astype(float), np.full(theta.shape, np.nan), np.zeros(theta.shape, bool)
+    theta = theta.astype(float)
+    value = np.full(theta.shape, np.nan)
+    done = np.zeros(theta.shape, bool)
     for first in range(0, theta.size, states.most):
         active = np.arange(first, min(first + states.most, theta.size))
         for _ in range(ROUNDS):
@@ -169,7 +181,9 @@ def polish_of_many_states(
             w = on_circle(theta[active])
             curve, _ = _value_and_slope(cut, along, fixed, w, states.at(w))
             step = _newton(*curve, theta[active], scale)
-            theta[active], value[active], done[active] = step.theta, step.value, step.converged
+            theta[active] = step.theta
+            value[active] = step.value
+            done[active] = step.converged
             active = active[~step.last]
     return PolishedCrossings(theta, value, done)
 
@@ -187,12 +201,14 @@ class _Step(NamedTuple):
 def _newton(now, slope, theta, scale) -> _Step:
     """A step of Newton's method from K(theta) and dK/dtheta; see `polish`."""
     far = np.abs(now) > scale
-    now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
+    slope = np.where(far, -slope / now**2, slope)
+    now = np.where(far, 1 / now, now)
     step = -now.imag / slope.imag
     step = np.where(np.isfinite(step), step, 0.0)
     size = np.abs(step)
     small = size <= LAST_STEP * np.minimum(theta, np.pi - theta)
-    least, most = NEAREST_END * theta, np.pi - NEAREST_END * (np.pi - theta)
+    least = NEAREST_END * theta
+    most = np.pi - NEAREST_END * (np.pi - theta)
     estimate = now.real + step * slope.real  # its error is the square of the step
     value = np.where(far, 1 / estimate, estimate)
     return _Step(np.clip(theta + step, least, most), value, small & (slope.imag != 0), size, small)
@@ -202,7 +218,8 @@ def _value_and_slope(cut, along, fixed, w, resolvent):
     """Return K(theta) and dK/dtheta, complex, as a pair; and the relative change of the states per angle."""
     state = _states(cut, w, resolvent)
     turn = resolvent.reached(state)
-    G, dG = _outputs(cut, state), -times(cut.C, turn)[..., 0]
+    G = _outputs(cut, state)
+    dG = -times(cut.C, turn)[..., 0]
     with np.errstate(all="ignore"):
         speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
     slopes = Terms(0.0, dG[..., OFFSET], dG[..., VELOCITY])  # by w
@@ -214,10 +231,12 @@ def _value_and_slope(cut, along, fixed, w, resolvent):
 
 def _solved(t, slopes, along, fixed, w):
     """Return the number that solves the equation, and its derivative by theta, complex."""
-    (solved, fixed_term), (d_solved, d_fixed) = t.along(along), slopes.along(along)
+    solved, fixed_term = t.along(along)
+    d_solved, d_fixed = slopes.along(along)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = (t.unit - fixed * fixed_term) / solved
-        return value, (slopes.unit - fixed * d_fixed - value * d_solved) / solved * (1j * (1 + w))
+        by_w = (slopes.unit - fixed * d_fixed - value * d_solved) / solved
+        return value, by_w * (1j * (1 + w))
 
 
 def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, resolvent=None, least: float = 0.0):
@@ -232,12 +251,14 @@ def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, reso
     `y dE R B`, R the resolvent and y what it makes of the row that the numbers read, and so does the value; if that
     grazes the real axis, the angle changes by `Im dK/Im K'`, which moves K by `Re K'` times as much.
     """
-    w, pair = np.asarray(w), (value, fixed) if along == FIRST else (fixed, value)
-    resolvent = Inverse(inverse(_shifted(cut, w))) if resolvent is None else resolvent
+    w = np.asarray(w)
+    pair = (value, fixed) if along == FIRST else (fixed, value)
+    if resolvent is None:
+        resolvent = Inverse(inverse(_shifted(cut, w)))
     state = _states(cut, w, resolvent)
-    G, row = _outputs(cut, state), _read_row(cut, w, pair, cut.C)
-    left = _adjoint(cut, w, row, resolvent)
+    G = _outputs(cut, state)
     t = terms_of(cut, w, G)
+    left = _adjoint(cut, w, _read_row(cut, w, pair, cut.C), resolvent)
     slope = (left * state[..., 0]).sum(-1)
     if cut.integrates:
         slope = slope + 1 - pair[0] * G[..., OFFSET] - pair[1] * G[..., VELOCITY]
@@ -248,15 +269,17 @@ def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, reso
         further = least * np.abs(solved)
         size = np.abs(t.unit) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + further
         size = np.where(size > 0, size, 1)  # at K = 0 the equation is 0 = 0 by structure
-        rounding, error = _with_errors(
-            cut, np.abs(w), tuple(map(np.abs, pair)), np.abs(left), np.abs(state), _left(cut, w, state)
-        )
-        return residual(t, *pair, further), error / np.abs(solved) * grazing, rounding / size
+        sizes = np.abs(w), (np.abs(pair[0]), np.abs(pair[1])), np.abs(left), np.abs(state)
+        rounding, error = _with_errors(cut, *sizes, _left(cut, w, state))
+        moved = error / np.abs(solved) * grazing
+        return residual(t, *pair, further), moved, rounding / size
 
 
 def _read_row(cut, w, pair, rows):
     """Return the row that the two numbers read, `(..., n)`; rows: those of C, `(..., 3, n)`."""
-    (K, B), w = (np.asarray(value)[..., None] for value in pair), w[..., None]
+    K = np.asarray(pair[0])[..., None]
+    B = np.asarray(pair[1])[..., None]
+    w = w[..., None]
     if not cut.integrates:
         return K * rows[..., OFFSET, :] + B * rows[..., VELOCITY, :]
     return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., VELOCITY, :]
@@ -265,10 +288,11 @@ def _read_row(cut, w, pair, rows):
 def _adjoint(cut, w, row, resolvent):
     """Return `row (w I - E)^-1`, `(..., n)`, refined."""
     left = resolvent.row(row)
-    change = row - w[..., None] * left + _moved(np.swapaxes(cut.E, -1, -2), left[..., None])[..., 0]
-    change = resolvent.row(change)
+    missed = row - w[..., None] * left + _moved(np.swapaxes(cut.E, -1, -2), left[..., None])[..., 0]
+    change = resolvent.row(missed)
+    smaller = np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True)
     # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.
-    return left + np.where(np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True), change, 0.0)
+    return left + np.where(smaller, change, 0.0)
 
 
 def _with_errors(cut, w, pair, reach, size, missed):
@@ -278,14 +302,13 @@ def _with_errors(cut, w, pair, reach, size, missed):
     of the entries, and of the solve. reach, size: of adjoint and states. missed: what the states leave of their equations.
     """
 
-    def reached(of_states, read, direct):
-        return (
-            (reach * of_states).sum(-1)
-            + (_read_row(cut, w, pair, read) * size[..., 0]).sum(-1)
-            + _read_row(cut, w, pair, direct)[..., 0]
-        )
+    def in_equation(E, B, C, D):
+        """What errors of the matrices that are so large reach the equation by."""
+        of_states = (reach * (E @ size + B)[..., 0]).sum(-1)
+        of_outputs = (_read_row(cut, w, pair, C) * size[..., 0]).sum(-1)
+        return of_states + of_outputs + _read_row(cut, w, pair, D)[..., 0]
 
-    missed = (reach * np.abs(missed)[..., 0]).sum(-1)
-    far = reached((np.abs(cut.E) @ size + np.abs(cut.B))[..., 0], np.abs(cut.C), np.abs(cut.D))
-    rounding = np.finfo(float).eps * far + missed
-    return rounding, rounding + reached((cut.dE @ size + cut.dB)[..., 0], cut.dC, cut.dD)
+    of_solve = (reach * np.abs(missed)[..., 0]).sum(-1)
+    terms = in_equation(np.abs(cut.E), np.abs(cut.B), np.abs(cut.C), np.abs(cut.D))
+    rounding = np.finfo(float).eps * terms + of_solve
+    return rounding, rounding + in_equation(cut.dE, cut.dB, cut.dC, cut.dD)
