@@ -9,7 +9,7 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.check import on_check
 from wavesweep.check import room_of_numbers as judging
-from wavesweep.check.verdict import verdict_lines
+from wavesweep.check.verdict import distance, verdict_lines
 from wavesweep.program.analyses.assumptions import of_axes
 from wavesweep.program.spec import SYMBOLS, load
 
@@ -24,6 +24,14 @@ def verdict(values):
 
 def limit_of(found, name):
     return next(each for each in found["limits"] if each["name"] == name)
+
+
+def test_the_nearest_end_counts_first():
+    """Where there is no room for the ranges of all numbers; what is not stable comes before them."""
+    ends = [(0.9, 50.0), (0.5, 1.5), (0.1, None), (None, None)]
+    ranks = [distance({"value": 1.0, "stable": True, "low": low, "high": high}) for low, high in ends]
+    assert 0 < ranks[0] < ranks[1] < ranks[2] < ranks[3] == 1
+    assert distance({"value": 1.0, "stable": False, "low": None, "high": None}) == 0
 
 
 @pytest.mark.slow

@@ -78,6 +78,26 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     assert Sentences(tally.numbers()).stiffest_felt().startswith(f"{felt}, at an end of an interval: 9 N/m")
 
 
+def test_what_is_proved_is_rounded_down_and_what_is_certified_is_rounded():
+    columns = {
+        "b": np.array([1.0]),
+        "along": np.array(["K_VE"], object),
+        "intervals": np.array([1]),
+        "interval": np.array([0]),
+        "low": np.array([0.0]),
+        "high": np.array([1000.9999]),
+        "high_omega": np.array([40.0]),
+        "certified": np.array([True]),
+        "doubt": np.array([""], object),
+        "felt_low": np.array([0.0]),
+        "felt_high": np.array([5.0]),
+    } | known(1)
+    tally = LoopSummary()
+    tally.add(columns)
+    assert "largest stable K_VE: 1001 N/m" in Sentences(tally.numbers()).extremes()[0]
+    assert ": 1000.99 N/m" in Sentences(tally.numbers(), "for_all").extremes()[0]
+
+
 @pytest.mark.parametrize(
     ("doubt", "said"),
     [
