@@ -37,16 +37,24 @@ def respond(loop: Lifted, frequency_hz, good: float = GOOD) -> Response:
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     still = frequency == 0
-    response = Response(*(np.empty((*loop.port.batch, frequency.size), kind) for kind in (complex, complex, float, float)))
+    shape = *loop.port.batch, frequency.size
+    response = Response(np.empty(shape, complex), np.empty(shape, complex), np.empty(shape), np.empty(shape))
     with np.errstate(all="ignore"):
-        moving, width = np.flatnonzero(~still), max(1, TERMS // max(1, loop.weight))
-        for at in (moving[start : start + width] for start in range(0, moving.size, width)):
-            for array, values in zip(response, _responses(loop, loop.circle(frequency[at]), good), strict=True):
+        for at in _portions(loop, np.flatnonzero(~still)):
+            moving = _responses(loop, loop.circle(frequency[at]), good)
+            for array, values in zip(response, moving, strict=True):
                 array[..., at] = values
         if still.any():
-            for array, limits in zip(response, static_response(loop), strict=True):
-                array[..., still] = limits[..., None]
+            limits = static_response(loop)
+            for array, limit in zip(response, limits, strict=True):
+                array[..., still] = limit[..., None]
     return response
+
+
+def _portions(loop, columns):
+    """The columns of frequencies, some at a time, as many as keep arrays of loops, states and frequencies small."""
+    width = max(1, TERMS // max(1, loop.weight))
+    return (columns[start : start + width] for start in range(0, columns.size, width))
 
 
 def transfer(loop: Lifted, frequency_hz, good: float = GOOD) -> tuple[np.ndarray, np.ndarray]:
@@ -57,21 +65,31 @@ def transfer(loop: Lifted, frequency_hz, good: float = GOOD) -> tuple[np.ndarray
     multiples of the frame's rate.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
-    value, unsure = (np.empty((*loop.port.batch, frequency.size), kind) for kind in (complex, float))
-    still, width, frame = frequency == 0, max(1, TERMS // max(1, loop.weight)), loop.frame
+    still = frequency == 0
+    shape = *loop.port.batch, frequency.size
+    value = np.empty(shape, complex)
+    unsure = np.empty(shape)
+    frame = loop.frame
     with np.errstate(all="ignore"):
-        moving = np.flatnonzero(~still)
-        terms = (frame.forced_size[..., :1] + (frame.sizes[0] @ frame.sizes[1])[..., :1, 0]) / frame.ticks
-        for at in (moving[start : start + width] for start in range(0, moving.size, width)):
+        to_state, to_output = frame.sizes[1], frame.sizes[0]
+        through_states = (to_output @ to_state)[..., :1, 0]
+        terms = (frame.forced_size[..., :1] + through_states) / frame.ticks
+        for at in _portions(loop, np.flatnonzero(~still)):
             points = loop.circle(frequency[at])
-            signal, error = (quantities[..., 0, :] for quantities in _quantities(loop, points, good))
+            quantities, errors = _quantities(loop, points, good)
+            signal = quantities[..., 0, :]
+            error = errors[..., 0, :]
             none = (np.abs(signal) <= error) & (error <= NOTHING * terms) & (points.frame == 0)
-            signal, error = np.where(none, 0.0, signal), np.where(none, 0.0, error)
+            signal = np.where(none, 0.0, signal)
+            error = np.where(none, 0.0, error)
             relative = np.where(error == 0, 0.0, error / np.abs(signal)) + 4 * np.finfo(float).eps
-            unsure[..., at] = relative = np.where(relative < LOST, relative, np.nan)
+            relative = np.where(relative < LOST, relative, np.nan)
+            unsure[..., at] = relative
             value[..., at] = np.where(np.isnan(relative), np.nan, signal)
         if still.any():
-            value[..., still], unsure[..., still] = (limits[..., None] for limits in dcgain_between(loop))
+            limit, of_limit = dcgain_between(loop)
+            value[..., still] = limit[..., None]
+            unsure[..., still] = of_limit[..., None]
     return value, unsure
 
 
@@ -87,26 +105,39 @@ def static_response(loop: Lifted) -> Response:
     """
     with np.errstate(all="ignore"):
         (position, force), (of_position, of_force), rest = dcgain(loop)
-        limits = np.stack([position, np.where(rest.silent & ~rest.rigid, 0.0, force / position)])
-        error = np.stack([of_position / np.abs(position), np.where(force == 0, 0.0, of_force / np.abs(force))])
-        error[1] += np.where(force == 0, 0.0, error[0])
+        nothing_comes = rest.silent & ~rest.rigid
+        impedance = np.where(nothing_comes, 0.0, force / position)
+        limits = np.stack([position, impedance])
+        of_admittance = of_position / np.abs(position)
+        from_force = np.where(force == 0, 0.0, of_force / np.abs(force))
+        from_position = np.where(force == 0, 0.0, of_admittance)
+        error = np.stack([of_admittance, from_force + from_position])
         rough = ~(error <= GOOD).all(0) & ~(rest.going | rest.rigid | loop.lost)
         if rough.any():
             low = np.full(limits.shape, np.inf)
             if rough.ndim == 1:
-                low[:, rough] = _from_low_frequencies(Lifted.of(loop.port.some(rough)), limits[:, rough])
+                few = Lifted.of(loop.port.some(rough))
+                low[:, rough] = _from_low_frequencies(few, limits[:, rough])
             else:
                 low[...] = _from_low_frequencies(loop, limits)
             error = np.where(rough & (limits != 0), np.fmin(error, low), error)
         error += np.where(limits == 0, 0.0, 4 * np.finfo(float).eps)
-        limits = np.where(error < LOST, limits, np.nan)
-        error = np.where(error < LOST, error, np.nan)
-        limits[0], error[0] = np.where(rest.going, np.nan, limits[0]), np.where(rest.going, 0.0, error[0])
-        none = np.where(np.abs(force) > of_force, 0.0, np.nan)  # whether it is known that a rigid loop has no impedance
-        for row, (value, unsure) in enumerate(((0.0, 0.0), (np.nan, none))):
-            limits[row], error[row] = np.where(rest.rigid, value, limits[row]), np.where(rest.rigid, unsure, error[row])
-        limits, error = np.where(loop.lost, np.nan, limits), np.where(loop.lost, np.nan, error)
-    return Response(limits[0] + 0j, limits[1] + 0j, error[0], error[1])
+        known = error < LOST
+        limits = np.where(known, limits, np.nan)
+        error = np.where(known, error, np.nan)
+        admittance, impedance = limits
+        of_admittance, of_impedance = error
+        # A constant force moves the position without end: there is no admittance.
+        admittance = np.where(rest.going, np.nan, admittance)
+        of_admittance = np.where(rest.going, 0.0, of_admittance)
+        # It does not move it at all: the admittance is 0, and there is no impedance if a force is known to come.
+        no_impedance = np.where(np.abs(force) > of_force, 0.0, np.nan)
+        admittance = np.where(rest.rigid, 0.0, admittance)
+        of_admittance = np.where(rest.rigid, 0.0, of_admittance)
+        impedance = np.where(rest.rigid, np.nan, impedance)
+        of_impedance = np.where(rest.rigid, no_impedance, of_impedance)
+        numbers = admittance + 0j, impedance + 0j, of_admittance, of_impedance
+        return Response(*(np.where(loop.lost, np.nan, number) for number in numbers))
 
 
 def _from_low_frequencies(loop, limits):
@@ -124,32 +155,44 @@ def _from_low_frequencies(loop, limits):
         low = [np.where((level == power)[..., None], new, old) for new, old in zip(response, low, strict=True)]
     off = []
     for value, at_low, error in zip(limits, low[:2], low[2:], strict=True):
-        first, second = ((4 * at_low[..., i + 1] - at_low[..., i]).real / 3 for i in (0, 1))
-        expected, missed = (16 * second - first) / 15, EXTRAPOLATED * (error * np.abs(at_low)).max(-1)
-        off.append((np.abs(value - expected) + missed) / np.minimum(np.abs(value), np.abs(expected)))
+        first = (4 * at_low[..., 1] - at_low[..., 0]).real / 3
+        second = (4 * at_low[..., 2] - at_low[..., 1]).real / 3
+        expected = (16 * second - first) / 15
+        missed = EXTRAPOLATED * (error * np.abs(at_low)).max(-1)
+        away = np.abs(value - expected) + missed
+        off.append(away / np.minimum(np.abs(value), np.abs(expected)))
     return np.stack(off)
 
 
 def _responses(loop, points, good):
     """`respond` for some frequencies that are not 0."""
     quantities, error = _quantities(loop, points, good)
-    force, unsure = quantities[..., 1, :], error[..., 1, :]
-    none = (np.abs(force) <= unsure) & (unsure <= NOTHING) & (points.frame == 0)  # as of one that is held over the frame
-    quantities[..., 1, :], error[..., 1, :] = np.where(none, 0.0, force), np.where(none, 0.0, unsure)
+    force = quantities[..., 1, :]
+    of_force = error[..., 1, :]
+    small = (np.abs(force) <= of_force) & (of_force <= NOTHING)
+    none = small & (points.frame == 0)  # as of one that is held over the frame
+    quantities[..., 1, :] = np.where(none, 0.0, force)
+    error[..., 1, :] = np.where(none, 0.0, of_force)
     return relative_response(quantities, error)
 
 
 def _quantities(loop, points, good):
     """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop that is lost."""
     quantities, error, again = _by_modes(loop, points)
-    ways = (again, lambda index: loop.bordered.outputs(points.at(index)))
-    for improve in ways if fits(loop.port) else ways[:1]:
+    ways = [again]
+    if fits(loop.port):
+        ways.append(lambda index: loop.bordered.outputs(points.at(index)))
+    reading = _reading(loop)
+    for improve in ways:
         doubtful = ~(error <= good * np.abs(quantities)).all(-2) & ~loop.lost[..., None]
         columns = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
         width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
         for start in range(0, columns.size, width):
             index = columns[start : start + width]
-            number, less = (_reading(loop)(*pair) for pair in zip(improve(index), _both_steps(points, index), strict=True))
+            step = points.tick[index]
+            outputs, of_outputs = improve(index)
+            number = reading(outputs, step)
+            less = reading(of_outputs, np.abs(step))
             better = doubtful[..., None, index] & ~(less >= error[..., index])
             quantities[..., index] = np.where(better, number, quantities[..., index])
             error[..., index] = np.where(better, less, error[..., index])
@@ -161,30 +204,32 @@ def _reading(loop):
     return at_signal if loop.port.between else at_port
 
 
-def _both_steps(points, index):
-    step = points.tick[index]
-    return step, np.abs(step)
-
-
 def _by_modes(loop, points):
     """Return position and force, `(..., 2, points)`, or the signal of a port between two, bounds on errors, and a function.
 
     The function returns the outputs at some of the points again, with a better bound.
     """
-    sums, modal, ticks = Sums.of(loop.frame, points), loop.modal, loop.frame.ticks
+    sums = Sums.of(loop.frame, points)
+    modal = loop.modal
+    ticks = loop.frame.ticks
     X, *accuracy = modal.solve(points.frame, sums.driven, sums.ddriven)
-    size, states = np.abs(sums.rows), np.swapaxes(X, -1, -2)[..., None, :, :]
-    total = (sums.rows * states).sum(-1) + sums.forced
-    rest = (size * (ROUNDING * np.abs(states))).sum(-1) + sums.drows @ np.abs(X) + sums.dforced + ROUNDING * np.abs(sums.forced)
+    states = np.swapaxes(X, -1, -2)[..., None, :, :]
+    size = np.abs(sums.rows)
+    outputs = ((sums.rows * states).sum(-1) + sums.forced) / ticks
+    rounding = (size * (ROUNDING * np.abs(states))).sum(-1)
+    rest = rounding + sums.drows @ np.abs(X) + sums.dforced + ROUNDING * np.abs(sums.forced)
 
-    def error(bound, index):
-        grown = np.swapaxes(bound, -1, -2)[..., None, :, :]
+    def error(of_states, index):
+        """The bound on errors of the outputs, from that on errors of the states."""
+        grown = np.swapaxes(of_states, -1, -2)[..., None, :, :]
         return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / ticks
 
     def again(index):
         chosen = (measure[..., index] for measure in accuracy)
-        return total[..., index] / ticks, error(modal.careful_bound(points.frame[index], *chosen), index)
+        bound = modal.careful_bound(points.frame[index], *chosen)
+        return outputs[..., index], error(bound, index)
 
-    step, length = _both_steps(points, slice(None))
-    at = _reading(loop)
-    return at(total / ticks, step), at(error(modal.bound(*accuracy), slice(None)), length), again
+    step = points.tick
+    reading = _reading(loop)
+    bound = error(modal.bound(*accuracy), slice(None))
+    return reading(outputs, step), reading(bound, np.abs(step)), again
