@@ -26,12 +26,18 @@ class Bordered:
 
     def __init__(self, port, over_frame, sums_of):
         common = int(np.bincount(port.kind).argmax())
-        (E, _, C, _), (of_E, _, of_C, _) = port.maps[common], port.sizes[common]
-        self.sums_of, self.outputs_of_port = sums_of, C.shape[-2]
+        E, _, C, _ = port.maps[common]
+        of_E, _, of_C, _ = port.sizes[common]
+        self.sums_of = sums_of
+        self.outputs_of_port = C.shape[-2]
         fast = _changing(E)
-        self.fast, self.slow = np.flatnonzero(fast), np.flatnonzero(~fast)
-        self.C, self.E = C[..., self.fast], E[..., self.fast[:, None], self.fast]
-        self.dC, self.dE = ENTRIES * of_C[..., self.fast], ENTRIES * of_E[..., self.fast[:, None], self.fast]
+        self.fast = np.flatnonzero(fast)
+        self.slow = np.flatnonzero(~fast)
+        among_fast = self.fast[:, None], self.fast
+        self.C = C[..., self.fast]
+        self.E = E[..., *among_fast]
+        self.dC = ENTRIES * of_C[..., self.fast]
+        self.dE = ENTRIES * of_E[..., *among_fast]
         maps, sizes = [], []
         for tick, terms in zip(port.maps, port.sizes, strict=True):
             rows = self._outputs(tick, port.maps[common], -1.0)
@@ -40,63 +46,79 @@ class Bordered:
             maps.append(rows)
             sizes.append(of_rows)
         self.stretch = over_frame(replace(port, maps=tuple(maps), sizes=tuple(sizes)))
-        where = np.flatnonzero(port.position[..., 0, :].reshape(-1, E.shape[-1]).any(0)) if port.position is not None else []
-        self.place = np.flatnonzero(self.fast == where[0])[0] if len(where) == 1 and fast[where[0]] else None
+        self.place = None
+        if port.position is not None:
+            read = port.position[..., 0, :].reshape(-1, E.shape[-1]).any(0)
+            where = np.flatnonzero(read)
+            if len(where) == 1 and fast[where[0]]:
+                self.place = np.flatnonzero(self.fast == where[0])[0]
 
     def _outputs(self, tick, common, sign):
         """Return the map of a tick from the force to what it adds to the outputs and the fast states, and to these states."""
-        (E, B, C, D), of_fast = tick, common.E[..., self.fast, :]
-        rows = [
-            (matrix + 0 * reference[..., :1], column)
-            for matrix, column, reference in ((C, D, common.C), (E[..., self.fast, :], B[..., self.fast, :], of_fast))
-        ]
-        for (matrix, _), reference in zip(rows, (common.C, of_fast), strict=True):
-            matrix[..., self.fast] += sign * reference[..., self.fast]
+        E, B, C, D = tick
+        outputs = C + 0 * common.C[..., :1]
+        outputs[..., self.fast] += sign * common.C[..., self.fast]
+        of_fast = common.E[..., self.fast, :]
+        changes = E[..., self.fast, :] + 0 * of_fast[..., :1]
+        changes[..., self.fast] += sign * of_fast[..., self.fast]
         states = np.eye(E.shape[-1])[self.fast]
-        rows.append((np.broadcast_to(states, (*E.shape[:-2], *states.shape)), np.zeros((self.fast.size, 1))))
-        return StateSpace(E, B, *(concatenated(column, -2) for column in zip(*rows, strict=True)))
+        states = np.broadcast_to(states, (*E.shape[:-2], *states.shape))
+        no_force = np.zeros((self.fast.size, 1))
+        rows = concatenated((outputs, changes, states), -2)
+        columns = concatenated((D, B[..., self.fast, :], no_force), -2)
+        return StateSpace(E, B, rows, columns)
 
     def outputs(self, points: Circle):
         """Return the outputs of the port at the hand's frequency, `(..., p, points)`, and bounds on their errors."""
-        value, error = (X[..., : self.outputs_of_port, 0] for X in solved(*self._system(points)))
+        X, dX = solved(*self._system(points))
+        value = X[..., : self.outputs_of_port, 0]
+        error = dX[..., : self.outputs_of_port, 0]
         return np.swapaxes(value, -1, -2), np.swapaxes(error, -1, -2)
 
     def _system(self, points):
         """Return matrix, right side and bounds on their errors of the system, at every point."""
-        sums, M = self.sums_of(self.stretch, points), self.stretch.ticks
-        p, f, n = self.outputs_of_port, self.fast.size, self.slow.size + self.fast.size
-        size, batch = p + f + n, sums.driven.shape[:-2]
-        A, dA = (
-            np.zeros((*batch, points.frequency.size, size, size), complex),
-            np.zeros((*batch, points.frequency.size, size, size)),
-        )
-        out, fast, slow, X = slice(0, p), slice(p, p + f), slice(p + 2 * f, None), slice(p + f, None)
-        states = slice(p + f, p + 2 * f)
-        A[..., : p + f, X], dA[..., : p + f, X] = (
-            _at_points(-sums.rows[..., : p + f, :, :] / M),
-            sums.drows[..., None, : p + f, :] / M,
-        )
-        A[..., states, X], dA[..., states, X] = _at_points(-sums.rows[..., p + f :, :, :]), sums.drows[..., None, p + f :, :]
-        A[..., out, out], A[..., states, fast] = np.eye(p), M * np.eye(f)
-        A[..., out, fast], dA[..., out, fast] = -self.C[..., None, :, :], self.dC[..., None, :, :]
-        A[..., fast, fast] = points.tick[:, None, None] * np.eye(f) - self.E[..., None, :, :]
-        dA[..., fast, fast] = self.dE[..., None, :, :]
-        frame, unsure = (change[..., None, self.slow, :] for change in self.stretch.E)
-        A[..., slow, X], dA[..., slow, X] = points.frame[:, None, None] * np.eye(n)[self.slow] - frame, unsure
-        scale = np.repeat([1 / M, 1.0], [p + f, f])[:, None]
-        b, db = (
-            np.concatenate(
-                [scale * (forced + 0 * sums.forced.real), driven[..., self.slow, :] + 0 * sums.driven[..., self.slow, :].real],
-                -2,
-            )
-            for forced, driven in ((sums.forced, sums.driven), (sums.dforced, sums.ddriven))
-        )
-        b, db = (np.swapaxes(side, -1, -2).copy() for side in (b, db))
+        sums = self.sums_of(self.stretch, points)
+        M = self.stretch.ticks
+        p, f = self.outputs_of_port, self.fast.size
+        n = self.slow.size + f
+        size = p + f + n
+        shape = (*sums.driven.shape[:-2], points.frequency.size, size, size)
+        A = np.zeros(shape, complex)
+        dA = np.zeros(shape)
+        # Columns of the outputs o, of the component Y of the fast states at w, and of the state X of the frame. Rows of o, of
+        # Y, of what makes that component, and of the slow states of the frame.
+        o, Y, X = slice(0, p), slice(p, p + f), slice(p + f, None)
+        component, slow = slice(p + f, p + 2 * f), slice(p + 2 * f, None)
+        A[..., : p + f, X] = _at_points(-sums.rows[..., : p + f, :, :] / M)
+        dA[..., : p + f, X] = sums.drows[..., None, : p + f, :] / M
+        A[..., component, X] = _at_points(-sums.rows[..., p + f :, :, :])
+        dA[..., component, X] = sums.drows[..., None, p + f :, :]
+        A[..., o, o] = np.eye(p)
+        A[..., component, Y] = M * np.eye(f)
+        A[..., o, Y] = -self.C[..., None, :, :]
+        dA[..., o, Y] = self.dC[..., None, :, :]
+        A[..., Y, Y] = points.tick[:, None, None] * np.eye(f) - self.E[..., None, :, :]
+        dA[..., Y, Y] = self.dE[..., None, :, :]
+        E, dE = (change[..., None, self.slow, :] for change in self.stretch.E)
+        A[..., slow, X] = points.frame[:, None, None] * np.eye(n)[self.slow] - E
+        dA[..., slow, X] = dE
+        b = self._right_side(sums, sums.forced, sums.driven)
+        db = self._right_side(sums, sums.dforced, sums.ddriven)
         if self.place is not None:  # w times the position is the displacement
-            for array in (A, dA, b[..., None], db[..., None]):
-                array[..., p + self.place, :] = 0
-            A[..., p + self.place, p + self.place], A[..., p + self.place, 0] = points.tick, -1
-        return LinearSystem(A, dA, b[..., None], db[..., None])
+            row = p + self.place
+            for array in (A, dA, b, db):
+                array[..., row, :] = 0
+            A[..., row, row] = points.tick
+            A[..., row, 0] = -1
+        return LinearSystem(A, dA, b, db)
+
+    def _right_side(self, sums, forced, driven):
+        """The right side of the system, or the bound on its errors, at every point."""
+        means = np.repeat([1 / self.stretch.ticks, 1.0], [self.outputs_of_port + self.fast.size, self.fast.size])
+        of_outputs = means[:, None] * (forced + 0 * sums.forced.real)
+        of_slow = driven[..., self.slow, :] + 0 * sums.driven[..., self.slow, :].real
+        side = np.concatenate([of_outputs, of_slow], -2)
+        return np.swapaxes(side, -1, -2).copy()[..., None]
 
 
 def fits(port) -> bool:

@@ -40,14 +40,19 @@ class Modal:
 
     def solve(self, w, b, db) -> ModalSolution:
         """Return X of `(w - E) X = b` and how accurate it is; db: error of b."""
-        factor, E = 1 / (w - self.poles[..., None]), self.E + 0j
+        factor = 1 / (w - self.poles[..., None])
+        E = self.E + 0j
         X = self.vectors @ (factor * (self.into @ b))
         for _ in range(2):
             left = b - w * X + E @ X
             X = X + self.vectors @ (factor * (self.into @ left))
-        left, size, gain = b - w * X + E @ X, np.abs(X), np.abs(factor)
-        unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
-        return ModalSolution(X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0))
+        left = b - w * X + E @ X
+        size = np.abs(X)
+        terms = np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)
+        unsure = np.abs(left) + ROUNDING * terms + self.error @ size + db
+        gain = np.abs(factor)
+        off = (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
+        return ModalSolution(X, unsure, gain, off)
 
     def bound(self, unsure, gain, off):
         """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see `solve`."""
@@ -60,8 +65,11 @@ class Modal:
         w, unsure, gain, off: of the points, see `solve`.
         """
         factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
-        unsure, gain = (np.swapaxes(sizes, -1, -2)[..., None] for sizes in (unsure, gain))
-        vectors, into = self.vectors[..., None, :, :], self.into[..., None, :, :]
+        unsure = np.swapaxes(unsure, -1, -2)[..., None]
+        gain = np.swapaxes(gain, -1, -2)[..., None]
+        vectors = self.vectors[..., None, :, :]
+        into = self.into[..., None, :, :]
+        inverse = (vectors * factor) @ into
         noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
-        bound = np.swapaxes((np.abs((vectors * factor) @ into) @ unsure + noise)[..., 0], -1, -2)
+        bound = np.swapaxes((np.abs(inverse) @ unsure + noise)[..., 0], -1, -2)
         return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)

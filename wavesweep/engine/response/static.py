@@ -53,11 +53,14 @@ def relative_response(quantities, error) -> Response:
     """
     relative = np.where(error == 0, 0.0, error / np.abs(quantities)) + 4 * np.finfo(float).eps
     relative = np.where(relative < LOST, relative, np.nan)
-    admittance = np.where(np.isnan(relative[..., 0, :]), np.nan, quantities[..., 0, :])
-    impedance = np.where(np.isnan(relative[..., 1, :]), np.nan, quantities[..., 1, :] / admittance)
+    position, force = quantities[..., 0, :], quantities[..., 1, :]
+    of_position, of_force = relative[..., 0, :], relative[..., 1, :]
+    admittance = np.where(np.isnan(of_position), np.nan, position)
+    impedance = np.where(np.isnan(of_force), np.nan, force / admittance)
     finite = np.isfinite(impedance)  # an admittance may be so small that it has no inverse in double precision
-    impedance, of_impedance = np.where(finite, impedance, np.nan), np.where(finite, relative.sum(-2), np.nan)
-    return Response(admittance, impedance, relative[..., 0, :], of_impedance)
+    impedance = np.where(finite, impedance, np.nan)
+    of_impedance = np.where(finite, of_position + of_force, np.nan)
+    return Response(admittance, impedance, of_position, of_impedance)
 
 
 class _AtRest:
@@ -92,28 +95,53 @@ def dcgain(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
     expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. A change within a tick vanishes with w, and its slope is the
     quantity that has changed.
     """
-    (value, off), (slope, off_slope), (size, of_slopes) = _limits(loop)
-    none, unit = np.zeros((2, *slope[0].shape)), np.array([1.0, 0.0]).reshape(2, *(1,) * slope[0].ndim)
-    position = np.stack([slope[0], off_slope[0]])
-    force = np.stack([value[1], off[1]]) if len(value) > 1 else unit + none
-    moved = np.stack([value[2], off[2]]) if len(value) > 2 else none
-    if len(value) > 2:
-        force = force + np.stack([slope[2], off_slope[2]])
+    outputs = _limits(loop)
+    changes = outputs[0].value  # of the position in a tick
+    still = np.zeros((2, *changes.value.shape))
+    moving = np.stack(changes[:2])
+    position = np.stack(outputs[0].slope[:2])
+    moved = still  # the change of the force in a tick
+    if len(outputs) > 1:
+        force = np.stack(outputs[1].value[:2])
+    else:
+        force = still.copy()
+        force[0] = 1.0  # the hand's own
+    if len(outputs) > 2:
+        moved = np.stack(outputs[2].value[:2])
+        force = force + np.stack(outputs[2].slope[:2])
     rest = loop.port.rest and loop.port.rest()
     if rest is not None:  # what is not 0 with a loop's own numbers is not 0
-        far = [np.abs(value) > error for value, error in (position, np.where(rest.going, moved, force))]
-        rest = AtRest(rest.going, rest.silent & ~far[1], rest.rigid & ~far[0])
-        position = np.where(np.abs(value[0]) <= off[0], position, np.nan)  # it may be going
+        shown = np.where(rest.going, moved, force)
+        silent = rest.silent & ~_is_sure(shown)
+        rigid = rest.rigid & ~_is_sure(position)
+        rest = AtRest(rest.going, silent, rigid)
+        position = np.where(_is_nothing(moving), position, np.nan)  # it may be going
     else:
-        still, zero = np.abs(value[0]) <= off[0], [np.abs(pair[0]) <= pair[1] for pair in (position, force, moved)]
-        going = np.abs(value[0]) > off[0] + STILL * size[0]
-        silent = np.where(going, zero[2], zero[1] & (force[1] <= NOTHING) & (len(value) > 1))
-        rest = AtRest(going, silent, ~going & still & zero[0] & (position[1] <= NOTHING * of_slopes[0]))
-        position[1] = np.where(still, position[1], np.nan)  # it may be going
-        force[1] = np.where(zero[2], force[1], np.nan)
-    position = np.where(rest.rigid, 0.0, np.where(rest.going, np.stack([value[0], off[0]]), position))
-    force = np.where(rest.silent, 0.0, np.where(rest.going, moved, force))
-    return *np.stack([position, force], 1), rest
+        stays = _is_nothing(moving)
+        going = np.abs(changes.value) > changes.error + STILL * changes.size
+        no_force = _is_nothing(force) & (force[1] <= NOTHING) & (len(outputs) > 1)
+        silent = np.where(going, _is_nothing(moved), no_force)
+        no_position = _is_nothing(position) & (position[1] <= NOTHING * outputs[0].slope.size)
+        rest = AtRest(going, silent, ~going & stays & no_position)
+        position[1] = np.where(stays, position[1], np.nan)  # it may be going
+        force[1] = np.where(_is_nothing(moved), force[1], np.nan)
+    position = np.where(rest.going, moving, position)
+    position = np.where(rest.rigid, 0.0, position)
+    force = np.where(rest.going, moved, force)
+    force = np.where(rest.silent, 0.0, force)
+    limits = np.stack([position[0], force[0]])
+    errors = np.stack([position[1], force[1]])
+    return limits, errors, rest
+
+
+def _is_nothing(pair):
+    """Whether a number may be 0; pair: it, and a bound on its error."""
+    return np.abs(pair[0]) <= pair[1]
+
+
+def _is_sure(pair):
+    """Whether a number is not 0 for sure; neither is known of NaN."""
+    return np.abs(pair[0]) > pair[1]
 
 
 def dcgain_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
@@ -122,38 +150,76 @@ def dcgain_between(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
     NaN: no limit exists, as for a signal that a constant input moves without end, or it is not known. The error of a number
     that does not exist is 0, and so is that of a response that is nothing but rounding, as of one that an integrator removes.
     """
-    (value, off), (slope, off_slope), (size, of_slopes) = _limits(loop)
-    limit, error, terms, going = value[0], off[0], size[0], np.zeros(value[0].shape, bool)
-    if len(value) > 1:
-        limit, error, terms = limit + slope[1], error + off_slope[1], terms + of_slopes[1]
-        going = np.abs(value[1]) > off[1] + STILL * size[1]
-        error = np.where(going | (np.abs(value[1]) <= off[1]), error, np.nan)
-    nothing = (np.abs(limit) <= error) & (error <= NOTHING * terms)
-    relative = np.where(nothing | going, 0.0, error / np.abs(limit) + 4 * np.finfo(float).eps)
+    outputs = _limits(loop)
+    limit, error, terms = outputs[0].value
+    going = np.zeros(limit.shape, bool)
+    if len(outputs) > 1:  # the change in a tick of the share that drifts
+        change, slope = outputs[1]
+        limit = limit + slope.value
+        error = error + slope.error
+        terms = terms + slope.size
+        going = np.abs(change.value) > change.error + STILL * change.size
+        error = np.where(going | _is_nothing(change), error, np.nan)
+    nothing = _is_nothing((limit, error)) & (error <= NOTHING * terms)
+    relative = error / np.abs(limit) + 4 * np.finfo(float).eps
+    relative = np.where(nothing | going, 0.0, relative)
     relative = np.where((relative < LOST) & ~loop.lost, relative, np.nan)
-    return np.where(nothing, 0.0, np.where(going | np.isnan(relative), np.nan, limit)), relative
+    limit = np.where(going | np.isnan(relative), np.nan, limit)
+    return np.where(nothing, 0.0, limit), relative
 
 
-def _limits(loop):
-    """Return the outputs in a tick under a constant force and their slopes, `(outputs, ...)`, each with bounds on its errors.
+class _Known(NamedTuple):
+    """Numbers, bounds on their errors, and the sizes of the terms of their sums, `(...)`."""
 
-    Also returned are the sizes of the terms of both.
-    """
+    value: np.ndarray
+    error: np.ndarray
+    size: np.ndarray
+
+
+class _Limit(NamedTuple):
+    """An output in a tick under a constant force, and its slope with the z of the tick."""
+
+    value: _Known
+    slope: _Known
+
+
+def _limits(loop) -> list[_Limit]:
+    """Return the limit of each output of the port."""
     frame, M = loop.frame, loop.frame.ticks
+    rough = loop.port.rough
+    E, dE = frame.E
     sums = Sums.of(frame, _AtRest())
-    (E, dE), rough = frame.E, loop.port.rough
-    with_slopes = sums.driven[..., 0], sums.rows[..., 0, :], sums.forced[..., 0]
-    (g, g_1), (G, G_1), (h, h_1) = ((array.real, array.imag / STEP) for array in with_slopes)
-    missed, dG, dh = sums.ddriven[..., 0] + 0 * g, sums.drows, sums.dforced[..., 0]
-    X, dX = (column[..., 0] for column in solved(-E, dE, g[..., None], missed[..., None]))
-    right, of_right = g_1 - M * X, M * (missed + dX)
-    X_1, dX_1 = (column[..., 0] for column in solved(-E, dE, right[..., None], of_right[..., None]))
-    size_X, size_X_1 = np.abs(X), np.abs(X_1)
-    value, slope = ordered_product(G, X) + h, ordered_product(G_1, X) + ordered_product(G, X_1) + h_1
+    g, g_1 = _with_slope(sums.driven[..., 0])
+    G, G_1 = _with_slope(sums.rows[..., 0, :])
+    h, h_1 = _with_slope(sums.forced[..., 0])
+    dg = sums.ddriven[..., 0] + 0 * g
+    dG = sums.drows
+    dh = sums.dforced[..., 0]
+    X, dX = _column(-E, dE, g, dg)
+    X_1, dX_1 = _column(-E, dE, g_1 - M * X, M * (dg + dX))
+    size_X = np.abs(X)
+    size_X_1 = np.abs(X_1)
+    value = ordered_product(G, X) + h
+    slope = ordered_product(G_1, X) + ordered_product(G, X_1) + h_1
     size = ordered_product(frame.sizes[0], size_X) + frame.forced_size
     size_1 = M * size + ordered_product(frame.sizes[0], size_X_1)
     error = ordered_product(np.abs(G), dX) + ordered_product(dG, size_X) + dh + rough * size
     error_1 = ordered_product(np.abs(G_1), dX) + ordered_product(np.abs(G), dX_1)
     error_1 = error_1 + ordered_product(dG, M * size_X + size_X_1) + M * dh + rough * size_1
-    value, slope, *pairs = (np.moveaxis(array, -1, 0) / M for array in (value, slope, error, error_1, size, size_1))
-    return (value, pairs[0]), (slope, pairs[1]), tuple(pairs[2:])
+    values = (np.moveaxis(array, -1, 0) / M for array in (value, error, size))
+    slopes = (np.moveaxis(array, -1, 0) / M for array in (slope, error_1, size_1))
+    return [
+        _Limit(_Known(*of_value), _Known(*of_slope))
+        for of_value, of_slope in zip(zip(*values, strict=True), zip(*slopes, strict=True), strict=True)
+    ]
+
+
+def _with_slope(array):
+    """The value at z = 1, and the slope there, of what was computed at `_AtRest`."""
+    return array.real, array.imag / STEP
+
+
+def _column(A, dA, right, of_right):
+    """The solution of linear systems with one right side, and bounds on its errors."""
+    X, dX = solved(A, dA, right[..., None], of_right[..., None])
+    return X[..., 0], dX[..., 0]
