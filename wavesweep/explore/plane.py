@@ -41,11 +41,14 @@ def plane_lines(cut: LinearFractional) -> np.ndarray:
 def _terms(cut, theta):
     w = on_circle(theta)
     with np.errstate(all="ignore"):
-        state = solve(w[:, None, None] * np.eye(cut.E.shape[-1]) - cut.E, cut.B + 0 * w[:, None, None])
-        return terms_of(cut, w, (times(cut.C, state) + cut.D)[..., 0])
+        A = w[:, None, None] * np.eye(cut.E.shape[-1]) - cut.E
+        state = solve(A, cut.B + 0 * w[:, None, None])
+        response = times(cut.C, state) + cut.D
+        return terms_of(cut, w, response[..., 0])
 
 
-POINTS, HALVINGS = 160, 4  # angles of a curve at the start, and how often steps longer than a hundredth of a window are halved
+POINTS = 160  # angles of a curve at the start
+HALVINGS = 4  # of steps longer than a hundredth of a window
 
 
 def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +57,9 @@ def refined_curve(cut: LinearFractional, window) -> tuple[np.ndarray, np.ndarray
     cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)).
     """
     low, high = np.asarray(window, float).T[:, :, None]
-    theta = np.concatenate([np.geomspace(1e-4, 0.1, POINTS // 2), np.linspace(0.1, np.pi - 1e-6, POINTS // 2 + 1)[1:]])
+    slow = np.geomspace(1e-4, 0.1, POINTS // 2)
+    fast = np.linspace(0.1, np.pi - 1e-6, POINTS // 2 + 1)
+    theta = np.concatenate([slow, fast[1:]])
     walls = plane_curve(cut, theta)
     for _ in range(HALVINGS):
         with np.errstate(all="ignore"):
@@ -93,14 +98,17 @@ def quick_columns(
     column, value = column[order], value[order]
     steps = np.flatnonzero(np.diff(column) == 0)
     middle = (value[steps] + value[steps + 1]) / 2
-    pair = (middle, fixed[column[steps]]) if solved == 0 else (fixed[column[steps]], middle)
-    stable = is_stable(cut.closed(*pair)) & (value[steps + 1] > value[steps])
+    other = fixed[column[steps]]
+    K_VE, B_VE = (middle, other) if solved == 0 else (other, middle)
+    stable = is_stable(cut.closed(K_VE, B_VE)) & (value[steps + 1] > value[steps])
     intervals: list[list[tuple[float, float]]] = [[] for _ in every]
     for at in steps[stable].tolist():
-        own_intervals, low, high = intervals[column[at]], float(value[at]), float(value[at + 1])
-        if own_intervals and own_intervals[-1][1] == low:
-            low = own_intervals.pop()[0]
-        own_intervals.append((low, high))
+        of_column = intervals[column[at]]
+        low = float(value[at])
+        high = float(value[at + 1])
+        if of_column and of_column[-1][1] == low:
+            low, _ = of_column.pop()
+        of_column.append((low, high))
     return intervals
 
 
@@ -109,26 +117,30 @@ def _crossings(cut, theta, walls, solved, fixed, rounds):
 
     They are given by the index of the line, and the other parameter there.
     """
-    line, step = _steps_across(walls[1 - solved], fixed)
-    ends = [(theta[at], walls[1 - solved][at] - fixed[line], walls[solved][at]) for at in (step, step + 1)]
-    weights = np.ones((2, step.size))
+    across = walls[1 - solved]
+    line, step = _steps_across(across, fixed)
+    # Rows: angle, distance from the line, and the other parameter at both ends of each step.
+    left = np.stack([theta[step], across[step] - fixed[line], walls[solved][step]])
+    right = np.stack([theta[step + 1], across[step + 1] - fixed[line], walls[solved][step + 1]])
+    weight_of_left = np.ones(step.size)
+    weight_of_right = np.ones(step.size)
     with np.errstate(all="ignore"):
         for _ in range(rounds if step.size else 0):
-            (first, f_one, _), (two, f_two, _) = ends
-            share = weights[0] * f_one / (weights[0] * f_one - weights[1] * f_two)
-            middle = first + share * (two - first)
-            at = plane_curve(cut, middle)
-            new = middle, at[1 - solved] - fixed[line], at[solved]
-            same = new[1] * f_one > 0
+            f_left = weight_of_left * left[1]
+            share = f_left / (f_left - weight_of_right * right[1])
+            angle = left[0] + share * (right[0] - left[0])
+            at = plane_curve(cut, angle)
+            middle = np.stack([angle, at[1 - solved] - fixed[line], at[solved]])
+            same = middle[1] * left[1] > 0  # the crossing is between the middle and the right end
             # Illinois: the end that stays counts half, so that it does not stay in every round.
-            weights = np.where(same, [np.ones(step.size), weights[1] / 2], [weights[0] / 2, np.ones(step.size)])
-            ends = [
-                tuple(np.where(moves, *pair) for pair in zip(new, end, strict=True))
-                for moves, end in zip((same, ~same), ends, strict=True)
-            ]
-        (_, f_one, value), (_, f_two, value_other) = ends
+            weight_of_left = np.where(same, 1.0, weight_of_left / 2)
+            weight_of_right = np.where(same, weight_of_right / 2, 1.0)
+            left = np.where(same, middle, left)
+            right = np.where(same, right, middle)
         # The last piece is taken for straight: it often is, all over.
-        value = np.where(f_one == f_two, value, value + f_one / (f_one - f_two) * (value_other - value))
+        share = left[1] / (left[1] - right[1])
+        straight = left[2] + share * (right[2] - left[2])
+        value = np.where(left[1] == right[1], left[2], straight)
     good = np.isfinite(value)
     return line[good], value[good]
 
@@ -137,7 +149,11 @@ def _steps_across(across, fixed):
     """Return each pair of a line `across = fixed` and a step of a curve that crosses it: two arrays of indices."""
     order = np.argsort(fixed)
     usable = np.isfinite(across)
-    left, right = (np.searchsorted(fixed[order], np.where(usable, across, 0.0)[at]) for at in (slice(-1), slice(1, None)))
-    first, count = np.minimum(left, right), np.abs(left - right) * (usable[1:] & usable[:-1])
+    # How many lines lie below each point of the curve: a step crosses those between its ends.
+    below = np.searchsorted(fixed[order], np.where(usable, across, 0.0))
+    first = np.minimum(below[:-1], below[1:])
+    count = np.abs(np.diff(below)) * (usable[1:] & usable[:-1])
     step = np.repeat(np.arange(count.size), count)
-    return order[first[step] + np.arange(step.size) - np.repeat(np.cumsum(count) - count, count)], step
+    before = np.cumsum(count) - count
+    number = np.arange(step.size) - before[step]
+    return order[first[step] + number], step
