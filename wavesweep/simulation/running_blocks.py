@@ -6,7 +6,8 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, product
+from functools import cached_property
+from itertools import accumulate
 from math import lcm
 from typing import Any
 
@@ -46,8 +47,12 @@ class FrameClock:
 
     def rhythm(self, phase: int) -> Rhythm:
         """When a block runs that has this phase in every frame."""
-        periods = (self.ticks[-1], *self.ticks[:-1]) if self.nominal is None else (self.nominal,)
-        return Rhythm(sum(self.ticks), tuple(start + phase for start in self.starts), slow=True, periods=periods)
+        phases = tuple(start + phase for start in self.starts)
+        if self.nominal is None:
+            periods = (self.ticks[-1], *self.ticks[:-1])
+        else:
+            periods = (self.nominal,)
+        return Rhythm(sum(self.ticks), phases, slow=True, periods=periods)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +73,8 @@ class Rhythm:
 
     def count(self, k: int) -> int:
         """The number of runs up to tick k, with that in it."""
-        return k // self.every * len(self.phases) + bisect_right(self.phases, k % self.every)
+        frames, tick = divmod(k, self.every)
+        return frames * len(self.phases) + bisect_right(self.phases, tick)
 
     def last(self, k: int, back: int = 0) -> int:
         """The tick of the last run up to tick k, or of one so many runs before it; negative if there is none."""
@@ -77,13 +83,18 @@ class Rhythm:
 
     def lasting(self, tick: float) -> list[float]:
         """The periods of its runs in turn, in s; a single one if all are the same."""
-        return [ticks * tick for ticks in self.periods] or [self.every * tick / len(self.phases)]
+        if not self.periods:
+            return [self.every * tick / len(self.phases)]
+        return [ticks * tick for ticks in self.periods]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunningBlock:
-    """A block: its ports, when it runs, its law, and its law while the wall is not touched. plant: whether its inputs are held
-    over each tick. runs: the block with the law of each of its runs in turn, if these are not the same."""
+    """A block: its ports, when it runs, its law, and its law while the wall is not touched.
+
+    plant: whether its inputs are held over each tick. runs: the block with the law of each of its runs in turn, if these are
+    not the same.
+    """
 
     name: str
     type: str
@@ -97,12 +108,19 @@ class RunningBlock:
 
     def at(self, k: int) -> RunningBlock:
         """The block as it runs in tick k."""
-        return self.runs[(self.rhythm.count(k) - 1) % len(self.runs)] if self.runs else self
+        if not self.runs:
+            return self
+        number = self.rhythm.count(k) - 1
+        return self.runs[number % len(self.runs)]
 
     @property
     def runs_late(self) -> int | None:
         """The number of its runs by which it shows its input late, if that is all it does."""
-        return {"hold": 0, "delay": sum(len(names) for _, names in self.law.moves)}.get(self.type)
+        if self.type == "hold":
+            return 0
+        if self.type == "delay":
+            return sum(len(names) for _, names in self.law.moves)
+        return None
 
 
 @dataclass(frozen=True)
@@ -149,15 +167,18 @@ class MarchedLoop:
     entries: tuple[tuple[str, str], ...] = ()
     frames: FrameClock | None = None
     channels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    frame: int = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "frame", lcm(*(block.rhythm.every for block in self.blocks)))
+    @cached_property
+    def frame(self) -> int:
+        """The ticks after which all blocks run in the same way again."""
+        return lcm(*(block.rhythm.every for block in self.blocks))
 
     @property
     def delays(self) -> tuple[int | None, ...]:
         """The ticks until the results of each frame are in place, besides those of blocks; None if they never are."""
-        return self.frames.delays if self.frames else (0,)
+        if self.frames is None:
+            return (0,)
+        return self.frames.delays
 
     @property
     def waits(self) -> bool:
@@ -177,8 +198,7 @@ class MarchedLoop:
 
     def only(self, kind: str, port: str = "") -> str:
         """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
-        names = [block.name for block in self.blocks if block.type == kind and (not port or port in block.outputs)]
-        return names[0] if len(names) == 1 else ""
+        return _only(self.blocks, kind, port)
 
     def readers(self, signal: str) -> list[Rhythm]:
         """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick.
@@ -186,9 +206,12 @@ class MarchedLoop:
         What only shows it reads nothing.
         """
         ports = self.ports
-        wires = {port: terms for port, terms in self.wires.items() if not port.startswith(SEEN)}
-        read = [port for port, terms in wires.items() if any(name == signal for _, name in terms)]
-        return [ports[port].rhythm if port in ports else Rhythm() for port in read]
+        rhythms = []
+        for port, terms in self.wires.items():
+            if port.startswith(SEEN) or all(name != signal for _, name in terms):
+                continue
+            rhythms.append(ports[port].rhythm if port in ports else Rhythm())
+        return rhythms
 
     def behind(self, position: float, pulls: bool) -> MarchedLoop:
         """The loop whose wall is one-sided and begins at a position (m)."""
@@ -205,27 +228,59 @@ class MarchedLoop:
     def encoders(self) -> list[str]:
         """The blocks that give the change of the device's position."""
         sensed = ((1.0, f"{self.device}.x"),)
-        return [block.name for block in self.blocks if block.type == "difference" and self.wires[f"{block.name}.u"] == sensed]
+        names = []
+        for block in self.blocks:
+            if block.type == "difference" and self.wires[f"{block.name}.u"] == sensed:
+                names.append(block.name)
+        return names
 
     @property
     def shown(self) -> dict[str, str]:
         """The columns of a simulation that the loop has, and the names of their numbers."""
-        columns = {column: name for column, name in (("x", POSITION), ("v", VELOCITY), ("f_m", REACTION)) if name in self.wires}
+        columns = {}
+        for column, name in (("x", POSITION), ("v", VELOCITY), ("f_m", REACTION)):
+            if name in self.wires:
+                columns[column] = name
         if self.device:
-            columns |= {"x_hat": f"{self.device}.x", "v_hat": (*(f"{name}.y" for name in self.encoders), f"{self.device}.v")[0]}
-        end, avatar, local = self.only("wave", "force"), self.only("avatar"), self.only("local_model")
-        columns |= {"u_m": f"{end}.out", "v_m": f"{end}.in"} if end else {}
+            columns["x_hat"] = f"{self.device}.x"
+            encoders = self.encoders
+            columns["v_hat"] = f"{encoders[0]}.y" if encoders else f"{self.device}.v"
+        channel_end = self.only("wave", "force")
+        if channel_end:
+            columns["u_m"] = f"{channel_end}.out"
+            columns["v_m"] = f"{channel_end}.in"
+        avatar = self.only("avatar")
         if avatar:
-            columns |= {"u_s": f"{avatar}.in", "v_s": f"{avatar}.out", "x_s": f"{avatar}.x", "x_dot_s": f"{avatar}.v"}
-        columns |= {"F_s": FORCE} if self.wall else {}
-        columns |= {name.removeprefix(SEEN): name for name in self.wires if name.startswith(SEEN)}
-        return columns | ({"u_h": f"{local}.in", "v_l": f"{local}.out", "v_2": LOCAL_WAVE} if LOCAL_WAVE in self.wires else {})
+            columns["u_s"] = f"{avatar}.in"
+            columns["v_s"] = f"{avatar}.out"
+            columns["x_s"] = f"{avatar}.x"
+            columns["x_dot_s"] = f"{avatar}.v"
+        if self.wall:
+            columns["F_s"] = FORCE
+        for name in self.wires:
+            if name.startswith(SEEN):
+                columns[name.removeprefix(SEEN)] = name
+        if LOCAL_WAVE in self.wires:
+            local = self.only("local_model")
+            columns["u_h"] = f"{local}.in"
+            columns["v_l"] = f"{local}.out"
+            columns["v_2"] = LOCAL_WAVE
+        return columns
 
     @property
     def wall_rhythm(self) -> Rhythm:
-        """When the wall's force is computed."""
-        rhythms = [rhythm for rhythm in self.readers(FORCE) if rhythm.slow] or [Rhythm()]
-        return rhythms[0] if set(self.readers(FORCE)) == {rhythms[0]} else Rhythm()
+        """When the wall's force is computed: as its slow readers run, if it has no other readers."""
+        readers = self.readers(FORCE)
+        slow = [rhythm for rhythm in readers if rhythm.slow]
+        if slow and set(readers) == {slow[0]}:
+            return slow[0]
+        return Rhythm()
+
+
+def _only(blocks, kind, port=""):
+    """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
+    names = [block.name for block in blocks if block.type == kind and (not port or port in block.outputs)]
+    return names[0] if len(names) == 1 else ""
 
 
 def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | None = None) -> MarchedLoop:
@@ -237,35 +292,87 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any], frames: FrameClock | No
     if frames:
         _refuse(frames, [(block, *_schedule(block, numbers)) for block in drawing.alone])
     rate = float(value_of(drawing.tick_hz, numbers))
+    tick = 1.0 / rate
     waits = {name: divided(value_of(tree, numbers) * rate) for name, tree in drawing.dead_times.items()}
-    blocks = tuple(_part(block, numbers, 1.0 / rate, frames) for block in drawing.alone if block.name not in waits)
-    blocks += tuple(_plant(plant, drawing, numbers, 1.0 / rate, waits) for plant in drawing.plants)
+    blocks = _blocks(drawing, numbers, tick, frames, waits)
+    terms = _terms(drawing)
+    wall = None
+    shares = {}
+    if drawing.wall:
+        wall, shares = _wall_of(drawing, terms, numbers)
+    touching = dict(numbers)
+    if wall:
+        touching |= dict.fromkeys(wall.names, 0.0)  # the wall acts by its force, see `FORCE`
+    not_touching = touching | dict.fromkeys(numbers.keys() & {*LOCAL}, 0.0)
+    shown = {SEEN + name: _valued(sum_, numbers) for name, sum_ in _shown_signals(drawing).items()}
+    wires = _wires(drawing, terms, touching, shares, shown)
+    away = _wires(drawing, terms, not_touching, shares, shown)
+    for name in waits:
+        _within_ticks(name, drawing, wires)
+        _within_ticks(name, drawing, away)
+    local_wave = _local_wave(blocks, wires)
+    if local_wave is not None:
+        wires[LOCAL_WAVE] = local_wave
+        away[LOCAL_WAVE] = local_wave
+    hand = drawing.hand[0] if drawing.hand else ""
+    velocity = _velocity(drawing, hand, wires)
+    if velocity is not None:
+        wires[VELOCITY] = velocity
+        away[VELOCITY] = velocity
+    device = _device_of(drawing, hand, blocks, wires)
+    late = ("", 1.0)
+    for plant in drawing.plants:
+        for _, name in plant.arriving:
+            share = waits[name][1]
+            if plant.name != device or not share:
+                continue
+            wires[AT + name] = _about_to_change(wires, name)
+            away[AT + name] = _about_to_change(away, name)
+            if not late[0]:
+                late = (name, 1.0 - share)
+    body = ()
+    for block in drawing.blocks:
+        if block.name == device:
+            body = tuple(_numbers(block, numbers).values())
+    return MarchedLoop(
+        tick,
+        rate,
+        blocks,
+        wires,
+        away,
+        inputs=(hand,) if hand else (),
+        hand=hand,
+        device=device,
+        body=body,
+        late=late,
+        wall=wall,
+        walled=bool(drawing.wall),
+        entries=tuple((run_column("inputs", name), signal) for name, signal, _ in drawing.inputs if signal != hand),
+        frames=frames,
+        channels={block.name: _numbers(block, numbers) for block in drawing.senders},
+    )
+
+
+def _blocks(drawing, numbers, tick, frames, waits):
+    """The blocks of a drawing with their laws: those by themselves, plants, and dead times. waits: of the last, in ticks."""
+    blocks = [_part(block, numbers, tick, frames) for block in drawing.alone if block.name not in waits]
+    blocks += [_plant(plant, drawing, numbers, tick, waits) for plant in drawing.plants]
     for name, (ticks, _) in waits.items():
         law = dead_time(ticks)
-        blocks += (RunningBlock(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law),)
-    hand, *at_hand = drawing.hand or ("", None, None)
+        blocks.append(RunningBlock(name, "dead time", ("u", "sensed"), ("y", "next"), Rhythm(), law, law))
+    return tuple(blocks)
+
+
+def _terms(drawing):
+    """What the wires of a drawing add up, and the position and the reaction at its hand."""
     terms = dict(drawing.wires)
-    terms |= {name: sum_ for name, sum_ in zip((POSITION, REACTION), at_hand, strict=True) if sum_ is not None}
-    wall, shares = _wall_of(drawing, terms, numbers) if drawing.wall else (None, {})
-    without_wall = numbers | dict.fromkeys(wall.names if wall else (), 0.0)
-    silent = without_wall | dict.fromkeys(numbers.keys() & {*LOCAL}, 0.0)
-    shown = {SEEN + name: _valued(sum_, numbers) for name, sum_ in _shown_signals(drawing).items()}
-    wires, away = (_wires(drawing, terms, values_of, shares, shown) for values_of in (without_wall, silent))
-    for name, wiring in product(waits, (wires, away)):
-        _within_ticks(name, drawing, wiring)
-    loop = MarchedLoop(1.0 / rate, rate, blocks, wires, away)
-    _add_local_wave(loop)
-    _add_velocity(drawing, hand, loop)
-    device = _device_of(drawing, hand, loop)
-    arriving = [name for plant in drawing.plants if plant.name == device for _, name in plant.arriving if waits[name][1]]
-    for name, wiring in product(arriving, (wires, away)):  # by how much the force of the motors is about to change
-        wiring[AT + name] = tuple((gain, f"{name}.next") for gain, signal in wiring.get(REACTION, ()) if signal == f"{name}.y")
-    late = next(((name, 1.0 - waits[name][1]) for name in arriving), ("", 1.0))
-    body = next((tuple(_numbers(block, numbers).values()) for block in drawing.blocks if block.name == device), ())
-    entries = tuple((run_column("inputs", name), signal) for name, signal, _ in drawing.inputs if signal != hand)
-    channels = {block.name: _numbers(block, numbers) for block in drawing.senders}
-    loop = replace(loop, inputs=(hand,) * bool(hand), hand=hand, entries=entries, channels=channels)
-    return replace(loop, device=device, body=body, late=late, wall=wall, walled=bool(drawing.wall), frames=frames)
+    if drawing.hand:
+        _, position, reaction = drawing.hand
+        if position is not None:
+            terms[POSITION] = position
+        if reaction is not None:
+            terms[REACTION] = reaction
+    return terms
 
 
 def _shown_signals(drawing):
@@ -278,38 +385,63 @@ def _shown_signals(drawing):
 
 def _wires(drawing, terms, numbers, shares, shown):
     """The sums of wires with these numbers, the shares of the wall's force, and what is shown, by names inside of plants."""
-    sums = {port: (*_valued(sum_, numbers), *shares.get(port, ())) for port, sum_ in terms.items()} | shown
+    sums = {}
+    for port, terms_of_port in terms.items():
+        sums[port] = (*_valued(terms_of_port, numbers), *shares.get(port, ()))
+    sums |= shown
     inside = drawing.inside
-    return {inside.get(port, port): tuple((gain, inside.get(name, name)) for gain, name in sums[port]) for port in sums}
+    wires = {}
+    for port, sum_ in sums.items():
+        wires[inside.get(port, port)] = tuple((gain, inside.get(name, name)) for gain, name in sum_)
+    return wires
 
 
-def _add_local_wave(loop):
-    """Add what returns from the local model to the wires of a loop that has one at the end of a wave channel."""
-    if (end := loop.only("wave", "force")) and loop.only("local_model"):
-        fast = [block for block in loop.blocks if not (block.rhythm.slow or block.plant)]
-        outputs = {f"{block.name}.{port}" for block in fast for port in block.outputs}
-        loop.wires[LOCAL_WAVE] = loop.away[LOCAL_WAVE] = tuple(term for term in loop.wires[f"{end}.in"] if term[1] in outputs)
+def _local_wave(blocks, wires):
+    """What returns from the local model of a loop that has one at the end of a wave channel; else None."""
+    channel_end = _only(blocks, "wave", "force")
+    if not (channel_end and _only(blocks, "local_model")):
+        return None
+    fast = set()
+    for block in blocks:
+        if not (block.rhythm.slow or block.plant):
+            fast.update(f"{block.name}.{port}" for port in block.outputs)
+    return tuple(term for term in wires[f"{channel_end}.in"] if term[1] in fast)
 
 
 def _masses(drawing):
     return [block.name for block in drawing.blocks if TYPES[block.type].body]
 
 
-def _add_velocity(drawing, hand, loop):
-    """Add the velocity at the hand to the wires, if the position there is that of masses."""
+def _velocity(drawing, hand, wires):
+    """The velocity at the hand, if the position there is that of masses; else None."""
+    if not (hand and wires[POSITION]):
+        return None
     inside = drawing.inside
-    speeds = {inside.get(f"{mass}.x", f"{mass}.x"): inside.get(f"{mass}.v", f"{mass}.v") for mass in _masses(drawing)}
-    if hand and loop.wires[POSITION] and all(name in speeds for _, name in loop.wires[POSITION]):
-        loop.wires[VELOCITY] = loop.away[VELOCITY] = tuple((gain, speeds[name]) for gain, name in loop.wires[POSITION])
+    speeds = {}
+    for mass in _masses(drawing):
+        place = f"{mass}.x"
+        speed = f"{mass}.v"
+        speeds[inside.get(place, place)] = inside.get(speed, speed)
+    if any(name not in speeds for _, name in wires[POSITION]):
+        return None
+    return tuple((gain, speeds[name]) for gain, name in wires[POSITION])
 
 
-def _device_of(drawing, hand, loop):
+def _device_of(drawing, hand, blocks, wires):
     """The mass that the hand's force moves, if it is a single one by itself; else empty."""
-    plants = {f"{block.name}.{port}": block.name for block in loop.blocks if block.plant for port in block.inputs}
-    moved = [plants[port] for port, sum_ in loop.wires.items() if port in plants and any(name == hand for _, name in sum_)]
+    moved = []
+    plants = {f"{block.name}.{port}": block.name for block in blocks if block.plant for port in block.inputs}
+    for port, sum_ in wires.items():
+        if port in plants and any(name == hand for _, name in sum_):
+            moved.append(plants[port])
     sensed = {plant.name for plant in drawing.plants if plant.sensed}
     movable = {block.name for block in drawing.apart}.intersection(_masses(drawing)) - sensed
     return moved[0] if len(moved) == 1 and moved[0] in movable else ""
+
+
+def _about_to_change(wires, name):
+    """What a dead time is about to bring to the reaction of the motors."""
+    return tuple((gain, f"{name}.next") for gain, signal in wires.get(REACTION, ()) if signal == f"{name}.y")
 
 
 def _refuse(frames, schedules):
@@ -320,8 +452,8 @@ def _refuse(frames, schedules):
             raise UsageError(f"simulate.frames: expected at least {delay} ticks, environment.delay, found {ticks}")
     if not slow:
         raise UsageError("simulate.frames: expected a slow environment, or blocks with `every` above 1, found none")
-    _, everys, phases = zip(*slow, strict=True)
-    everys, latest = sorted(set(everys)), max(phase[-1] for phase in phases)
+    everys = sorted({every for _, every, _ in slow})
+    latest = max(phases[-1] for _, _, phases in slow)
     if len(everys) > 1:
         raise UsageError(f"simulate.frames: expected slow blocks with the same `every`, found {', '.join(map(str, everys))}")
     if latest >= min(frames.ticks):
@@ -335,70 +467,109 @@ def _refuse(frames, schedules):
 
 
 def _schedule(block, known):
-    return int(value_of(block.every, known)), block.phases or (int(value_of(block.phase, known)),)
+    """Every how many ticks a block runs, and in which of them."""
+    every = int(value_of(block.every, known))
+    phases = block.phases or (int(value_of(block.phase, known)),)
+    return every, phases
 
 
 def _numbers(block, known):
     """The keys of a block with their values, in the order of its type."""
-    kinds = {
-        "number": lambda tree: 1.0 * value_of(tree, known),  # unlike `float`, this leaves a number with a name as it is
-        "integer": lambda tree: int(value_of(tree, known)),
-        "list": lambda trees: [1.0 * value_of(tree, known) for tree in trees],
-        "rows": lambda rows: [[1.0 * value_of(tree, known) for tree in row] for row in rows],
-    }
-    types = {name: key.type for name, key in TYPES[block.type].keys.items()}
-    return {
-        "passes" if name == "pass" else name: kinds[types[name]](value) if types[name] in kinds else value
-        for name, value in (*block.keys, *block.limits)
-    }
+    types = TYPES[block.type].keys
+    numbers = {}
+    for name, value in (*block.keys, *block.limits):
+        argument = "passes" if name == "pass" else name
+        numbers[argument] = _read_key(types[name].type, value, known)
+    return numbers
+
+
+def _read_key(kind, value, known):
+    """The value of a key of a type: of expressions, and of lists and rows of them."""
+    if kind == "number":
+        return 1.0 * value_of(value, known)  # unlike `float`, this leaves a number with a name as it is
+    if kind == "integer":
+        return int(value_of(value, known))
+    if kind == "list":
+        return [1.0 * value_of(tree, known) for tree in value]
+    if kind == "rows":
+        return [[1.0 * value_of(tree, known) for tree in row] for row in value]
+    return value
 
 
 def _part(block, known, tick, frames):
-    (every, phases), keys, kind = _schedule(block, known), _numbers(block, known), block.type
-    rhythm = Rhythm(every, phases, slow=every > 1 or any(names_in(block.every)))
+    """A block by itself as it runs; with frames of several lengths it has a law for each."""
+    every, phases = _schedule(block, known)
+    keys = _numbers(block, known)
     if frames and every > 1:
         rhythm = frames.rhythm(*phases)
-    runs, periods = {}, rhythm.lasting(tick)
+    else:
+        rhythm = Rhythm(every, phases, slow=every > 1 or any(names_in(block.every)))
+    periods = rhythm.lasting(tick)
+    by_period = {}
     for period in periods:
-        law = LAWS[kind](period, **keys)
-        away = local_model_away(period, **keys) if kind == "local_model" else law
-        runs.setdefault(period, RunningBlock(block.name, kind, *block.ports, rhythm, law, away, block.plant))
-    first = runs[periods[0]]
-    return replace(first, runs=tuple(runs[period] for period in periods)) if len(runs) > 1 else first
+        if period in by_period:
+            continue
+        law = LAWS[block.type](period, **keys)
+        away = local_model_away(period, **keys) if block.type == "local_model" else law
+        by_period[period] = RunningBlock(block.name, block.type, *block.ports, rhythm, law, away, block.plant)
+    first = by_period[periods[0]]
+    if len(by_period) == 1:
+        return first
+    return replace(first, runs=tuple(by_period[period] for period in periods))
 
 
 def divided(ticks: float) -> tuple[int, float]:
     """Return a time in ticks as whole ticks less a share of one."""
-    near = round(ticks)
-    whole_ticks = near if abs(ticks - near) <= ROUNDED * max(1.0, ticks) else math.ceil(ticks)
+    whole_ticks = round(ticks)
+    if abs(ticks - whole_ticks) > ROUNDED * max(1.0, ticks):
+        whole_ticks = math.ceil(ticks)
     return whole_ticks, max(0.0, whole_ticks - ticks)
 
 
 def _within_ticks(name, drawing, wires):
     """Lead what a dead time reads of plants, and what it is about to bring to them, to the ports that are for that."""
-    inside, sensed = drawing.inside, [pair for plant in drawing.plants for pair in plant.sensed if pair[1] == name]
-    read = {inside[signal]: f"{inside[signal]}{AT}{name}" for signal, _ in sensed}
+    inside = drawing.inside
+    read = {}
+    for plant in drawing.plants:
+        for signal, dead_time_name in plant.sensed:
+            if dead_time_name == name:
+                read[inside[signal]] = f"{inside[signal]}{AT}{name}"
     terms = wires[f"{name}.u"]
     wires[f"{name}.u"] = tuple(term for term in terms if term[1] not in read)
     wires[f"{name}.sensed"] = tuple((gain, read[signal]) for gain, signal in terms if signal in read)
-    for port, _ in (pair for plant in drawing.plants for pair in plant.arriving if pair[1] == name):
-        soon = tuple((gain, f"{name}.next") for gain, signal in wires[inside[port]] if signal == f"{name}.y")
-        wires[f"{inside[port]}{AT}{name}"] = soon
+    for plant in drawing.plants:
+        for port, dead_time_name in plant.arriving:
+            if dead_time_name != name:
+                continue
+            arrives = wires[inside[port]]
+            soon = tuple((gain, f"{name}.next") for gain, signal in arrives if signal == f"{name}.y")
+            wires[f"{inside[port]}{AT}{name}"] = soon
 
 
 def _plant(plant, drawing, known, tick, waits):
     """A plant of several blocks; its inputs are those that a wire from outside leads to. waits: of dead times, in ticks."""
     members = [(block.name, block.type, _numbers(block, known), *block.ports) for block in plant.members]
-    gains = {(port, name): gain for port, terms in plant.couplings for gain, name in _valued(terms, known)}
+    gains = {}
+    for port, terms in plant.couplings:
+        for gain, name in _valued(terms, known):
+            gains[port, name] = gain
     wired = {port for port, terms in drawing.wires if terms}
-    inputs, outputs = (dict(zip(*pair, strict=True)) for pair in zip(plant.drawn_ports, plant.ports, strict=True))
-    inputs = {port: name for port, name in inputs.items() if port in wired}
-    arriving = [(port, f"{inputs[port]}{AT}{name}", 1.0 - waits[name][1]) for port, name in plant.arriving if waits[name][0]]
+    drawn_inputs, drawn_outputs = plant.drawn_ports
+    input_names, output_names = plant.ports
+    outputs = dict(zip(drawn_outputs, output_names, strict=True))
+    inputs = {}
+    for port, name in zip(drawn_inputs, input_names, strict=True):
+        if port in wired:
+            inputs[port] = name
+    arriving = []
+    for port, name in plant.arriving:
+        whole_ticks, share = waits[name]
+        if whole_ticks:
+            arriving.append((port, f"{inputs[port]}{AT}{name}", 1.0 - share))
     sensed = [(signal, f"{outputs[signal]}{AT}{name}", waits[name][1]) for signal, name in plant.sensed]
     law = continuous(tick, members, gains, inputs, outputs, arriving, sensed)
-    into, out = (
-        (*ports.values(), *(name for _, name, _ in further)) for ports, further in ((inputs, arriving), (outputs, sensed))
-    )
+    into = (*inputs.values(), *(name for _, name, _ in arriving))
+    out = (*outputs.values(), *(name for _, name, _ in sensed))
     return RunningBlock(plant.name, "plant", into, out, Rhythm(), law, law, plant=True)
 
 
@@ -406,42 +577,47 @@ def _valued(terms, numbers) -> Sum:
     return tuple((1.0 * value_of(gain, numbers), name) for name, gain in terms)
 
 
-def _positive(factors):
-    """The factors with the sign that makes the first one positive."""
-    lead = next(iter(factors.values()))
-    return {place: value if lead > 0 else -value for place, value in factors.items()}
-
-
-def _ratio(factors, first):
-    """How many times the factors are the first ones; None if they are no multiple of them."""
-    share = next(iter(factors.values())) / next(iter(first.values()))
-    if [*factors] != [*first] or any(abs(factors[at] - share * first[at]) > SAME * abs(factors[at]) for at in factors):
-        return None
-    return share
-
-
 def _wall_of(drawing, terms, known):
-    """The wall, and the term of its force in each wire; None if its numbers do more than multiply signals in wires."""
+    """The wall, and the term of its force in each wire; None if its numbers do more than multiply signals in wires.
+
+    In all wires they have to multiply the same two sums of signals, depth and speed, up to a share.
+    """
     if _read_elsewhere(drawing):
         return None, {}
-    names, first, shares = drawing.wall, None, {}
+    names = drawing.wall
+    factors_of_wall = None
+    shares = {}
     for port, terms_of_port in terms.items():
         factors = _wall_factors(names, terms_of_port, known)
         if factors is None:
             return None, {}
         if not factors:
             continue
-        first = first or _positive(factors)
-        share = _ratio(factors, first)
-        if share is None:
+        lead = next(iter(factors.values()))
+        if factors_of_wall is None:
+            factors_of_wall = {place: value if lead > 0 else -value for place, value in factors.items()}
+        share = lead / next(iter(factors_of_wall.values()))
+        if not _is_multiple(factors, share, factors_of_wall):
             return None, {}
         shares[port] = ((share, FORCE),)
-    if first is None:
+    if factors_of_wall is None:
         return None, {}
     inside = drawing.inside
-    depth, speed = (tuple((value, inside.get(name, name)) for (i, name), value in first.items() if i == at) for at in (0, 1))
-    K, B = (*(float(known[name]) for name in names), 0.0)[:2]
-    return Wall(names, K, B, depth, speed), shares
+    depth = []
+    speed = []
+    for (number, name), factor in factors_of_wall.items():
+        sum_ = depth if number == 0 else speed
+        sum_.append((factor, inside.get(name, name)))
+    K = float(known[names[0]])
+    B = float(known[names[1]]) if len(names) > 1 else 0.0
+    return Wall(names, K, B, tuple(depth), tuple(speed)), shares
+
+
+def _is_multiple(factors, share, others):
+    """Whether factors are a share of others, in the same order, up to rounding."""
+    if [*factors] != [*others]:
+        return False
+    return all(abs(factors[at] - share * others[at]) <= SAME * abs(factors[at]) for at in factors)
 
 
 def _read_elsewhere(drawing):
@@ -455,40 +631,46 @@ def _read_elsewhere(drawing):
 
 def _wall_factors(names, terms, known):
     """Of each of the wall's numbers and signal, the factor of their product in a wire; None if it is no such product."""
-    none, factors = known | dict.fromkeys(names, 0.0), {}
+    none = known | dict.fromkeys(names, 0.0)
+    factors = {}
     for signal, gain in terms:
         read = [name for name, _ in names_in(gain) if name in names]
         if not read:
             continue
-        changes = ({}, *({name: 1.0} for name in names), dict.fromkeys(names, 1.0))
-        rest, *ones, both = (value_of(gain, none | change) for change in changes)
-        slopes = [with_one - rest for with_one in ones]
+        rest = value_of(gain, none)
+        slopes = [value_of(gain, none | {name: 1.0}) - rest for name in names]
+        both = value_of(gain, none | dict.fromkeys(names, 1.0))
         if any(degree(gain, name) > 1 for name in read) or abs(both - sum(slopes) - rest) > SAME * abs(both):
             return None
-        factors |= {(i, signal): factors.get((i, signal), 0.0) + slope for i, slope in enumerate(slopes) if slope}
+        for number, slope in enumerate(slopes):
+            if slope:
+                factors[number, signal] = factors.get((number, signal), 0.0) + slope
     return dict(sorted(factors.items(), key=lambda item: item[0][0]))
 
 
 def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> MarchedLoop:
     """Return the loop of blocks that are given by matrices, a `MultirateLoop`; junctions: signals that are looked at too."""
-    blocks, tick = [], float(drawn.period)
-    made = {f"{placed_block.block.name}.{port}" for placed_block in drawn.placed for port in placed_block.block.outputs} | {
-        *drawn.inputs
-    }
+    made = {*drawn.inputs}
+    for placed_block in drawn.placed:
+        made.update(f"{placed_block.block.name}.{port}" for port in placed_block.block.outputs)
 
     def terms(signal: str, factor: float = 1.0) -> Sum:
         if signal in made:
             return ((factor, signal),)
-        sources = drawn.sums.get(signal, {}).items()
-        return tuple(term for source, gain in sources for term in terms(source, factor * float(gain)))
+        found = []
+        for source, gain in drawn.sums.get(signal, {}).items():
+            found += terms(source, factor * float(gain))
+        return tuple(found)
 
+    blocks = []
     for placed_block in drawn.placed:
-        block, phases = (
-            placed_block.block,
-            placed_block.phase if isinstance(placed_block.phase, tuple) else (placed_block.phase,),
-        )
+        block = placed_block.block
+        phases = placed_block.phase if isinstance(placed_block.phase, tuple) else (placed_block.phase,)
         law = in_delta_form(block.E, block.B, block.C, block.D, block.states, block.inputs, block.outputs)
-        blocks.append(RunningBlock(block.name, "", block.inputs, block.outputs, Rhythm(placed_block.every, phases), law, law))
+        rhythm = Rhythm(placed_block.every, phases)
+        blocks.append(RunningBlock(block.name, "", block.inputs, block.outputs, rhythm, law, law))
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-    wires = {port: terms(port) for port in (*ports, *(name for name in junctions if name not in made))}
+    seen = [name for name in junctions if name not in made]
+    wires = {port: terms(port) for port in (*ports, *seen)}
+    tick = float(drawn.period)
     return MarchedLoop(tick, 1.0 / tick, tuple(blocks), wires, wires, tuple(drawn.inputs))
