@@ -8,7 +8,7 @@ import pytest
 from support.specs import shipped
 
 from wavesweep.engine.errors import SpecError
-from wavesweep.explore.sliders import changed, number_of, sliders_of, text_of
+from wavesweep.explore.sliders import changed, number_of, sliders_of, taken, text_of
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import keys_of
 
@@ -141,6 +141,14 @@ def test_no_slider_shows_a_number_that_the_loop_does_not_have(name):
                 assert {path: number_of(other, path) for path in shown} == pytest.approx(shown, rel=1e-12), slider.path
                 moved += value != slider.value
     assert moved > len(sliders)
+
+
+@pytest.mark.parametrize(("value", "beyond", "least", "most"), [(10.0, 1e4, 490, 500), (499.0, 0.0, 0, 0.2)])
+def test_an_end_that_the_spec_rules_out_is_a_short_number_before_it(value, beyond, least, most):
+    """A cutoff is above 0 and below half the rate."""
+    end = taken(load({"controller": {"kind": "pmw"}}), "filters.lp1.cutoff_hz", value, beyond)
+    assert least < end < most
+    assert end == float(f"{end:.3g}")
 
 
 def test_rates_of_a_spec_that_keeps_the_slow_one_stop_where_they_divide():
