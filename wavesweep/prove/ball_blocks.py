@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 from flint import acb_mat, arb, arb_mat
 
 from wavesweep.engine.drawing.drawn_block import DELTA
-from wavesweep.engine.loops import definitions
-from wavesweep.engine.loops.definitions import Rows
+from wavesweep.engine.loops.definitions import Rows, running
+from wavesweep.engine.loops.definitions import continuous as definition
 
 
 class BallMatrices(NamedTuple):
@@ -33,13 +33,13 @@ def matrices(kind: str, T: Any, keys: dict[str, Any]) -> BallMatrices:
         if keys.get("discrete"):
             return BallMatrices(_in_z(A) if keys["discrete"] == DELTA else A, B, C, D)
         return BallMatrices(*(held(A, B, T) if A else (A, B)), C, D)
-    _, E, B, C, D = definitions.running(kind, T, keys, _root)
+    _, E, B, C, D = running(kind, T, keys, _root)
     return BallMatrices(_in_z(E), B, C, D)
 
 
 def continuous(kind: str, keys: dict[str, Any]) -> BallMatrices:
     """A, B, C and D of a continuous block, `x' = A x + B u`; of a discrete one they are those of a run."""
-    return BallMatrices(*definitions.continuous(kind, keys)[1:])
+    return BallMatrices(*definition(kind, keys)[1:])
 
 
 def _in_z(E):
