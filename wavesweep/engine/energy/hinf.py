@@ -1,5 +1,6 @@
 """The peak of a frequency response, found by level sets: a level just above it is shown to be met at no frequency."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +28,14 @@ class Peak:
     certified: np.ndarray
 
 
-def hinf_norm(value_at, angles_at, loops: int, slack, further=(), enough=np.inf) -> Peak:
+def hinf_norm(
+    value_at: Callable[..., np.ndarray],
+    angles_at: Callable[..., np.ndarray],
+    loops: int,
+    slack: Callable[..., np.ndarray],
+    further: Sequence[float] | np.ndarray = (),
+    enough: np.ndarray | float = np.inf,
+) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
     value_at(owner, theta, floor): the response of the loops `owner` at `theta`, all `(points,)`; anything below the floor, the
@@ -61,7 +69,7 @@ def hinf_norm(value_at, angles_at, loops: int, slack, further=(), enough=np.inf)
     return Peak(value, theta, certified)
 
 
-def with_middles(theta):
+def with_middles(theta: np.ndarray) -> np.ndarray:
     """The angles, 0 and pi, and the middles between neighbours; NaN if there are fewer."""
     ends = np.broadcast_to([0.0, np.pi], (*theta.shape[:-1], 2))
     edges = np.sort(np.concatenate([theta, ends], axis=-1), axis=-1)  # NaN goes last
@@ -99,7 +107,7 @@ class Element:
     Q: np.ndarray
 
 
-def tick(A, B, state_cost, cross_cost, input_cost) -> Element:
+def tick(A: np.ndarray, B: np.ndarray, state_cost: np.ndarray, cross_cost: np.ndarray, input_cost: np.ndarray) -> Element:
     """`x+ = A x + B u` with the balance `x^T P x + 2 x^T S u + u^T R u`.
 
     A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, m)`, R = input_cost `(..., m, m)`, regular.

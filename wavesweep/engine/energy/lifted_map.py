@@ -1,5 +1,6 @@
 """Maps of a frame of ticks from one signal to another: their Hermitian parts at each frequency, and the pencils of levels."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
 
@@ -28,7 +29,7 @@ class TickMaps:
     kind: np.ndarray
 
     @staticmethod
-    def of(maps, kind, batch) -> "TickMaps":
+    def of(maps: Sequence[Sequence[np.ndarray]], kind: np.ndarray, batch: tuple[int, ...]) -> "TickMaps":
         """Return the ticks with their batch, broadcast to `batch`, in one axis."""
         return TickMaps(tuple(StateSpace(*(_flat(matrix, batch) for matrix in tick)) for tick in maps), kind)
 
@@ -37,7 +38,7 @@ class TickMaps:
         """Number of loops."""
         return len(self.maps[0][0])
 
-    def at(self, loops) -> "TickMaps":
+    def at(self, loops: np.ndarray | slice) -> "TickMaps":
         """Return some of the loops."""
         return TickMaps(tuple(StateSpace(*(matrix[loops] for matrix in tick)) for tick in self.maps), self.kind)
 
@@ -58,7 +59,7 @@ class TickMaps:
         v = np.swapaxes(u, -1, -2)
         return TickMaps(tuple(StateSpace(E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind)
 
-    def pencil(self, owner, level) -> Element:
+    def pencil(self, owner: np.ndarray, level: np.ndarray) -> Element:
         """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see `hinf`."""
 
         def costs(C, D):
@@ -66,7 +67,7 @@ class TickMaps:
 
         return self._frame(owner, costs)
 
-    def loss_pencil(self, owner, square) -> Element:
+    def loss_pencil(self, owner: np.ndarray, square: np.ndarray) -> Element:
         """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see `hinf`."""
 
         def costs(C, D):
@@ -113,18 +114,18 @@ def _flat(matrix, batch):
     return np.broadcast_to(matrix, (*batch, *tail)).reshape(prod(batch), *tail)
 
 
-def read(maps) -> np.ndarray:
+def read(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see `TickMaps`."""
     return closure([E for E, *_ in maps], np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps]))
 
 
-def reached(maps) -> np.ndarray:
+def reached(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
     """Whether each state depends on the inputs of some tick, `(n,)`."""
     transposed = [np.swapaxes(E, -1, -2) for E, *_ in maps]
     return closure(transposed, np.logical_or.reduce([_nonzero(B).any(-1) for _, B, *_ in maps]))
 
 
-def closure(changes, states) -> np.ndarray:
+def closure(changes: Sequence[np.ndarray], states: np.ndarray) -> np.ndarray:
     """The states, a mask, and those that these read by the changes of some tick, `(n,)`."""
     reads = np.logical_or.reduce([_nonzero(E) for E in changes])
     while (reached_states := states | reads[states].any(0)).sum() > states.sum():
@@ -149,7 +150,7 @@ class LiftedMap:
     O: np.ndarray
     G: np.ndarray
 
-    def at(self, loops) -> "LiftedMap":
+    def at(self, loops: np.ndarray | slice) -> "LiftedMap":
         """Return some of the loops."""
         return LiftedMap(self.E[loops], self.T[loops], self.O[loops], self.G[loops])
 
@@ -158,7 +159,7 @@ class LiftedMap:
         """Mean eigenvalue of the Hermitian part over all frequencies, `(loops,)`: that of the direct terms."""
         return np.diagonal(self.T, axis1=-2, axis2=-1).mean(-1)
 
-    def smallest(self, owner, theta, noise: float = 0.0) -> np.ndarray:
+    def smallest(self, owner: np.ndarray, theta: np.ndarray, noise: float = 0.0) -> np.ndarray:
         """Return the smallest eigenvalue of the Hermitian part, of the loops `owner` at the angles `theta` (rad per frame).
 
         noise: share of the largest one that is added. NaN where the map is not finite. Accuracy: rounding of the largest entry.
@@ -170,7 +171,7 @@ class LiftedMap:
 
         return self._measured(owner, theta, eigenvalue)
 
-    def largest_square(self, owner, theta) -> np.ndarray:
+    def largest_square(self, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return the square of the largest singular value, in the same way."""
 
         def square(H):
@@ -181,7 +182,7 @@ class LiftedMap:
 
         return self._measured(owner, theta, square)
 
-    def response(self, owner, theta) -> np.ndarray:
+    def response(self, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return the map of the loops `owner` at the angles `theta`, `(points, p, m)`."""
         with np.errstate(all="ignore"):
             A = on_circle(theta)[:, None, None] * np.eye(self.E.shape[-1]) - self.E[owner]

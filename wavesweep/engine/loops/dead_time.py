@@ -98,7 +98,7 @@ def _samples_another(drawing, plants, dead_times):
     return any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
 
 
-def shares(drawing: Drawing, known: Mapping[str, object], rate) -> dict[str, object]:
+def shares(drawing: Drawing, known: Mapping[str, object], rate: np.ndarray | float) -> dict[str, object]:
     """Return s of each dead time; known: with `structure`; rate: of the tick (Hz)."""
     return {name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
 

@@ -167,7 +167,7 @@ class MultirateLoop:
                 reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
         return reads
 
-    def living(self, watched=()) -> "MultirateLoop":
+    def living(self, watched: Sequence[str] = ()) -> "MultirateLoop":
         """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`.
 
         A block that is a loop in itself remains.
@@ -186,7 +186,7 @@ class MultirateLoop:
         sets, set_numbers = _schedule(tuple((scheduled.every, scheduled.phase) for scheduled in self.placed), self.ticks)
         return list(sets), set_numbers
 
-    def held(self, watched=()) -> dict[str, list[str]]:
+    def held(self, watched: Sequence[str] = ()) -> dict[str, list[str]]:
         """Block -> its output ports that something reads in a tick in which the block does not run.
 
         watched: signals that are read in every tick.

@@ -76,7 +76,7 @@ class LinearFractional:
             self.memo[name] = make()
         return self.memo[name]
 
-    def at(self, index) -> "LinearFractional":
+    def at(self, index: Any) -> "LinearFractional":
         """Return the loops `index` (anything that indexes the leading axes) of the batch."""
         batch, indices = self.batch, isinstance(index, np.ndarray) and index.dtype.kind == "i"
 
@@ -97,7 +97,7 @@ class LinearFractional:
             return self.at(slice(None))
         return self.at(np.newaxis) if size == 1 else self.at(np.newaxis).at(np.zeros(size, int))
 
-    def open_in(self, along: str, fixed) -> StateSpace:
+    def open_in(self, along: str, fixed: np.ndarray) -> StateSpace:
         """Return the loop with one number closed and the other open, from the open number's product to its factor.
 
         along: the open number, FIRST or SECOND; fixed: value of the other one, an array that broadcasts with the batch.
@@ -133,7 +133,7 @@ class LinearFractional:
             return errors
         return errors._replace(x=np.concatenate([errors.x[..., :-1], 0 * errors.x[..., -1:]], axis=-1))
 
-    def closed(self, K, F) -> np.ndarray:
+    def closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
         """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
 
         K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator;
@@ -148,7 +148,7 @@ class LinearFractional:
                 A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
         return A
 
-    def errors_of_closed(self, K, F) -> np.ndarray:
+    def errors_of_closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
         """Return bounds on the errors of the entries of `closed`, `(..., order, order)`, to first order."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             K, F = (np.asarray(value, float)[..., None, None] for value in (K, F))

@@ -1,5 +1,6 @@
 """The drift of a loop that is assembled tick by tick, and frames without it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import prod
 
@@ -52,7 +53,7 @@ class MarginalModes:
         return [index for index in range(len(self.states)) if index not in gone]
 
     @staticmethod
-    def of(drawn: MultirateLoop, twin: MultirateLoop, watched=()) -> "MarginalModes":
+    def of(drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()) -> "MarginalModes":
         """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
 
         watched: the outputs with which `Ticks.of` will be called, since these determine which outputs are states that hold.
@@ -180,7 +181,7 @@ def _idle(block):
     return [state for i, state in enumerate(block.states) if i not in busy]
 
 
-def relative_row(row, groups):
+def relative_row(row: np.ndarray, groups: Sequence[tuple[int, Sequence[tuple[int, float]]]]) -> np.ndarray:
     """Return a row over states `(..., n)` as one over states that are relative to others."""
     row = row.copy()
     for lead, followers in groups:
@@ -301,7 +302,7 @@ def _errors_without(E, dE, V, leads, rest):
     return dE[..., rest[:, None], rest] + of_leads
 
 
-def consistent_solution(A, b) -> np.ndarray:
+def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
 
     NaN if A is not finite, or if they do by more than SOLVED of their terms and the rounding of the solution.

@@ -1,5 +1,6 @@
 """Connection of blocks of one rate through their summing junctions, with every algebraic loop closed exactly."""
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,14 @@ def _of_one_batch(matrices: list) -> list:
     return [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices] if len(batch) == 1 else matrices
 
 
-def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Block:
+def connect(
+    name: str,
+    blocks: Sequence[Block],
+    sums: Mapping[str, Mapping[str, object]],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    terms: bool = False,
+) -> Block:
     """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
 
     name: of the block. blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs: external signals. outputs:
@@ -63,7 +71,7 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     return Block(name, tuple(inputs), tuple(outputs), states, *(m.astype(kind, copy=False) for m in matrices[:4]), **facts)
 
 
-def all_sums(blocks, sums) -> dict:
+def all_sums(blocks: Sequence[Block], sums: Mapping[str, Mapping[str, object]]) -> dict:
     """Return the sums with those of all ports of the blocks, empty for a port that nothing reaches."""
     return {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(sums)
 

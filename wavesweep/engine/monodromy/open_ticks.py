@@ -39,7 +39,7 @@ class OpenTicks:
         with np.errstate(all="ignore"):
             return OpenTicks(ticks, _OpenFrame.of(ticks) if readings <= MOST_READINGS else None)
 
-    def closed(self, at, p, *, terms: bool = False) -> Ticks:
+    def closed(self, at: np.ndarray | int, p: np.ndarray, *, terms: bool = False) -> Ticks:
         """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together.
 
         terms: whether they have the sizes of their terms; the number's loop is as uncertain as its direct term lets it be.
@@ -47,7 +47,7 @@ class OpenTicks:
         with np.errstate(all="ignore"):
             return replace(self.ticks, maps=tuple(_closed(block, at, p, terms) for block in self.ticks.maps))
 
-    def frames(self, at, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def frames(self, at: np.ndarray | int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frames less identity `(..., n, n)`, and their pivots and conditions; see `closed` and `Block`."""
         with np.errstate(all="ignore"):
             if self.frame is None:

@@ -1,9 +1,10 @@
 """The frame of a loop of several rates: its ticks one after the other, in delta form."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,13 @@ class Ticks:
 
     @staticmethod
     def of(
-        drawn: MultirateLoop, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False, places=None
+        drawn: MultirateLoop,
+        outputs: Sequence[str] = (),
+        alone: bool = False,
+        through: str = "",
+        held: Mapping[str, Sequence[str]] | None = None,
+        terms: bool = False,
+        places: Sequence[int] | np.ndarray | None = None,
     ) -> "Ticks":
         """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
 
@@ -155,7 +162,7 @@ def size_of(matrix) -> np.ndarray:
     return np.sqrt(np.abs(matrix * np.swapaxes(matrix, -1, -2)).max((-1, -2), initial=0.0))
 
 
-def in_a_row(kinds, maps, joined):
+def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, Any], Any]) -> Any:
     """Return the maps of a sequence of kinds joined in a row; repeated stretches are joined once.
 
     joined(first, second): one map after the other. All that does not repeat is joined two by two, so that bounds on errors go
@@ -242,18 +249,20 @@ class Change:
     unset: list[tuple[int, np.ndarray]]
 
     @staticmethod
-    def of(E) -> "Change":
+    def of(E: np.ndarray) -> "Change":
+        """The change by matrices less identity, `(..., n, n)`, perhaps with columns of inputs behind these of the states."""
         square = E[..., : E.shape[-2]]
         return Change(E, _forgotten(square), _forgotten(np.swapaxes(square, -1, -2)))
 
-    def at(self, index) -> "Change":
+    def at(self, index: Any) -> "Change":
         """Return the change of some matrices of a batch."""
         if self.E.ndim == 2 or len(self.E) == 1:
             return self
         unread = [(state, loops[index]) for state, loops in self.unread]
         return Change(self.E[index], unread, [(state, loops[index]) for state, loops in self.unset])
 
-    def then(self, later) -> "Change":
+    def then(self, later: "Change") -> "Change":
+        """This change, and then a later one."""
         E = self.E + later.E
         E += product(later.E[..., : E.shape[-2]], self.E)
         for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly

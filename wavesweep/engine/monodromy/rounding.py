@@ -20,7 +20,7 @@ HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 NEAREST = 4  # number of eigenvalues that are examined
 
 
-def both(first, second):
+def both(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Return `E` of one run of ticks after the other.
 
     Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
@@ -69,7 +69,7 @@ def _largest(E):
 
 
 @np.errstate(all="ignore")
-def balance(E, sweeps: int = BALANCING):
+def balance(E: np.ndarray, sweeps: int = BALANCING) -> tuple[np.ndarray, np.ndarray]:
     """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
 
     The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied

@@ -3,13 +3,13 @@
 import numpy as np
 
 
-def on_circle(theta):
+def on_circle(theta: np.ndarray) -> np.ndarray:
     """Return `w = exp(j theta) - 1`, without cancellation at small angles."""
     half = np.sin(theta / 2)
     return -2 * half * half + 1j * np.sin(theta)
 
 
-def solve(A, b):
+def solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Solve a batch of linear systems.
 
     A matrix that is exactly singular (at a pole) gives a huge state, or NaN, instead of an error.
@@ -27,7 +27,7 @@ def solve(A, b):
         return np.where(lost, np.nan, np.linalg.solve(np.where(lost, np.eye(A.shape[-1]), A), b))
 
 
-def inverse(A):
+def inverse(A: np.ndarray) -> np.ndarray:
     """Return the inverses of a batch of matrices; that of an exactly singular matrix is huge, not an error (see `solve`)."""
     try:
         return np.linalg.inv(A)

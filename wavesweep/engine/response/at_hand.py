@@ -38,7 +38,7 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
         yield members, port_of_loops(batch if members.size > 1 else batch.one(0), route)
 
 
-def port_of_loops(loops, route=None):
+def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
     if route:
         source, signal = next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
         drawn, drift = loops.drawn(), loops.drift(watched=(signal,))

@@ -1,5 +1,7 @@
 """Products and sums of matrices, with bounds on their rounding."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from wavesweep.engine.loops.block import concatenated
@@ -18,7 +20,7 @@ def ordered_product(A, x):
     return np.multiply(A, x[..., None, :], order="C").sum(-1)
 
 
-def ordered_products(A, X):
+def ordered_products(A: np.ndarray, X: np.ndarray) -> np.ndarray:
     """Return `A X` as `ordered_product` does it; X: `(..., n, k)`."""
     return np.multiply(A[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(-1)
 
@@ -28,17 +30,17 @@ def long_sum(count: int) -> float:
     return ROUNDING * (4 + count**0.5)
 
 
-def times(a, b):
+def times(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the product of two matrices, each a pair with a bound on the error of its entries."""
     size = np.abs(b[0])
     return a[0] @ b[0], a[1] @ size + np.abs(a[0]) @ (b[1] + ROUNDING * size)
 
 
-def plus(a, b):
+def plus(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of two matrices, each a pair with a bound on the error of its entries."""
     return a[0] + b[0], a[1] + b[1] + ROUNDING * (np.abs(a[0]) + np.abs(b[0]))
 
 
-def joined(pairs, axis):
+def joined(pairs: Sequence[tuple[np.ndarray, np.ndarray]], axis: int) -> tuple[np.ndarray, ...]:
     """Return pairs of an array and its error bound, joined along the axis."""
     return tuple(concatenated(arrays, axis) for arrays in zip(*pairs, strict=True))

@@ -262,7 +262,7 @@ class Lifted:
             sure = (np.abs(1 + poles) + 2 * left.sum(-1) < 1).all(-1)
         return sure & ~self.lost
 
-    def circle(self, frequency_hz) -> Circle:
+    def circle(self, frequency_hz: np.ndarray) -> Circle:
         """Return the frequencies (Hz) on the circles of this loop."""
         return circle_of(np.asarray(frequency_hz, float).tobytes(), self.port.rate, self.frame.ticks)
 

@@ -19,7 +19,7 @@ class LinearSystem(NamedTuple):
     db: np.ndarray
 
 
-def solved(A, dA, b, db):
+def solved(A: np.ndarray, dA: np.ndarray, b: np.ndarray, db: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return `X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
 
     Rows and columns are scaled to a largest entry of 1. The inverse and the solution are refined, which makes the backward

@@ -1,5 +1,7 @@
 """Steady response of loops to a sinusoidal force of the hand, as the hand feels it, with bounds on its errors."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from wavesweep.engine.monodromy.rounding import ROUNDING
@@ -24,7 +26,7 @@ TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
 BLOCK = 200_000  # entries of one batch of matrices
 
 
-def respond(loop: Lifted, frequency_hz, good: float = GOOD) -> Response:
+def respond(loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD) -> Response:
     """Return transmitted admittance and impedance with bounds on their relative errors.
 
     frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number is not computed again in a
@@ -57,7 +59,9 @@ def _portions(loop, columns):
     return (columns[start : start + width] for start in range(0, columns.size, width))
 
 
-def transfer(loop: Lifted, frequency_hz, good: float = GOOD) -> tuple[np.ndarray, np.ndarray]:
+def transfer(
+    loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the response of a signal to an input, `(..., points)`, and bounds on its relative errors; see `port_between`.
 
     loop: over the frame of such a port. frequency_hz, good and the accuracy: as for `respond`, and NaN as there. The component

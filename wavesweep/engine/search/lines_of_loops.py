@@ -5,7 +5,7 @@ An eigenvalue z of the frame gives the frequency of its mode up to whole turns p
 and Control 1990).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,13 +32,13 @@ SECOND = 1 / 3  # of the energy of a mode, beyond which a second line is told
 REAL = 1e-6  # rad: so near to 0 or pi the two lines of an eigenvalue and its conjugate are one
 
 
-def lines_in_loops(loops: Loops, s) -> np.ndarray:
+def lines_in_loops(loops: Loops, s: np.ndarray) -> np.ndarray:
     """`lines_of` a mode of each loop of a batch, that whose eigenvalue is nearest to one of exp(s), `(loops, choices)`."""
     (lines,) = lines_of_each(loops, [s])
     return lines
 
 
-def lines_of_each(loops: Loops, modes) -> Iterator[np.ndarray]:
+def lines_of_each(loops: Loops, modes: Sequence[np.ndarray]) -> Iterator[np.ndarray]:
     """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed once."""
     drawn, drift, size = loops.drawn(), loops.drift(), len(modes[0]) if modes else 0
     period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))

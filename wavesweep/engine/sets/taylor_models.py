@@ -406,11 +406,11 @@ class Polynomials:
             self._like(np.broadcast_to(one.terms, (len(one.terms), *shape)), np.broadcast_to(one.rest, shape))
         )
 
-    def of(self, which) -> Polynomials:
+    def of(self, which: Any) -> Polynomials:
         """The matrices at some places of a leading axis."""
         return self._like(self.terms[:, which], self.rest[which])
 
-    def at(self, rows, columns) -> Polynomials:
+    def at(self, rows: np.ndarray | Sequence[int], columns: np.ndarray | Sequence[int]) -> Polynomials:
         """Some rows and columns."""
         place = np.ix_(rows, columns)
         return self._like(self.terms[..., *place], self.rest[..., *place])

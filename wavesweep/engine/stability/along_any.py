@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,17 +32,17 @@ ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their pane
 
 
 def stable_along_any(
-    frames,
-    span,
+    frames: Callable[..., Any],
+    span: tuple[float, float],
     columns: int,
-    period,
-    bounds=(-np.inf, np.inf),
-    variable="",
-    errors=None,
-    balls=None,
-    resolved=None,
+    period: np.ndarray,
+    bounds: tuple[Any, Any] = (-np.inf, np.inf),
+    variable: str = "",
+    errors: Callable[..., Any] | None = None,
+    balls: Callable[..., Any] | None = None,
+    resolved: Any = None,
     *,
-    tight=None,
+    tight: Callable[..., Any] | None = None,
     from_one: bool = False,
 ) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.

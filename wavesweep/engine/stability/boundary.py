@@ -32,7 +32,7 @@ class Terms:
         return (self.x, self.v) if name == FIRST else (self.v, self.x)
 
 
-def terms_of(cut: LinearFractional, w, G, unit=1.0) -> Terms:
+def terms_of(cut: LinearFractional, w: np.ndarray, G: np.ndarray, unit: np.ndarray | float = 1.0) -> Terms:
     """Return the terms from the rows VELOCITY, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
 
     unit: a factor that the rows of G have as well.
@@ -96,7 +96,7 @@ def _shifted(cut, w):
     return A
 
 
-def times(matrix, columns):
+def times(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Return the product of matrices and columns `(..., n, 1)`, without a complex copy of real matrices.
 
     BLAS rounds what is contiguous in another way than what is not, and last digits must not follow from how memory is laid out.

@@ -53,13 +53,13 @@ def _left_eigenvectors(right):
     return np.linalg.pinv(right)
 
 
-def named_modes(E, drawn: MultirateLoop, drift: MarginalModes) -> tuple[list[str], Modes]:
+def named_modes(E: np.ndarray, drawn: MultirateLoop, drift: MarginalModes) -> tuple[list[str], Modes]:
     """Return the names of the states of a loop, without those of its drift, and their modes; see `modes_of`."""
     labels, order = drawn.labels(), len(drift.remaining)
     return [labels[drift.states[index]] for index in drift.remaining], modes_of(E[:order, :order])
 
 
-def certain_modes(delta, *, clear: bool) -> np.ndarray:
+def certain_modes(delta: np.ndarray, *, clear: bool) -> np.ndarray:
     """Return whether rounding cannot take each mode across the unit circle; clear: it can take none of them."""
     near = np.abs(np.abs(1 + delta) - 1) <= NEIGHBOURHOOD
     return np.full(delta.shape, clear) | ~(near | ~near.any())

@@ -24,7 +24,7 @@ class Frames(Rows):
     condition: np.ndarray
 
     @staticmethod
-    def of(frames) -> "Frames":
+    def of(frames: "Frames | np.ndarray") -> "Frames":
         """Return frames as they are, and matrices `(..., order, order)` as frames, flattened to one axis.
 
         The matrices have to be analytic everywhere.
@@ -35,13 +35,13 @@ class Frames(Rows):
         return Frames(E, np.ones((len(E), 1)), np.ones(len(E)))
 
 
-def level(pivots, weights=None) -> np.ndarray:
+def level(pivots: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
     """Return the mean of the logarithm of each pivot's size, `(rims, k)`; pivots: `(rims, points, k)`."""
     with np.errstate(all="ignore"):
         return np.average(np.log(np.abs(pivots)), axis=1, weights=weights)
 
 
-def pole_inside(pivots, inner) -> np.ndarray:
+def pole_inside(pivots: np.ndarray, inner: np.ndarray) -> np.ndarray:
     """Return whether frames may have a pole inside of a rim.
 
     pivots: `(rims, points, k)` at points of the upper half of an ellipse about a segment, evenly in the angle of its Chebyshev

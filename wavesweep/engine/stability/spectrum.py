@@ -19,7 +19,7 @@ FINE = 1e-12  # of the largest entry, or of 1, errors of entries that are no mor
 SPARSE = 200  # states, from which on an import pays that finds the blocks of a matrix of few entries
 
 
-def eigenvalues(E):
+def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the eigenvalues less 1 of `I + E`, complex `(..., n)`, zeros if E is not finite, and whether it is.
 
     If the states are of several loops of which one acts on another, but none on itself by way of others, the eigenvalues are
@@ -96,7 +96,7 @@ def _blocks_of_pattern(n, pattern):
     return tuple(several), np.array([block[0] for block in blocks if block.size == 1], int)
 
 
-def excess(delta):
+def excess(delta: np.ndarray) -> np.ndarray:
     """Return `|z|^2 - 1` of `z = 1 + delta`, without cancellation for slow poles."""
     with np.errstate(over="ignore"):
         return 2 * delta.real + delta.real**2 + delta.imag**2
@@ -105,7 +105,7 @@ def excess(delta):
 GONE = 0.1  # size of an eigenvalue below which a mode is over within a frame, and its damping ratio says nothing
 
 
-def damping_ratio(delta) -> np.ndarray:
+def damping_ratio(delta: np.ndarray) -> np.ndarray:
     """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0."""
     with np.errstate(all="ignore"):
         s = np.log1p(delta)
@@ -113,7 +113,7 @@ def damping_ratio(delta) -> np.ndarray:
     return np.where(np.isfinite(ratio), ratio, np.nan)
 
 
-def size_gone(period, seconds) -> np.ndarray:
+def size_gone(period: np.ndarray | float, seconds: float) -> np.ndarray:
     """The size of an eigenvalue below which a mode is gone: it falls to 1/e in less than so many seconds, or is below GONE.
 
     period: of the frame (s).
@@ -123,7 +123,7 @@ def size_gone(period, seconds) -> np.ndarray:
     return np.maximum(GONE, np.exp(-np.asarray(period, float) / seconds))
 
 
-def least_damping(E, gone=GONE, *, pairs=False):
+def least_damping(E: np.ndarray, gone: np.ndarray | float = GONE, *, pairs: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Return the least damping ratio of the eigenvalues of `I + E`, `(matrices,)`, and whether rounding leaves it as it is.
 
     One below `gone` in size counts as 1; so does, of `pairs` alone, a real one within the unit circle. The ratio is known if no
@@ -162,7 +162,7 @@ def _is_alone(balanced, delta, rounding):
     return no_other | (1 + delta.real > 0)
 
 
-def radius_of(E, hidden=False) -> np.ndarray:
+def radius_of(E: np.ndarray, hidden: np.ndarray | bool = False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
     thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.
 
@@ -283,7 +283,7 @@ def _outgrows(delta, size, radius):
         return ((apart <= 2 * move) & (beyond[..., None] + move > 0)).any(-1)
 
 
-def is_stable(E) -> np.ndarray:
+def is_stable(E: np.ndarray) -> np.ndarray:
     """Return whether every eigenvalue of `I + E` is inside the unit circle by more than rounding; false if E is not finite."""
     delta, finite = eigenvalues(E)
     distance = -excess(delta).max(-1, initial=-1.0) / 2

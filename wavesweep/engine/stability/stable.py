@@ -20,7 +20,9 @@ ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # results that are not finite show what overflowed
-def stable_intervals(cut: LinearFractional, along: str, span, fixed, radius=None) -> Intervals:
+def stable_intervals(
+    cut: LinearFractional, along: str, span: tuple[float, float], fixed: np.ndarray, radius: np.ndarray | None = None
+) -> Intervals:
     """Return all stable intervals of `along` (FIRST or SECOND) within `span`, for every loop and every value of the other one.
 
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other number.
