@@ -46,9 +46,14 @@ class Stretch:
     def of(port: Port) -> "Stretch":
         """Return the port's frame; repeated stretches are joined once."""
         ticks = []
-        for matrices, sizes in zip(port.maps, port.sizes, strict=True):
-            E, B, C, D = (np.broadcast_arrays(matrix, ENTRIES * size) for matrix, size in zip(matrices, sizes, strict=True))
-            ticks.append(Stretch(E, [rows[..., None, :] for rows in C], B, D, [rows[..., -1:, :] for rows in D]))
+        for tick, terms in zip(port.maps, port.sizes, strict=True):
+            pairs = []
+            for matrix, size in zip(tick, terms, strict=True):
+                pairs.append(np.broadcast_arrays(matrix, ENTRIES * size))
+            E, B, C, D = pairs
+            observability = [rows[..., None, :] for rows in C]
+            last = [rows[..., -1:, :] for rows in D]
+            ticks.append(Stretch(E, observability, B, D, last))
         return in_a_row(port.kind.tolist(), ticks, _joined)
 
     @property
@@ -58,9 +63,11 @@ class Stretch:
 
     def showing(self, rows: slice) -> "Stretch":
         """Return the frame with some outputs, and the states that these need to know of it."""
-        n, observability = self.E[0].shape[-1], [outputs[..., rows, :, :] for outputs in self.observability]
+        n = self.E[0].shape[-1]
+        observability = [outputs[..., rows, :, :] for outputs in self.observability]
         reads = ((self.E[0] + np.eye(n)) != 0).reshape(-1, n, n).any(0)
-        index = reached((observability[0] != 0).reshape(-1, n).any(0), reads)
+        shown = (observability[0] != 0).reshape(-1, n).any(0)
+        index = reached(shown, reads)
         return replace(
             self,
             E=[change[..., index[:, None], index] for change in self.E],
@@ -99,7 +106,8 @@ class Stretch:
 def _joined(first, second):
     """Return one stretch after the other."""
     eye = np.eye(first.E[0].shape[-1])
-    before, after = (eye + first.E[0], first.E[1]), (eye + second.E[0], second.E[1])
+    before = eye + first.E[0], first.E[1]
+    after = eye + second.E[0], second.E[1]
     E = then(first.E[0], second.E[0]), both(first.E, second.E)[1]
     carried = times(second.observability, [states[..., None, :, :] for states in before])
     observability = joined((first.observability, carried), -2)
@@ -107,16 +115,22 @@ def _joined(first, second):
     if first.ticks + second.ticks > LEAF:
         return Stretch(E, observability, controllability, None, None, first, second)
     later = times(second.observability, [states[..., None, :, :] for states in first.controllability])
-    forced = plus(plus(_padded(first.forced, second.ticks), _padded(second.forced, first.ticks)), _over_lags(later))
-    corners = zip(first.impulse, [outputs[..., -1, :, :] for outputs in later], second.impulse, strict=True)
-    return Stretch(E, observability, controllability, forced, [_triangular(*blocks) for blocks in corners])
+    within = plus(_padded(first.forced, second.ticks), _padded(second.forced, first.ticks))
+    forced = plus(within, _over_lags(later))
+    impulse = []
+    for of_first, outputs, of_second in zip(first.impulse, later, second.impulse, strict=True):
+        impulse.append(_triangular(of_first, outputs[..., -1, :, :], of_second))
+    return Stretch(E, observability, controllability, forced, impulse)
 
 
 def _triangular(first, across, second):
     """Return the map of two stretches from those of both, and from the first to the second."""
-    batch, rows = np.broadcast_shapes(*(block.shape[:-2] for block in (first, across, second))), first.shape[-1]
+    batch = np.broadcast_shapes(*(block.shape[:-2] for block in (first, across, second)))
+    rows = first.shape[-1]
     joint = np.zeros((*batch, rows + second.shape[-1], rows + second.shape[-1]))
-    joint[..., :rows, :rows], joint[..., rows:, :rows], joint[..., rows:, rows:] = first, across, second
+    joint[..., :rows, :rows] = first
+    joint[..., rows:, :rows] = across
+    joint[..., rows:, rows:] = second
     return joint
 
 
@@ -165,37 +179,53 @@ class Sums:
 
 
 def _of_leaf(stretch, points):
-    z, rough = points.ladder(stretch.ticks), long_sum(stretch.ticks)
+    z = points.ladder(stretch.ticks)
+    rough = long_sum(stretch.ticks)
     real, imag = z.real.copy(), z.imag.copy()  # contiguous, as BLAS wants them
-    (O, dO), (forced, dforced), (G, dG) = stretch.observability, stretch.forced, stretch.controllability
+    O, dO = stretch.observability
+    forced, dforced = stretch.forced
+    G, dG = stretch.controllability
     size, most = stretch.sizes
     return Sums(
-        real.T @ O - 1j * (imag.T @ O),
-        dO.sum(-2) + rough * size,
-        forced @ real - 1j * (forced @ imag),
-        (dforced + rough * np.abs(forced)).sum(-1, keepdims=True),
-        G @ real + 1j * (G @ imag),
-        dG.sum(-1, keepdims=True) + rough * most,
+        rows=real.T @ O - 1j * (imag.T @ O),
+        drows=dO.sum(-2) + rough * size,
+        forced=forced @ real - 1j * (forced @ imag),
+        dforced=(dforced + rough * np.abs(forced)).sum(-1, keepdims=True),
+        driven=G @ real + 1j * (G @ imag),
+        ddriven=dG.sum(-1, keepdims=True) + rough * most,
     )
 
 
 def _of_halves(stretch, points, memo):
-    first, second, eye = stretch.first, stretch.second, np.eye(stretch.first.E[0].shape[-1])
-    a, b = Sums.of(first, points, memo), Sums.of(second, points, memo)
-    before, dbefore, after, dafter = eye + first.E[0], first.E[1], eye + second.E[0], second.E[1]
-    turn, size, most = points.turn(first.ticks), second.sizes[0], first.sizes[1]
-    unsure = dbefore + ROUNDING * np.abs(before), dafter + ROUNDING * np.abs(after)
+    first, second = stretch.first, stretch.second
+    a = Sums.of(first, points, memo)
+    b = Sums.of(second, points, memo)
+    eye = np.eye(first.E[0].shape[-1])
+    before = eye + first.E[0]
+    after = eye + second.E[0]
+    dbefore = first.E[1] + ROUNDING * np.abs(before)
+    dafter = second.E[1] + ROUNDING * np.abs(after)
+    size = second.sizes[0]
+    most = first.sizes[1]
+    turn = points.turn(first.ticks)
     back = turn.conj()
     carried = (b.rows * np.swapaxes(a.driven, -1, -2)[..., None, :, :]).sum(-1)
-    index, rows = slice(None) if stretch.state_index is None else stretch.state_index, stretch.rows
-    rounding = [ROUNDING * sizes for sizes in stretch.sizes]
+    rows = a.rows + back[:, None] * (b.rows @ before[..., None, :, :])
+    drows = a.drows + b.drows @ np.abs(before) + size @ dbefore
+    forced = a.forced + b.forced + back * carried
+    dforced = a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + ROUNDING * most)
+    driven = after @ a.driven + turn * b.driven
+    ddriven = np.abs(after) @ a.ddriven + b.ddriven + dafter @ most
+    states = slice(None) if stretch.state_index is None else stretch.state_index
+    outputs = stretch.rows
+    of_rows, of_driven = (ROUNDING * sizes for sizes in stretch.sizes)
     return Sums(
-        (a.rows + back[:, None] * (b.rows @ before[..., None, :, :]))[..., rows, :, index],
-        (a.drows + b.drows @ np.abs(before) + size @ unsure[0])[..., rows, index] + rounding[0],
-        (a.forced + b.forced + back * carried)[..., rows, :],
-        (a.dforced + b.dforced + b.drows @ most + size @ (a.ddriven + ROUNDING * most))[..., rows, :],
-        (after @ a.driven + turn * b.driven)[..., index, :],
-        (np.abs(after) @ a.ddriven + b.ddriven + unsure[1] @ most)[..., index, :] + rounding[1],
+        rows=rows[..., outputs, :, states],
+        drows=drows[..., outputs, states] + of_rows,
+        forced=forced[..., outputs, :],
+        dforced=dforced[..., outputs, :],
+        driven=driven[..., states, :],
+        ddriven=ddriven[..., states, :] + of_driven,
     )
 
 
@@ -276,11 +306,11 @@ def _all(frame, test):
 def _without(port, lost):
     """Return the port with zeros in place of the loops that are lost."""
     lost = lost[..., None, None]
-    maps, sizes = (
-        tuple(StateSpace(*(np.where(lost, 0.0, matrix) for matrix in tick)) for tick in ticks)
-        for ticks in (port.maps, port.sizes)
-    )
-    return replace(port, maps=maps, sizes=sizes)
+
+    def zeroed(tick):
+        return StateSpace(*(np.where(lost, 0.0, matrix) for matrix in tick))
+
+    return replace(port, maps=tuple(map(zeroed, port.maps)), sizes=tuple(map(zeroed, port.sizes)))
 
 
 def _with_position(port):
@@ -291,13 +321,21 @@ def _with_position(port):
 
 
 def _tick_with_position(tick, position):
-    drifts, (outputs, n) = position is None, tick.C.shape[-2:]
+    drifts = position is None
+    outputs, n = tick.C.shape[-2:]
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in tick))
-    E, B = np.zeros((*batch, n + drifts, n + drifts)), np.zeros((*batch, n + drifts, 1))
-    C, D = np.zeros((*batch, outputs + 1, n + drifts)), np.zeros((*batch, outputs + 1, 1))
-    E[..., :n, :n], B[..., :n, :], C[..., :-1, :n], D[..., :-1, :] = tick
-    if drifts:
-        E[..., n, :n], B[..., n, :], C[..., -1, n] = tick.C[..., 0, :], tick.D[..., 0, :], 1.0
+    E = np.zeros((*batch, n + drifts, n + drifts))
+    B = np.zeros((*batch, n + drifts, 1))
+    C = np.zeros((*batch, outputs + 1, n + drifts))
+    D = np.zeros((*batch, outputs + 1, 1))
+    E[..., :n, :n] = tick.E
+    B[..., :n, :] = tick.B
+    C[..., :-1, :n] = tick.C
+    D[..., :-1, :] = tick.D
+    if drifts:  # the position is the sum of its displacements
+        E[..., n, :n] = tick.C[..., 0, :]
+        B[..., n, :] = tick.D[..., 0, :]
+        C[..., -1, n] = 1.0
     else:
         C[..., -1:, :] = position
     return StateSpace(E, B, C, D)

@@ -96,16 +96,23 @@ class Port:
 
     def observable(self) -> "Port":
         """Return the port without the states that no output depends on."""
-        reads, shown = np.zeros((self.maps[0].E.shape[-1],) * 2, bool), np.zeros(self.maps[0].E.shape[-1], bool)
+        n = self.maps[0].E.shape[-1]
+        reads = np.zeros((n, n), bool)
+        shown = np.zeros(n, bool)
         for E, _, C, _ in self.maps:
             reads |= (E != 0).any(tuple(range(E.ndim - 2)))
             shown |= (C != 0).any(tuple(range(C.ndim - 1)))
         states = reached(shown, reads)
-        maps, sizes = (
-            tuple(StateSpace(E[..., states[:, None], states], B[..., states, :], C[..., states], D) for E, B, C, D in ticks)
-            for ticks in (self.maps, self.sizes)
-        )
-        return replace(self, maps=maps, sizes=sizes, position=None if self.position is None else self.position[..., states])
+        maps = tuple(_among(states, tick) for tick in self.maps)
+        sizes = tuple(_among(states, tick) for tick in self.sizes)
+        position = None if self.position is None else self.position[..., states]
+        return replace(self, maps=maps, sizes=sizes, position=position)
+
+
+def _among(states, tick):
+    """The map of a tick among some of its states."""
+    E, B, C, D = tick
+    return StateSpace(E[..., states[:, None], states], B[..., states, :], C[..., states], D)
 
 
 def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
@@ -126,16 +133,20 @@ def port_of(drawn: MultirateLoop, ports: Ports, drift: MarginalModes) -> Port:
     def outputs(tick, absolute):
         read = np.abs(reads) if absolute else reads
         with np.errstate(invalid="ignore"):  # a frame that overflows is lost, see `Lifted`
-            first = read @ tick.E, read @ tick.B
-        return [first] + ([(tick.C[..., 1:2, :], tick.D[..., 1:2, :])] if ports.reaction else [])
+            displacement = read @ tick.E, read @ tick.B
+        if not ports.reaction:
+            return [displacement]
+        return [displacement, (tick.C[..., 1:2, :], tick.D[..., 1:2, :])]
 
-    columns, reaction = [drawn.inputs.index(name) for name in ports.forces], ticks.maps[0].C[..., 1:2, :]
-    maps, sizes = _relative_maps(ticks, columns, shifts, reaction if ports.reaction else None, outputs)
+    columns = [drawn.inputs.index(name) for name in ports.forces]
+    reaction = ticks.maps[0].C[..., 1:2, :] if ports.reaction else None
+    maps, sizes = _relative_maps(ticks, columns, shifts, reaction, outputs)
     moving = shifts.move(reads)
     position = None if moving and not ports.others else reads[..., shifts.remaining]
     moves = shifts.share_of(reads)
     drifts = int(np.linalg.matrix_rank(moves, rtol=STILL).max()) if moving else 0
-    return Port(maps, sizes, ticks.kind, position=position, **_timing(drawn), drifts=drifts, moves=moves)
+    timing = _timing(drawn)
+    return Port(maps, sizes, ticks.kind, position=position, **timing, drifts=drifts, moves=moves)
 
 
 def port_between(drawn: MultirateLoop, source: str, signal: str, drift: MarginalModes) -> Port:
@@ -159,18 +170,22 @@ def _relative_maps(ticks, columns, shifts, drifting, outputs):
     columns: of the inputs. drifting: rows of a signal whose share that drifts becomes a further output, or None. outputs(tick,
     absolute): pairs of rows of C and D of the other outputs, of a tick or of the sizes of its terms.
     """
-    maps, sizes, share = [], [], None
+    share = None
     if drifting is not None and shifts.move(drifting):
         share = shifts.share_of(drifting)
         size = np.abs(share) + np.abs(drifting) @ shifts.dN / ENTRIES
+    maps, sizes = [], []
     for tick in ticks.maps:
-        (E, B, C, D), (of_E, of_B, of_C, of_D) = (tick.E, tick.B, tick.C, tick.D), tick.terms
+        E, B, C, D = tick.E, tick.B, tick.C, tick.D
+        of_E, of_B, of_C, of_D = tick.terms
         exact = StateSpace(E, B[..., columns], C, D[..., columns])
         terms = StateSpace(of_E, of_B[..., columns], of_C, of_D[..., columns])
-        rows, of_rows = outputs(exact, False), outputs(terms, True)
+        rows = outputs(exact, False)
+        of_rows = outputs(terms, True)
         if share is not None:
-            rows.append((share @ E[..., shifts.leads, :], share @ exact.B[..., shifts.leads, :]))
-            of_rows.append((size @ of_E[..., shifts.leads, :], size @ terms.B[..., shifts.leads, :]))
+            leads = shifts.leads
+            rows.append((share @ E[..., leads, :], share @ exact.B[..., leads, :]))
+            of_rows.append((size @ of_E[..., leads, :], size @ terms.B[..., leads, :]))
         maps.append(shifts.relative(exact[:2], rows))
         sizes.append(shifts.relative(terms[:2], of_rows, exact[:2]))
     return tuple(maps), tuple(sizes)
@@ -196,22 +211,29 @@ class _Shifts:
 
     @staticmethod
     def of(ticks: Ticks, drift: MarginalModes, reads) -> "_Shifts":
-        modes = [*drift.constant, *(() if drift.varying else ((state, ()) for state in drift.unobserved))]
-        factors = np.zeros((len(drift.states), len(modes)))
+        modes = [*drift.constant]
+        if not drift.varying:
+            modes += [(state, ()) for state in drift.unobserved]
+        n = len(drift.states)
+        factors = np.zeros((n, len(modes)))
         for column, (_, followers) in enumerate(modes):
             for state, factor in followers:
                 factors[state, column] = factor
-        leads, varying = [lead for lead, _ in modes], list(drift.varying)
+        leads = [lead for lead, _ in modes]
+        varying = list(drift.varying)
         if varying:
-            varying = _best_leads(ticks, reads, varying, [state for state in range(len(drift.states)) if state not in leads])
+            others = [state for state in range(n) if state not in leads]
+            varying = _best_leads(ticks, reads, varying, others)
         leads += varying
-        remaining = [state for state in range(len(drift.states)) if state not in leads]
+        remaining = [state for state in range(n) if state not in leads]
         if not varying:
             return _Shifts(leads, remaining, factors, 0 * factors)
         V, dV = _fixed(ticks, remaining, varying)
-        N, dN = np.zeros((2, *V.shape[:-2], len(drift.states), len(leads)))
+        N = np.zeros((*V.shape[:-2], n, len(leads)))
+        dN = np.zeros_like(N)
         N[..., : len(modes)] = factors
-        N[..., remaining, len(modes) :], dN[..., remaining, len(modes) :] = V, dV
+        N[..., remaining, len(modes) :] = V
+        dN[..., remaining, len(modes) :] = dV
         return _Shifts(leads, remaining, N, dN)
 
     def share_of(self, reads):
@@ -221,20 +243,28 @@ class _Shifts:
     def move(self, reads) -> bool:
         """Return whether a shift moves a signal at all."""
         size = np.abs(reads[..., self.leads]) + np.abs(reads) @ np.abs(self.N)
-        return bool((np.abs(self.share_of(reads)) > STILL * size + np.abs(reads) @ self.dN).any())
+        rounding = STILL * size + np.abs(reads) @ self.dN
+        return bool((np.abs(self.share_of(reads)) > rounding).any())
 
     def relative(self, steps, rows, of=()):
         """Return the map of a tick with the states relative to the leads.
 
         steps: E and B. rows: pairs of rows of C and D. of: E and B, if steps and rows are the sizes of their terms.
         """
+        E, B = steps
         if self.leads:
             sign, N = (1, np.abs(self.N)) if of else (-1, self.N)
-            vague = [self.dN / ENTRIES @ np.abs(step[..., self.leads, :]) for step in of] or (0.0, 0.0)  # as that of terms
-            steps = [step + sign * (N @ step[..., self.leads, :]) + error for step, error in zip(steps, vague, strict=True)]
-        C, D = (np.concatenate(np.broadcast_arrays(*column), axis=-2) for column in zip(*rows, strict=True))
+            E = E + sign * (N @ E[..., self.leads, :])
+            B = B + sign * (N @ B[..., self.leads, :])
+        if self.leads and of:  # errors of the factors, as sizes of terms
+            vague = self.dN / ENTRIES
+            E = E + vague @ np.abs(of[0][..., self.leads, :])
+            B = B + vague @ np.abs(of[1][..., self.leads, :])
+        C, D = zip(*rows, strict=True)
+        C = np.concatenate(np.broadcast_arrays(*C), axis=-2)
+        D = np.concatenate(np.broadcast_arrays(*D), axis=-2)
         index = self.remaining
-        return StateSpace(steps[0][..., index, :][..., index], steps[1][..., index, :], C[..., index], D)
+        return StateSpace(E[..., index, :][..., index], B[..., index, :], C[..., index], D)
 
 
 def _best_leads(ticks, reads, leads, states):
@@ -245,13 +275,17 @@ def _best_leads(ticks, reads, leads, states):
     followers = [state for state in states if state not in leads]
     V, _ = _fixed(ticks, followers, leads)
     cost = sum(tick.terms[0].max(tuple(range(tick.terms[0].ndim - 2))).sum(-1) for tick in ticks.maps)
-    place, chosen = (reads != 0).any(tuple(range(reads.ndim - 1))), []
+    weight = np.where(cost > 0, cost, 1.0)
+    in_position = (reads != 0).any(tuple(range(reads.ndim - 1)))
+    chosen = []
     for column, lead in enumerate(leads):
         factors = np.zeros(len(cost))
-        factors[lead], factors[followers] = 1.0, np.abs(V[..., column]).min(tuple(range(V.ndim - 2)))
+        factors[lead] = 1.0
+        factors[followers] = np.abs(V[..., column]).min(tuple(range(V.ndim - 2)))
         factors[chosen] = 0.0
-        first = place & (factors > 0)
-        chosen.append(int(np.argmax(np.where(first, factors, 0.0) if first.any() else factors / np.where(cost > 0, cost, 1.0))))
+        first = in_position & (factors > 0)
+        merit = np.where(first, factors, 0.0) if first.any() else factors / weight
+        chosen.append(int(np.argmax(merit)))
     return chosen
 
 
@@ -261,26 +295,29 @@ def _fixed(ticks, followers, leads):
     They are the least-squares solution of `E_followers V = -E_leads`, the equations of all ticks together, which do not
     contradict each other; a factor that is nothing but rounding is 0.
     """
-    batch = np.broadcast_shapes(*(tick.E.shape[:-2] for tick in ticks.maps))
-    E, sizes = (
-        np.concatenate([np.broadcast_to(change, (*batch, *change.shape[-2:])) for change in changes], axis=-2)
-        for changes in zip(*((tick.E, tick.terms[0]) for tick in ticks.maps), strict=True)
-    )
-    weight = np.abs(E).max(-1, keepdims=True, initial=0)
-    weight = np.where(np.isfinite(weight) & (weight > 0), 1 / np.where(weight > 0, weight, 1), 0.0)
-    E, sizes = (np.where(np.isfinite(entries), entries, 0.0) * weight for entries in (E, sizes))
+    E = _one_above_the_other([tick.E for tick in ticks.maps])
+    sizes = _one_above_the_other([tick.terms[0] for tick in ticks.maps])
+    largest = np.abs(E).max(-1, keepdims=True, initial=0)
+    finite = np.isfinite(largest) & (largest > 0)
+    weight = np.where(finite, 1 / np.where(largest > 0, largest, 1), 0.0)
+    E = np.where(np.isfinite(E), E, 0.0) * weight
+    sizes = np.where(np.isfinite(sizes), sizes, 0.0) * weight
     A, b = E[..., followers], -E[..., leads]
+    dA = ENTRIES * sizes[..., followers] + ROUNDING * np.abs(A)
     column = np.abs(A).max(-2, keepdims=True, initial=0)
     column = 1 / np.where(column > 0, column, 1)
     inverse = np.swapaxes(column, -1, -2) * np.linalg.pinv(A * column)
     V = inverse @ b
     for _ in range(2):
         V = V + inverse @ (b - A @ V)
-    left = (
-        np.abs(b - A @ V) + (ENTRIES * sizes[..., followers] + ROUNDING * np.abs(A)) @ np.abs(V) + ENTRIES * sizes[..., leads]
-    )
+    left = np.abs(b - A @ V) + dA @ np.abs(V) + ENTRIES * sizes[..., leads]
     dV = np.abs(inverse) @ left
     return np.where(np.abs(V) <= dV, 0.0, V), dV
+
+
+def _one_above_the_other(matrices):
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
+    return np.concatenate([np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices], axis=-2)
 
 
 def reached(start, reads) -> np.ndarray:
