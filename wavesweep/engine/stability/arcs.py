@@ -37,38 +37,50 @@ def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
     beyond the span on it: if a filter transmits nothing there, the equation vanishes to a high order.
     """
     opened = cut.open_in(along, fixed)
-    lines = DelayLines.of(opened[0])
-    poles = np.linalg.eigvals(opened[0]).astype(complex)
-    form, system = None, opened
+    lines = DelayLines.of(opened.E)
+    poles = np.linalg.eigvals(opened.E).astype(complex)
+    solver = lines
+    system = opened
     if lines.solved.size > FEW_SOLVED:
-        form = TriangularForm.of(opened[0])
-        system = form.system(opened)
-    edges = np.linspace(0, np.pi, 5)
-    column = np.repeat(np.arange(fixed.size), 4)
+        solver = TriangularForm.of(opened.E)
+        system = solver.system(opened)
+    largest = max(map(abs, span))
 
     @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
     def sampled(column, theta):
         of = np.zeros(1, int) if fixed.size == 1 else column  # many states are not copied for each panel
         systems = StateSpace(*(matrix[of][:, None] for matrix in system))
-        value, size, beyond, unsure = _boundary(systems, lines if form is None else form, theta, max(map(abs, span)), of)
+        value, size, beyond, unsure = _boundary(systems, solver, theta, largest, of)
+        magnitude = np.maximum(np.abs([value, beyond]), TINY)
+        phase = np.array([value, beyond], complex) / magnitude
+        log = np.log(magnitude)
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
         poles_of = poles[of][:, None, :]
-        distance = [on_circle(theta)[..., None] - poles_of, on_circle(-theta)[..., None] - poles_of.conj()]
-        magnitude, far = np.maximum(np.abs([value, beyond]), TINY), [np.maximum(np.abs(d), TINY) for d in distance]
-        phase, log = np.array([value, beyond], complex) / magnitude, np.log(magnitude)
-        phase *= (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
-        log += sum(np.log(d).sum(-1) for d in far)
+        distance = on_circle(theta)[..., None] - poles_of
+        distance_back = on_circle(-theta)[..., None] - poles_of.conj()
+        far = np.maximum(np.abs(distance), TINY)
+        far_back = np.maximum(np.abs(distance_back), TINY)
+        phase *= (distance / far * (distance_back / far_back)).prod(-1)
+        log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
         return phase, log, np.minimum([size, unsure] / magnitude, MOST_ERROR)
 
     def sample(column, theta):
         step = max(1, MOST // (theta.shape[-1] * cut.order))
-        parts = [sampled(column[i : i + step], theta[i : i + step]) for i in range(0, column.size, step)]
+        parts = []
+        for first in range(0, column.size, step):
+            some = slice(first, first + step)
+            parts.append(sampled(column[some], theta[some]))
         return tuple(np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
 
-    low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
+    edges = np.linspace(0, np.pi, 5)
+    column = np.repeat(np.arange(fixed.size), 4)
+    low = np.tile(edges[:-1], fixed.size)
+    high = np.tile(edges[1:], fixed.size)
     roots = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
-    if (at := np.flatnonzero(roots.open_low)).size:
-        roots.open_low[at] = ~_is_clear_next_to_one(StateSpace(*(matrix[at] for matrix in opened)), lines, poles[at])
+    at = np.flatnonzero(roots.open_low)
+    if at.size:
+        loops = StateSpace(*(matrix[at] for matrix in opened))
+        roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at])
     return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta).value, roots)
 
 
@@ -81,14 +93,19 @@ def _is_clear_next_to_one(opened, lines, poles):
     other eigenvalue is in. F(0) is the mean of its rim, and by Schwarz's lemma F is off from that by at most the largest
     difference on the rim times the part of the way there.
     """
-    E, m = opened.E, poles_at_one(opened.E)
+    E = opened.E
+    m = poles_at_one(E)
     away = np.sort(np.abs(poles), axis=-1)
-    radius = np.minimum(WIDEST, away[:, m] / 4) if m < away.shape[-1] else np.full(len(E), WIDEST)
+    if m < away.shape[-1]:
+        radius = np.minimum(WIDEST, away[:, m] / 4)
+    else:
+        radius = np.full(len(E), WIDEST)
     count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
     theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
     value, size, _, _ = _boundary(StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta)
     q = m + m % 2
-    F, noise = value * theta**q, (np.finfo(float).eps * size * np.abs(theta) ** q).max(-1)
+    F = value * theta**q
+    noise = (np.finfo(float).eps * size * np.abs(theta) ** q).max(-1)
     middle = F.mean(-1)
     off = 2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius  # twice, for what is between two points of the rim
     return clear & (count == E.shape[-1] - m) & (np.abs(middle) > off + 2 * noise)
@@ -113,22 +130,28 @@ def _boundary(opened, solver, theta, largest=0.0, of=None) -> _BoundaryFunctions
     not even at the points of the circle on the real axis. theta may be complex.
     """
     E, B, C, D = opened
-    left, right = solver.row(E, C, -theta), solver.reached(E, B, theta)
-    terms = left * right, C[..., 0, :] * right, left * B[..., 0]
-    value, forward, back = (term.sum(-1) for term in terms)
-    size, *sizes = (np.abs(term).sum(-1) for term in terms)
+    left = solver.row(E, C, -theta)
+    right = solver.reached(E, B, theta)
     D = D[..., 0, 0]
-    beyond = 1 - (largest * (forward + D)) * (largest * (back + D))
-    parts = [largest * (part + np.abs(D)) for part in sizes]
-    unsure = 1 + 2 * parts[0] * parts[1]
+    terms = left * right
+    value = terms.sum(-1)
+    size = np.abs(terms).sum(-1)
+    # H at theta, by what B reaches, and at -theta, by what C reads.
+    forward = C[..., 0, :] * right
+    back = left * B[..., 0]
+    beyond = 1 - (largest * (forward.sum(-1) + D)) * (largest * (back.sum(-1) + D))
+    size_forward = largest * (np.abs(forward).sum(-1) + np.abs(D))
+    size_back = largest * (np.abs(back).sum(-1) + np.abs(D))
+    unsure = 1 + 2 * size_forward * size_back
     if not np.iscomplexobj(theta):
-        value, beyond = value.real, beyond.real
+        value = value.real
+        beyond = beyond.real
     if isinstance(solver, DelayLines):
         roundings = CAUTION + max(map(len, solver.lines), default=0)
         return _BoundaryFunctions(value, roundings * size, beyond, roundings * unsure)
     of_value, of_gain = _errors_of_form(solver, of, left, right, theta)
     roundings = CAUTION + E.shape[-1]
-    of_beyond = largest * of_gain * (parts[0] + parts[1] + largest * of_gain * np.finfo(float).eps)
+    of_beyond = largest * of_gain * (size_forward + size_back + largest * of_gain * np.finfo(float).eps)
     return _BoundaryFunctions(value, roundings * size + of_value, beyond, roundings * unsure + of_beyond)
 
 
@@ -141,51 +164,74 @@ def _errors_of_form(form, of, left, right, theta):
     states, in even units, so by the resolvent identity the size of `R right` is that of the imaginary part of `right` in these
     states, over sin(theta). On the rim, at complex theta, an order of magnitude is enough.
     """
-    of_left, of_right = (np.linalg.norm(vectors, axis=-1) for vectors in (left, right))
+    of_left = np.linalg.norm(left, axis=-1)
+    of_right = np.linalg.norm(right, axis=-1)
     error = form.error[of, None] / np.finfo(float).eps
     of_gain = error * of_left * of_right
     if form.diagonal:
-        apart = [np.abs(on_circle(at)[..., None] - form.frames[of]).min(-1) for at in (theta, -theta)]
-        return of_gain * (1 / apart[0] + 1 / apart[1]), of_gain
+        poles = form.frames[of]
+        apart = np.abs(on_circle(theta)[..., None] - poles).min(-1)
+        apart_back = np.abs(on_circle(-theta)[..., None] - poles).min(-1)
+        return of_gain * (1 / apart + 1 / apart_back), of_gain
     if np.iscomplexobj(theta):
         return of_gain, of_gain
-    own = right @ np.swapaxes(form.V[of], -1, -2), left @ form.Z[of]
-    further = [np.linalg.norm(vectors.imag, axis=-1) / np.abs(np.sin(theta)) for vectors in own]
-    return error * (of_left * further[0] + further[1] * of_right), of_gain
+    own_right = right @ np.swapaxes(form.V[of], -1, -2)
+    own_left = left @ form.Z[of]
+    R_right = np.linalg.norm(own_right.imag, axis=-1) / np.abs(np.sin(theta))
+    left_R = np.linalg.norm(own_left.imag, axis=-1) / np.abs(np.sin(theta))
+    return error * (of_left * R_right + left_R * of_right), of_gain
 
 
 def _collect(cut, along, fixed, span, boundary, roots):
     """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1 and -1."""
-    inside, complete = (roots.x > 0) & (roots.x < np.pi), np.ones(fixed.size, bool)
-    for lost in (roots.lost, roots.overflown):
-        complete[lost[0]] = False
-    column, seed, jump = roots.column[inside], roots.x[inside], 2.0 * roots.slope_sign[inside]
-    many, largest = None, max(map(abs, span))
+    complete = np.ones(fixed.size, bool)
+    complete[roots.lost[0]] = False
+    complete[roots.overflown[0]] = False
+    inside = (roots.x > 0) & (roots.x < np.pi)
+    column = roots.column[inside]
+    seed = roots.x[inside]
+    jump = 2.0 * roots.slope_sign[inside]
+    largest = max(map(abs, span))
+    many = None
     if cut.order > MANY_STATES:  # of a single column
-        many, inverses = ManyStates.of(cut.at(0).E), np.zeros((0, *cut.E.shape[-2:]))
+        many = ManyStates.of(cut.at(0).E)
+        inverses = np.zeros((0, *cut.E.shape[-2:]))
         polished = polish_of_many_states(cut.at(0), many, along, fixed[0], seed, largest)
     else:
         polished, inverses = polish(cut.at(column), along, fixed[column], seed, largest)
-    theta, value, converged = polished
-    astray = np.abs(theta - seed) > roots.within[inside] + 1e-9
-    complete[column[~converged | astray]] = False
-    order = np.lexsort((theta, column))
-    column, theta, value, jump, at = (array[order] for array in (column, theta, value, jump, np.arange(column.size)))
-    new = np.ones(column.size, bool)
+    astray = np.abs(polished.theta - seed) > roots.within[inside] + 1e-9
+    complete[column[~polished.converged | astray]] = False
+
+    order = np.lexsort((polished.theta, column))
+    theta = polished.theta[order]
+    new = np.ones(order.size, bool)
     close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
-    new[1:] = (np.diff(column) != 0) | ~close_by
-    column, theta, value, jump, at = (array[new] for array in (column, theta, value, jump, at))
-    first, last = np.full(fixed.size, np.pi), np.zeros(fixed.size)
+    new[1:] = (np.diff(column[order]) != 0) | ~close_by
+    at = order[new]
+    column = column[at]
+    theta = polished.theta[at]
+    value = polished.value[at]
+    jump = jump[at]
+
+    first = np.full(fixed.size, np.pi)
+    last = np.zeros(fixed.size)
     np.minimum.at(first, column, theta)
     np.maximum.at(last, column, theta)
     of, low, high = roots.settled  # what lies there is not known
     np.minimum.at(first, of[low > 0], low[low > 0])
     np.maximum.at(last, of[high < np.pi], high[high < np.pi])
-    at_one, at_minus_one = (np.sign(boundary(a)) for a in (first / 2, (np.pi + last) / 2))
+    at_one = np.sign(boundary(first / 2))
+    at_minus_one = np.sign(boundary((np.pi + last) / 2))
     ends, at_ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one, many)
     complete &= ~(roots.open_low | roots.open_high)
-    pairs = zip((column, value, theta, jump, at), ends, strict=True)
-    column, value, theta, jump, at = (np.concatenate(pair) for pair in pairs)
-    at[at.size - 2 * fixed.size :] += len(inverses)
-    nothing = np.full(fixed.size, np.nan)
-    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, at_ends]), complete, nothing, many)
+    return Crossings(
+        column=np.concatenate([column, ends.column]),
+        value=np.concatenate([value, ends.value]),
+        theta=np.concatenate([theta, ends.theta]),
+        jump=np.concatenate([jump, ends.jump]),
+        inverse=np.concatenate([at, len(inverses) + ends.inverse]),
+        inverses=np.concatenate([inverses, at_ends]),
+        complete=complete,
+        above=np.full(fixed.size, np.nan),
+        many=many,
+    )

@@ -4,6 +4,7 @@ The crossings of a column are the real roots of one polynomial, which is compute
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,10 +44,12 @@ def warp_scale(cut: LinearFractional, *, alone: bool = False):
 
     alone: without those that are divided out, see `sampled_polynomial`.
     """
-    n = cut.E.shape[-1] - (cut.poles_at_one if alone else 0)
+    n = cut.E.shape[-1]
     with np.errstate(all="ignore"):  # of a frame that overflows
         if alone:
-            log_size = np.log(np.sort(np.abs(np.linalg.eigvals(cut.E)), axis=-1)[..., cut.poles_at_one :]).sum(-1)
+            n -= cut.poles_at_one
+            size = np.sort(np.abs(np.linalg.eigvals(cut.E)), axis=-1)
+            log_size = np.log(size[..., cut.poles_at_one :]).sum(-1)
         else:
             _, log_size = np.linalg.slogdet(cut.E)
         mean = np.exp(np.nan_to_num(log_size, neginf=-0.5 * n) / max(n, 1))
@@ -69,25 +72,35 @@ def sampled_polynomial(cut: LinearFractional, along: str, scale, rough, *, alone
     count = cut.order + SPARE
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
     solved, fixed, unit, w = _scaled(cut, np.exp(1j * phi), scale, along)
-    fixed = 0 * fixed if alone else fixed
+    if alone:
+        fixed = 0 * fixed
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
-    on_unit, on_fixed = unit * solved.conj(), fixed * solved.conj()
-    size = [np.abs(samples).max((0, -1)) for samples in (on_unit, on_fixed, solved)]
-    factors = 0 if np.any(fixed) else (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
-    divided, sizes = (on_unit, on_fixed), size[:2]
+
+    def largest(samples):
+        return np.abs(samples).max((0, -1))
+
+    on_unit = unit * solved.conj()
+    on_fixed = fixed * solved.conj()
+    factors = 0
+    if not np.any(fixed):
+        factors = (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
+    f_unit = on_unit
+    f_fixed = on_fixed
     if factors:
-        divided = [samples / (1 - np.cos(phi)) ** factors for samples in divided]
-        sizes = [np.abs(samples).max((0, -1)) for samples in divided]
-    curve, noise = _sines([divided[0].imag, -divided[1].imag], sizes, transform, cut.order - factors)
-    real = [samples * np.sin(phi) for samples in (on_unit.real, on_fixed.real, np.abs(solved) ** 2)]
-    value, value_noise = _sines(real, [*size[:2], size[2] ** 2], transform, cut.order + 1)
+        f_unit = on_unit / (1 - np.cos(phi)) ** factors
+        f_fixed = on_fixed / (1 - np.cos(phi)) ** factors
+    of_curve = [f_unit.imag, -f_fixed.imag]
+    curve, noise = _sines(of_curve, [largest(f_unit), largest(f_fixed)], transform, cut.order - factors)
+    of_value = [on_unit.real * np.sin(phi), on_fixed.real * np.sin(phi), np.abs(solved) ** 2 * np.sin(phi)]
+    sizes = [largest(on_unit), largest(on_fixed), largest(solved) ** 2]
+    value, value_noise = _sines(of_value, sizes, transform, cut.order + 1)
     at = np.flatnonzero(rough)
     if at.size:
-        sizes = [np.abs(samples[0, at]) for samples in (unit, fixed, solved)]
-        errors = _errors_of_entries(cut.at(at), along, w[at], *sizes)
+        sizes = np.abs(unit[0, at]), np.abs(fixed[0, at]), np.abs(solved[0, at])
+        errors = np.stack(_errors_of_entries(cut.at(at), along, w[at], *sizes))
         weight = 1 / (1 - np.cos(phi)) ** factors
-        noise[at] += 2 * np.stack([(error * weight).max(-1) for error in errors[:2]], -1)  # a mean times 2 sin
-        value_noise[at] += 2 * np.stack([error.max(-1) for error in errors], -1)
+        noise[at] += 2 * (errors[:2] * weight).max(-1).T  # a mean times 2 sin
+        value_noise[at] += 2 * errors.max(-1).T
     return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
 
 
@@ -111,7 +124,8 @@ def _sines(samples, size, transform, degree):
     """
     series = np.stack(samples, axis=-2) @ transform
     floor = 4 * len(transform) * np.finfo(float).eps
-    beyond, apart = np.abs(series[..., degree:]).max((0, -1)), np.abs(series[0] - series[1]).max(-1)
+    beyond = np.abs(series[..., degree:]).max((0, -1))
+    apart = np.abs(series[0] - series[1]).max(-1)
     return series[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
 
 
@@ -125,15 +139,19 @@ def _scaled(cut, zeta, scale, along):
     a = (1 - r) / (1 + r)
     bottom = 1 + a * zeta
     w = (1 - a) * (zeta - 1) / bottom
-    n, batch = cut.E.shape[-1], cut.batch
-    system = in_even_units(*(np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in (cut.E, cut.B, cut.C)))
+    n = cut.E.shape[-1]
+    loops = (np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:])) for matrix in (cut.E, cut.B, cut.C))
+    system = in_even_units(*loops)
     reverse = np.concatenate([system[n - 1 :: -1], system[n:]])[:, [0, *range(n, 0, -1)]]
-    pole, over = polynomials(reduced(np.concatenate([system, reverse], axis=-1)), np.concatenate([w, w]))
-    pole, over = pole.reshape(2, *w.shape), over.reshape(2, len(w), -1, w.shape[-1])
+    both = reduced(np.concatenate([system, reverse], axis=-1))
+    pole, over = polynomials(both, np.concatenate([w, w]))
+    pole = pole.reshape(2, *w.shape)
+    over = over.reshape(2, len(w), -1, w.shape[-1])
     size = bottom ** (n + cut.integrates)
     size = size / np.abs(size * pole[0]).max(-1, keepdims=True)
     pole = pole * size
-    terms = terms_of(cut, w, np.moveaxis(over * size[:, None] + cut.D * pole[:, :, None], -2, -1), pole)
+    outputs = over * size[:, None] + cut.D * pole[:, :, None]
+    terms = terms_of(cut, w, np.moveaxis(outputs, -2, -1), pole)
     return *terms.along(along), terms.unit, w
 
 
@@ -142,31 +160,31 @@ def _errors_of_entries(cut, along, w, unit, fixed, solved):
     """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`, infinite if not known.
 
     unit, fixed, solved: sizes of these terms, `(loops, points)`. With the resolvent R and the bounds dE, the resolvent for
-    E + X is `R (1 - X R)^-1`, of which no entry is larger than those of `N |R|`, `N = (1 - |R| dE)^-1`. All terms have the pole
-    polynomial as a factor, which X multiplies by `det(1 - R X)`; its logarithm is at most `-log det(1 - |R| dE)`, since that is
-    the sum of `tr((|R| dE)^k)/k`.
+    E + X is `R (1 - X R)^-1`, of which no entry is larger than those of `N |R|`, `N = (1 - |R| dE)^-1`. docs/proof.md,
+    "Entries that are known to few digits", has the bounds dG and q.
     """
-    E, B, C = (getattr(cut, name)[:, None] for name in "EBC")
     dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
-    one = np.eye(E.shape[-1])
-    R = inverse(w[..., None, None] * one - E)
-    state, row, R = np.abs(R @ B), np.abs(C @ R), np.abs(R)
+    one = np.eye(cut.E.shape[-1])
+    R = inverse(w[..., None, None] * one - cut.E[:, None])
+    RB = np.abs(R @ cut.B[:, None])
+    CR = np.abs(cut.C[:, None] @ R)
+    R = np.abs(R)
     reach = R @ dE
     known = np.isfinite(reach).all((-1, -2))
     reach = np.where(known[..., None, None], reach, 0.0)
     known &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < SMALL
     reach = np.where(known[..., None, None], reach, 0.0)
-    grown_R = inverse(one - reach) @ R
-    grown_row = row + row @ dE @ grown_R
-    entering = dE @ state + dB
-    of_G = (grown_row @ entering + dC @ (state + grown_R @ entering) + dD)[..., 0]
+    NR = inverse(one - reach) @ R
+    c = CR + CR @ dE @ NR
+    entering = dE @ RB + dB
+    dG = (c @ entering + dC @ (RB + NR @ entering) + dD)[..., 0]
     pole = unit / np.abs(w) if cut.integrates else unit
-    of_solved, of_fixed = terms_of(cut, np.abs(w), of_G * pole[..., None], 0.0).along(along)
-    factor = np.linalg.det(one - reach) ** -2.0
+    of_solved, of_fixed = terms_of(cut, np.abs(w), dG * pole[..., None], 0.0).along(along)
+    q = np.linalg.det(one - reach) ** -2.0
     errors = []
     for size, error in ((unit, 0.0), (fixed, of_fixed), (solved, of_solved)):
         moved = size * of_solved + error * (solved + of_solved)
-        errors.append(np.where(known, moved * factor + size * solved * (factor - 1), np.inf))
+        errors.append(np.where(known, moved * q + size * solved * (q - 1), np.inf))
     return errors
 
 
@@ -220,28 +238,34 @@ def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial:
     device crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span are only counted.
     """
     column, index = np.nonzero(roots.inside)
-    cosine, jump = roots.value[column, index], -2.0 * roots.slope_sign[column, index]
+    cosine = roots.value[column, index]
+    jump = -2.0 * roots.slope_sign[column, index]
     side = _side(polynomial, owner[column], fixed[column], cosine, span)
     above = np.bincount(column, jump * (side > 0), minlength=fixed.size)
-    column, cosine, jump = (array[side == 0] for array in (column, cosine, jump))
+    near = side == 0
+    column = column[near]
+    cosine = cosine[near]
+    jump = jump[near]
     seed = angle(cosine, polynomial.scale[owner[column]])
-    polished, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
-    theta, value, converged = polished
+    largest = max(map(abs, span))
+    polished, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, largest)
     complete = roots.proved.copy()
     # A polished angle far from its seed has left the root that the proof is about.
-    astray = ~(np.abs(theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed)) | ~converged
-    complete[column[astray]] = False
+    astray = ~(np.abs(polished.theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed))
+    complete[column[astray | ~polished.converged]] = False
     ends, at_ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
     complete &= ~(roots.open_at_one | roots.open_at_minus_one)
-    column, value, theta, jump, at = (
-        np.concatenate(pair) for pair in zip((column, value, theta, jump, np.arange(column.size)), ends, strict=True)
-    )
-    at[theta.size - 2 * fixed.size :] += len(inverses)
+    at = np.concatenate([np.arange(column.size), len(inverses) + ends.inverse])
+    column = np.concatenate([column, ends.column])
+    value = np.concatenate([polished.value, ends.value])
+    theta = np.concatenate([polished.theta, ends.theta])
+    jump = np.concatenate([jump, ends.jump])
     # At an infinite value the jump tells on which side the eigenvalue arrives; of a very large one rounding decides the side.
-    low, size = span[0], np.abs(value)
-    near = np.abs(value - low) <= np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
-    growth = np.where((value > low) & ~near, jump, 0.0)
-    growth = np.where(size > FAR * max(map(abs, span)), np.nan, growth)
+    low = span[0]
+    size = np.abs(value)
+    told = np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
+    growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
+    growth = np.where(size > FAR * largest, np.nan, growth)
     growth = np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
     above = above + np.bincount(column, growth, minlength=fixed.size)
     above[~complete] = np.nan
@@ -253,34 +277,54 @@ def _side(polynomial, owner, fixed, cosine, span):
 
     The value is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
     """
-    over, noise = polynomial.value.take(owner, axis=0), polynomial.value_noise.take(owner, axis=0)
-    before, now, total, weight = np.zeros_like(cosine), np.ones_like(cosine), 0.0, 0
+    over = polynomial.value.take(owner, axis=0)
+    noise = polynomial.value_noise.take(owner, axis=0)
+    before = np.zeros_like(cosine)
+    now = np.ones_like(cosine)  # U_k, at most k + 1
     twice = 2 * cosine
+    total = 0.0
+    weight = 0
     for k in range(over.shape[-1]):
-        total, weight = total + over[..., k] * now[:, None], weight + k + 1
-        before, now = now, twice * now - before
+        total = total + over[..., k] * now[:, None]
+        weight += k + 1
+        following = twice * now - before
+        before = now
+        now = following
     first, second, lower = total.T
-    upper, unsure = first - fixed * second, weight * (noise[:, 0] + np.abs(fixed) * noise[:, 1])
-    low, high = (upper - end * lower for end in span)
-    unsure = [unsure + weight * abs(end) * noise[:, 2] for end in span]
-    return (high > unsure[1]).astype(int) - (low < -unsure[0])
+    upper = first - fixed * second
+    unsure = weight * (noise[:, 0] + np.abs(fixed) * noise[:, 1])
+    low, high = span
+    above = upper - high * lower > unsure + weight * abs(high) * noise[:, 2]
+    below = upper - low * lower < -(unsure + weight * abs(low) * noise[:, 2])
+    return above.astype(int) - below
 
 
-def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one, many=None):
+class CrossingsAtEnds(NamedTuple):
+    """The crossings at z = 1 of every column, and then those at z = -1; see `Crossings`. Without one the value is infinite."""
+
+    column: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    jump: np.ndarray
+    inverse: np.ndarray
+
+
+def at_both_ends(
+    cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one, many=None
+) -> tuple[CrossingsAtEnds, np.ndarray]:
     """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there; many: see `Crossings`.
-
-    A crossing is (column, value, theta, jump, inverse), the last of which is an index of its inverse. The value is infinite if
-    there is no crossing.
 
     sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of the eigenvalue.
     """
-    values, inverses = [], []
+    values = []
+    inverses = []
     for w in (0.0, -2.0):
         if many is None:
             t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
+            inverses.append(inverse)
         else:
-            t, inverse = real_terms(cut.at(0), w, many), np.zeros((0, *cut.E.shape[-2:]))
-        inverses.append(inverse)
+            t = real_terms(cut.at(0), w, many)
+            inverses.append(np.zeros((0, *cut.E.shape[-2:])))
         if w == 0.0 and cut.integrates:
             values.append(np.full(fixed.shape, 0.0 if along == FIRST else np.inf))
             continue
@@ -289,11 +333,11 @@ def at_both_ends(cut: LinearFractional, owner, along: str, fixed, sign_at_one, s
             values.append((t.unit[owner] - fixed * fixed_term[owner]) / solved[owner])
         if w == 0.0 and cut.poles_at_one and not cut.integrates:  # a mass that nothing brakes, but for this wall
             values[-1] = np.where(fixed == 0, 0.0, values[-1])
-    ends = (
-        np.tile(np.arange(fixed.size), 2),
-        np.concatenate(values),
-        np.repeat([0.0, np.pi], fixed.size),
-        np.concatenate([sign_at_one, -sign_at_minus_one]),
-        np.concatenate([owner, owner + len(inverses[0])]),
+    ends = CrossingsAtEnds(
+        column=np.tile(np.arange(fixed.size), 2),
+        value=np.concatenate(values),
+        theta=np.repeat([0.0, np.pi], fixed.size),
+        jump=np.concatenate([sign_at_one, -sign_at_minus_one]),
+        inverse=np.concatenate([owner, owner + len(inverses[0])]),
     )
     return ends, np.concatenate(inverses)

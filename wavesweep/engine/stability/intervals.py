@@ -44,26 +44,56 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
 
     doubt: `(columns,)`, codes. period: of each column's frame, s.
     """
-    label, same = np.sign(r.unstable), np.diff(r.column) == 0
+    label = np.sign(r.unstable)
+    same = np.diff(r.column) == 0
     alike = same & (label[1:] == label[:-1])
-    first, last = (np.flatnonzero(edge & (label < 1)) for edge in (np.append(True, ~alike), np.append(~alike, True)))
-    before = same & (np.minimum(label[1:], label[:-1]) < 0)  # what is next to an open place has no end there
-    thetas = (r.low_theta, np.append(False, before), first), (r.high_theta, np.append(before, False), last)
-    omega = [np.where(open_, np.nan, theta)[at] / period[r.column[at]] for theta, open_, at in thetas]
-    stable, none = label[first] == 0, np.flatnonzero(np.bincount(r.column[first], minlength=period.size) == 0)
-    error = np.where(stable, np.maximum(r.residual[first], r.residual[last]), 0.0)
-    nothing, zero = np.full(none.size, np.nan), np.zeros(none.size, int)
-    rows = r.column[first], stable - 1, 0 * first, r.low[first], r.high[last], *omega, doubt[r.column[first]], error
-    empty = none, zero - 1, zero, nothing, nothing, nothing, nothing, doubt[none], 0.0 * zero
-    located = Intervals(*map(np.concatenate, zip(rows, empty, strict=True)))
+    first = np.flatnonzero(np.append(True, ~alike) & (label < 1))
+    last = np.flatnonzero(np.append(~alike, True) & (label < 1))
+    column = r.column[first]
+    unknown = same & (np.minimum(label[1:], label[:-1]) < 0)  # what is next to an open place has no end there
+    low_theta = np.where(np.append(False, unknown), np.nan, r.low_theta)
+    high_theta = np.where(np.append(unknown, False), np.nan, r.high_theta)
+    stable = label[first] == 0
+    rows = Intervals(
+        column=column,
+        index=stable - 1,
+        count=0 * first,
+        low=r.low[first],
+        high=r.high[last],
+        low_omega=low_theta[first] / period[column],
+        high_omega=high_theta[last] / period[column],
+        doubt=doubt[column],
+        residual=np.where(stable, np.maximum(r.residual[first], r.residual[last]), 0.0),
+    )
+    none = np.flatnonzero(np.bincount(column, minlength=period.size) == 0)
+    located = Intervals.join([rows, _empty(none, doubt[none])])
     return _numbered(located.take(np.argsort(located.column, kind="stable")))
+
+
+def _empty(column, doubt, span=(np.nan, np.nan)) -> Intervals:
+    """Rows of columns that have no stable interval; span: of which nothing is known."""
+    size = column.size
+    nothing = np.full(size, np.nan)
+    return Intervals(
+        column=column,
+        index=np.full(size, -1),
+        count=np.zeros(size, int),
+        low=np.full(size, float(span[0])),
+        high=np.full(size, float(span[1])),
+        low_omega=nothing,
+        high_omega=nothing,
+        doubt=doubt,
+        residual=np.zeros(size),
+    )
 
 
 def _numbered(rows: Intervals) -> Intervals:
     """The intervals with index and count of each column; sorted, an index of 0 or more stands for a stable one."""
-    stable, column = rows.index >= 0, rows.column
+    stable = rows.index >= 0
+    column = rows.column
     count = np.bincount(column[stable], minlength=int(column.max(initial=-1)) + 1)
-    index = np.where(stable, np.cumsum(stable) - 1 - (np.cumsum(count) - count)[column], -1)
+    before = np.cumsum(count) - count
+    index = np.where(stable, np.cumsum(stable) - 1 - before[column], -1)
     return replace(rows, index=index, count=count[column])
 
 
@@ -73,7 +103,8 @@ def doubts_of(regions: Regions, doubt) -> np.ndarray:
     A region without a label leaves at least COUNTS.
     """
     doubt = np.array(doubt)
-    np.maximum.at(doubt, regions.column, np.where(regions.unstable < 0, np.maximum(regions.doubt, Doubt.COUNTS), regions.doubt))
+    at_least = np.where(regions.unstable < 0, Doubt.COUNTS, Doubt.NONE)
+    np.maximum.at(doubt, regions.column, np.maximum(regions.doubt, at_least))
     return doubt
 
 
@@ -98,11 +129,17 @@ def without_seams(rows: Intervals) -> Intervals:
     """Return intervals in which those are one that meet at an end where nothing crosses, and open places likewise."""
     stable = rows.index >= 0
     seam = _touching(rows) & (stable[:-1] == stable[1:])
-    first, last = np.flatnonzero(np.append(True, ~seam)), np.flatnonzero(np.append(~seam, True))
+    first = np.flatnonzero(np.append(True, ~seam))
+    last = np.flatnonzero(np.append(~seam, True))
     if first.size == rows.column.size or not first.size:
         return rows
-    ends = {name: getattr(rows, name)[last] for name in ("high", "high_omega")}
-    return _numbered(replace(rows.take(first), **ends, residual=np.maximum.reduceat(rows.residual, first)))
+    whole = replace(
+        rows.take(first),
+        high=rows.high[last],
+        high_omega=rows.high_omega[last],
+        residual=np.maximum.reduceat(rows.residual, first),
+    )
+    return _numbered(whole)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,14 +157,17 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     It goes from its first to its last place that is known to be stable, and has no residual if one of these is not its end. An
     open place between unstable values belongs to the interval below, or else above, or to the empty row of its column.
     """
-    at, column, stable = np.arange(intervals.column.size), intervals.column, intervals.index >= 0
+    at = np.arange(intervals.column.size)
+    stable = intervals.index >= 0
     open_ = ~stable & ~np.isnan(intervals.low)
     if not open_.any():
         return intervals, OpenPlaces(0 * at, *np.full((2, at.size), np.nan))
     linked = _touching(intervals) & (open_[:-1] | open_[1:])
     chain = np.append(0, np.cumsum(~linked))
     begin = np.flatnonzero(np.diff(chain, prepend=-1))
-    is_stable, of, number = np.logical_or.reduceat(stable, begin), column[begin], np.arange(begin.size)
+    is_stable = np.logical_or.reduceat(stable, begin)
+    of = intervals.column[begin]
+    number = np.arange(begin.size)
     below = np.maximum.accumulate(np.where(is_stable, number, 0))
     above = np.minimum.accumulate(np.where(is_stable, number, number.size - 1)[::-1])[::-1]
     owner = np.searchsorted(of, of)
@@ -139,12 +179,18 @@ def in_rows(intervals: Intervals) -> tuple[Intervals, OpenPlaces]:
     first = np.where(has_stable, np.minimum.reduceat(np.where(stable, at, at.size), begin), begin)
     last = np.where(has_stable, last, begin)
     ended = ~(np.append(False, linked)[first] | np.append(linked, False)[last]) | ~has_stable
-    rows = replace(intervals.take(first), high=intervals.high[last], high_omega=intervals.high_omega[last])
-    low, high = (np.where(has_stable, end, np.nan) for end in (rows.low, rows.high))
-    rows = replace(rows, low=low, high=high, residual=np.where(ended, np.maximum.reduceat(intervals.residual, begin), np.nan))
+    rows = intervals.take(first)
+    rows = replace(
+        rows,
+        low=np.where(has_stable, rows.low, np.nan),
+        high=np.where(has_stable, intervals.high[last], np.nan),
+        high_omega=intervals.high_omega[last],
+        residual=np.where(ended, np.maximum.reduceat(intervals.residual, begin), np.nan),
+    )
     places = np.add.reduceat(open_ & ~np.append(False, linked & open_[:-1]), begin)
-    low, high = (np.where(open_, end, np.nan) for end in (intervals.low, intervals.high))
-    return _numbered(rows), OpenPlaces(places, np.fmin.reduceat(low, begin), np.fmax.reduceat(high, begin))
+    open_low = np.where(open_, intervals.low, np.nan)
+    open_high = np.where(open_, intervals.high, np.nan)
+    return _numbered(rows), OpenPlaces(places, np.fmin.reduceat(open_low, begin), np.fmax.reduceat(open_high, begin))
 
 
 def without_any(intervals: Intervals, columns, span=None, doubt: int = Doubt.NONE) -> Intervals:
@@ -154,12 +200,11 @@ def without_any(intervals: Intervals, columns, span=None, doubt: int = Doubt.NON
         return intervals
     empty = intervals.take(index)
     empty = empty.take(np.unique(empty.column, return_index=True)[1])
-    size = empty.column.size
-    ends = (np.full(size, float(end)) for end in ((np.nan, np.nan) if doubt == Doubt.NONE else span))
-    nothing = dict(zip(("low", "high"), ends, strict=True)) | dict.fromkeys(("low_omega", "high_omega"), np.full(size, np.nan))
-    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
-    reasons = np.full(size, Doubt.NONE) if doubt == Doubt.NONE else np.maximum(empty.doubt, doubt)
-    remaining = Intervals.join([intervals.take(~index), replace(empty, **nothing, **none, doubt=reasons)])
+    if doubt == Doubt.NONE:
+        without = _empty(empty.column, np.full(empty.column.size, Doubt.NONE))
+    else:
+        without = _empty(empty.column, np.maximum(empty.doubt, doubt), span)
+    remaining = Intervals.join([intervals.take(~index), without])
     return remaining.take(np.argsort(remaining.column, kind="stable"))
 
 
@@ -180,13 +225,16 @@ def common(loops: Sequence[Intervals]) -> Intervals:
 
     loops: of each, the same columns. A doubt of one is one of the column, unless the others are never stable together.
     """
-    of_loops, rows = [_by_column(intervals) for intervals in loops], []
+    of_loops = [_by_column(intervals) for intervals in loops]
+    rows = []
     for column in of_loops[0]:
         pieces, doubt = _common_in_column([columns[column] for columns in of_loops])
-        stable = [piece.stable for piece in pieces]
-        for place, piece in enumerate(pieces or [_Piece(np.nan, np.nan, np.nan, np.nan, 0.0, False)]):
-            index = sum(stable[:place]) if piece.stable else -1
-            rows.append((column, index, sum(stable), *piece[:4], doubt, piece.residual))
+        count = sum(piece.stable for piece in pieces)
+        before = 0
+        for piece in pieces or [_Piece(np.nan, np.nan, np.nan, np.nan, 0.0, False)]:
+            index = before if piece.stable else -1
+            before += piece.stable
+            rows.append((column, index, count, *piece[:4], doubt, piece.residual))
     facts = zip(*rows, strict=True) if rows else [()] * len(fields(Intervals))
     named = zip(fields(Intervals), facts, strict=True)
     return Intervals(*(np.array(values, getattr(loops[0], field.name).dtype) for field, values in named))
@@ -227,7 +275,8 @@ def _of_all(loops):
     """What several lists of pieces have in common, in order."""
     shared = loops[0] if loops else []
     for pieces in loops[1:]:
-        shared = [both for first in shared for second in pieces if (both := _overlap(first, second)) is not None]
+        overlaps = [_overlap(first, second) for first in shared for second in pieces]
+        shared = [both for both in overlaps if both is not None]
     return shared
 
 

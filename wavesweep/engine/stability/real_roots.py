@@ -47,8 +47,10 @@ def isolate(coefficients, noise) -> Roots:
     (row, value, within, slope), complete = roots_by_sign(coefficients, noise)
     roots = _none(coefficients)
     rank = np.arange(row.size) - np.searchsorted(row, row)
-    roots.value[row, rank], roots.radius[row, rank] = value, within
-    roots.inside[row, rank], roots.slope_sign[row, rank] = True, slope
+    roots.value[row, rank] = value
+    roots.radius[row, rank] = within
+    roots.inside[row, rank] = True
+    roots.slope_sign[row, rank] = slope
     roots.proved[complete] = True
     rest = np.flatnonzero(~complete)
     if rest.size:
@@ -75,31 +77,44 @@ def by_discs(coefficients, noise) -> Roots:
     again = np.flatnonzero(~proved)
     if again.size:
         proved[again], radius[again], edge[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
-    inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge & (np.abs(coefficients).max(-1) > 0)[:, None]
-    open_ = [
-        (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise)
-        for side, end in zip((1, -1), at_ends(coefficients), strict=True)
-    ]
+    some = (np.abs(coefficients).max(-1) > 0)[:, None]
+    inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge & some
+    at_one, at_minus_one = at_ends(coefficients)
+    open_at_one = (edge & (roots.real > 0)).any(-1) | (np.abs(at_one) <= 2 * noise)
+    open_at_minus_one = (edge & (roots.real < 0)).any(-1) | (np.abs(at_minus_one) <= 2 * noise)
     # The sign of the derivative at simple real roots, also if other roots are not proved: that of `lead prod (x_i - x_j)`.
-    apart, index = roots[:, :, None] - roots[:, None, :], np.arange(roots.shape[1])
+    apart = roots[:, :, None] - roots[:, None, :]
+    index = np.arange(roots.shape[1])
     apart[:, index, index] = 1.0
     size = np.abs(apart)
-    slope_sign = np.sign(coefficients[:, -1:] * (apart / np.where(size > 0, size, 1)).prod(-1).real)
-    return Roots(roots.real, radius, inside, slope_sign, none.at_one, none.at_minus_one, proved, *open_)
+    turns = apart / np.where(size > 0, size, 1)
+    return replace(
+        none,
+        value=roots.real,
+        radius=radius,
+        inside=inside,
+        slope_sign=np.sign(coefficients[:, -1:] * turns.prod(-1).real),
+        proved=proved,
+        open_at_one=open_at_one,
+        open_at_minus_one=open_at_minus_one,
+    )
 
 
 def _of_size_one(coefficients, noise):
     """Return both divided by the largest coefficient of the row; of one that overflowed nothing is left but noise."""
     size = np.abs(coefficients).max(-1, initial=0)
-    finite, size = np.isfinite(size), np.where(size > 0, size, 1)
+    finite = np.isfinite(size)
+    size = np.where(size > 0, size, 1)
     with np.errstate(all="ignore"):
-        return np.where(finite[:, None], coefficients / size[:, None], 0), np.where(finite, noise / size, 1)
+        coefficients = np.where(finite[:, None], coefficients / size[:, None], 0)
+        return coefficients, np.where(finite, noise / size, 1)
 
 
 def _none(coefficients) -> Roots:
     """Return the value for no roots, with nothing proved."""
     rows, n = coefficients.shape
-    empty, closed = np.zeros((rows, max(n - 1, 0))), np.zeros(rows, bool)
+    empty = np.zeros((rows, max(n - 1, 0)))
+    closed = np.zeros(rows, bool)
     signs = map(np.sign, at_ends(coefficients))
     return Roots(empty, empty.copy(), empty > 0, empty.copy(), *signs, closed, closed.copy(), closed.copy())
 
@@ -125,12 +140,16 @@ def _eigenvalues(coefficients):
 
 def _evaluate(coefficients, x):
     """Return the polynomial at x by the three-term recurrence, and a bound on the rounding error of that."""
-    before, now = np.zeros_like(x), np.ones_like(x)
-    value, size = coefficients[:, :1] * now, np.abs(coefficients[:, :1]) * np.ones(x.shape)
+    before = np.zeros_like(x)
+    now = np.ones_like(x)
+    value = coefficients[:, :1] * now
+    size = np.abs(coefficients[:, :1]) * np.ones(x.shape)
     twice = 2 * x
     with np.errstate(over="ignore", invalid="ignore"):  # at roots sent far away by leading zeros, which prove nothing
         for k in range(1, coefficients.shape[1]):
-            before, now = now, twice * now - before
+            following = twice * now - before
+            before = now
+            now = following
             term = coefficients[:, k : k + 1] * now
             value = value + term
             size = size + np.abs(term)
@@ -150,7 +169,8 @@ def _proof(coefficients, noise, roots):
         lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
     settled = lonely & (roots.imag == 0) & (-beyond > radius)
     edge = touching & ~settled & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < EDGE)
-    return np.all(~touching | settled | edge, axis=-1) & np.all(np.isfinite(radius), axis=-1), radius, edge
+    proved = np.all(~touching | settled | edge, axis=-1) & np.all(np.isfinite(radius), axis=-1)
+    return proved, radius, edge
 
 
 def _from_segment(x):
