@@ -89,9 +89,11 @@ def hand_ranges(loop: HeldLoop, path: str, span: tuple[float, float]) -> Passive
 
 def channel_ranges(loop: HeldLoop, path: str, span: tuple[float, float], tolerance: float) -> PassiveRanges:
     """Where the wave channel adds at most `tolerance` (J per J sent) to its waves; see `channel_norm`. loop: a single one."""
-    ways = ("whole",) if channel_of(loop.drawing, loop.changed({path: span[1]}).values).joined else ("outward", "inward")
-    maps = tuple(_OneMap(channel_maps(loop, path, direction, 1 + tolerance)) for direction in ways)
-    return _Ranges(loop, path, span, maps, [span]).answered(known=True)
+    at_end = loop.changed({path: span[1]})
+    joined = channel_of(loop.drawing, at_end.values).joined
+    directions = ("whole",) if joined else ("outward", "inward")
+    ways = tuple(_OneMap(channel_maps(loop, path, each, 1 + tolerance)) for each in directions)
+    return _Ranges(loop, path, span, ways, [span]).answered(known=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,30 +112,43 @@ class _OneMap:
 
     def open_in(self, low: float, high: float, cover: Covering) -> list[np.ndarray] | float | None:
         """The parts of an interval that are not proved, a value at which the opposite is so, or None without a proof."""
-        middle, open_ = np.array([(low + high) / 2]), []
-        matrix, size, _ = Witness(self.maps, middle[0], 1.0).hermitian(middle)
-        if not is_stable(self.maps(middle)[0].E).all() or np.linalg.eigvalsh(matrix[0])[0] <= 1e-12 * size[0].max():
+        # One of the loops is passive: it is stable, and its Hermitian part positive at one angle.
+        middle = np.array([(low + high) / 2])
+        lifted, _ = self.maps(middle)
+        if not is_stable(lifted.E).all():
             return None
+        (hermitian,), (size,), _ = Witness(self.maps, middle[0], 1.0).hermitian(middle)
+        least_of_one, *_ = np.linalg.eigvalsh(hermitian)
+        if least_of_one <= 1e-12 * size.max():
+            return None
+        # No eigenvalue changes its sign: the determinant is not 0 on the panels of all angles.
+        open_ = []
         for first, last in pairwise(ANGLES):
             covered = cover(Determinant(self.maps), [[low, first], [high, last]], POINTS)
-            if covered is None or len(covered.unstable):
-                return None if covered is None else float(covered.unstable[0, 0])
+            if covered is None:
+                return None
+            if len(covered.unstable):
+                return float(covered.unstable[0, 0])
             open_ += [box[:, 0] for box in covered.open]
         return open_
 
     def witness(self, low: float, high: float) -> Witness:
         """What takes energy in the middle of two values, at the angle where it is farthest from rounding."""
-        lifted, _ = self.maps(np.array([p := (low + high) / 2]))
-        smallest = lifted.smallest(np.zeros(TRIED.size, int), TRIED)
+        p = (low + high) / 2
+        lifted, _ = self.maps(np.array([p]))
+        same = np.zeros(TRIED.size, int)  # the loop at p, at each of the angles
+        smallest = lifted.smallest(same, TRIED)
         with np.errstate(all="ignore"):
-            _, size = with_sizes(lifted.at(np.zeros(TRIED.size, int)), TRIED)
-            theta = TRIED[np.nanargmin(smallest / size.max((-1, -2)))]
+            _, size = with_sizes(lifted.at(same), TRIED)
+            beyond_rounding = smallest / size.max((-1, -2))
+        theta = TRIED[np.nanargmin(beyond_rounding)]
         return Witness(self.maps, p, float(theta))
 
     def angle(self, p: float) -> float:
         """An angle with about the smallest eigenvalue (rad per frame)."""
         lifted, _ = self.maps(np.array([p]))
-        return float(TRIED[np.nanargmin(lifted.smallest(np.zeros(TRIED.size, int), TRIED))])
+        smallest = lifted.smallest(np.zeros(TRIED.size, int), TRIED)
+        return float(TRIED[np.nanargmin(smallest)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,12 +167,17 @@ class _Ranges:
     def answered(self, known: bool) -> PassiveRanges:
         """The intervals with their proofs; known: whether all intervals of stability are."""
         ends, proofs, gaps = self._searched(known)
-        intervals = [proved for proved, _ in proofs]
-        near = [interval is not None and self._close(interval, pair) for interval, pair in zip(intervals, ends, strict=True)]
-        both_refuted = [below and above for (below, _), (above, _) in pairwise(gaps)]
-        certified = [known and below and above for below, above in zip(near, both_refuted, strict=True)]
-        low, high = np.array([interval or pair for interval, pair in zip(intervals, ends, strict=True)]).reshape(-1, 2).T
-        complete = known and all(near) and all(refuted for refuted, _ in gaps)
+        refuted = [is_refuted for is_refuted, _ in gaps]  # below the first interval, between two, above
+        intervals = []
+        near = []
+        certified = []
+        for at, (found, (proved, _)) in enumerate(zip(ends, proofs, strict=True)):
+            is_near = proved is not None and self._close(proved, found)
+            intervals.append(proved or found)
+            near.append(is_near)
+            certified.append(known and is_near and refuted[at] and refuted[at + 1])
+        low, high = np.array(intervals).reshape(-1, 2).T
+        complete = known and all(near) and all(refuted)
         return PassiveRanges(low, high, np.array(certified, bool), complete, self._frequency)
 
     def _searched(self, known: bool):
@@ -167,11 +187,13 @@ class _Ranges:
         """
         searched: list[float] = []
         for _ in range(ROUNDS):
-            ends = list(zip(*(column.tolist() for column in runs_of(self._passive, self.span, searched)), strict=True))
+            lows, highs = runs_of(self._passive, self.span, searched)
+            ends = list(zip(lows.tolist(), highs.tolist(), strict=True))
             proofs = [self._proved(*pair) for pair in ends]
             edges = [self.span[0], *(end for pair in ends for end in pair), self.span[1]]
             gaps = [self._refuted(low, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
-            against = [float(np.clip(p, *self.span)) for _, p in (*proofs, *gaps) if p is not None]  # rounding of a box
+            # Rounding of a box may lead out of the range.
+            against = [float(np.clip(p, *self.span)) for _, p in (*proofs, *gaps) if p is not None]
             if not known or not against or set(against) <= set(searched):
                 break
             searched += against
@@ -180,29 +202,31 @@ class _Ranges:
     def _passive(self, p):
         low, high = np.array(self.stable).reshape(-1, 2, 1).swapaxes(0, 1)
         inside = ((low <= p) & (p <= high)).any(0)
-        for direction in self.ways if inside.any() else ():
-            inside[inside] = direction.passive(p[inside])
+        if inside.any():
+            for way in self.ways:
+                inside[inside] = way.passive(p[inside])
         return inside
 
     def _away(self, end: float, sign: int) -> float:
         """A value beside an end, in the direction of the sign; an end of the range itself."""
+        if end in self.span:
+            return end
         wide = self.span[1] - self.span[0]
-        return end if end in self.span else end + sign * NEAR * max(abs(end), CLOSE * wide)
+        return end + sign * NEAR * max(abs(end), CLOSE * wide)
 
     def _close(self, part, ends) -> bool:
-        return all(
-            abs(proved_end - end) <= CLOSE * max(abs(end), ends[1] - ends[0])
-            for proved_end, end in zip(part, ends, strict=True)
-        )
+        wide = ends[1] - ends[0]
+        return all(abs(proved_end - end) <= CLOSE * max(abs(end), wide) for proved_end, end in zip(part, ends, strict=True))
 
     def _proved(self, low: float, high: float) -> tuple[tuple[float, float] | None, float | None]:
         """What is proved between two ends, None without; and a value at which it is not so, if the proof found one."""
-        low, high = self._away(low, 1), self._away(high, -1)
+        low = self._away(low, 1)
+        high = self._away(high, -1)
         if not (low < high and any(a <= low and high <= b for a, b in self.stable)):
             return None, None
         open_ = []
-        for direction in self.ways:
-            opened = direction.open_in(low, high, cover_of(self.loop, self.path))
+        for way in self.ways:
+            opened = way.open_in(low, high, cover_of(self.loop, self.path))
             if not isinstance(opened, list):
                 return None, opened
             open_ += opened
@@ -210,9 +234,14 @@ class _Ranges:
 
     def _refuted(self, low: float, high: float) -> tuple[bool, float | None]:
         """Whether nothing between two ends of intervals is passive; and a value that is, if one is found."""
-        low, high = self._away(low, 1), self._away(high, -1)
-        queue = [(max(low, a), min(high, b)) for a, b in self.stable if max(low, a) < min(high, b)]
-        least, ends = CLOSE / 2 * (self.span[1] - self.span[0]), {end for pair in queue for end in pair}
+        low = self._away(low, 1)
+        high = self._away(high, -1)
+        queue = []
+        for a, b in self.stable:
+            if max(low, a) < min(high, b):
+                queue.append((max(low, a), min(high, b)))
+        ends = {end for pair in queue for end in pair}
+        least_wide = CLOSE / 2 * (self.span[1] - self.span[0])
         for _ in range(PIECES):
             if not queue:
                 return True, None
@@ -220,9 +249,9 @@ class _Ranges:
             p = (a + b) / 2
             if self._passive(np.array([p]))[0]:
                 return False, p
-            if any(self._takes(direction, a, b) for direction in self.ways):
+            if any(self._takes(way, a, b) for way in self.ways):
                 continue
-            narrow = min(least, CLOSE * max(abs(a), abs(b)))
+            narrow = min(least_wide, CLOSE * max(abs(a), abs(b)))
             if b - a > narrow:
                 queue += [(a, p), (p, b)]
             elif all(abs(p - end) > 2 * narrow for end in ends):  # the ends are as exact as this, and nothing else is
@@ -236,7 +265,7 @@ class _Ranges:
 
     def _frequency(self, p: float) -> float:
         drawn = self.loop.changed({self.path: p}).drawn()
-        angle = max(direction.angle(p) for direction in self.ways)
+        angle = max(way.angle(p) for way in self.ways)
         return angle / float(np.real(drawn.period) * drawn.ticks)
 
 
@@ -244,10 +273,14 @@ def cover_of(loop: HeldLoop, path: str) -> Covering:
     """What covers boxes of a number of the loop, and of an angle; a box with a loop that has no solution has no cover."""
 
     def cover(functions, box, most):
-        bounds, sides = np.array([[-np.inf], [np.inf]]).repeat(len(box[0]), 1), [Side(path), *[Side()] * (len(box[0]) - 1)]
+        first, last = box
+        count = len(first)
+        bounds = np.array([[-np.inf], [np.inf]]).repeat(count, 1)
+        sides = [Side(path)] + [Side()] * (count - 1)
         try:
-            bounds[:, 0] = loop.domain(path, (box[0][0], box[1][0]))
-            return positive(functions, box, bounds, most, Resolution(loop.drawing, loop.values, sides))
+            bounds[:, 0] = loop.domain(path, (first[0], last[0]))
+            resolution = Resolution(loop.drawing, loop.values, sides)
+            return positive(functions, box, bounds, most, resolution)
         except IllPosedLoopError:
             return None
 
@@ -256,11 +289,13 @@ def cover_of(loop: HeldLoop, path: str) -> Covering:
 
 def largest_free(low: float, high: float, spans: Iterable[Sequence[float]]) -> tuple[float, float] | None:
     """The largest part of an interval that some spans leave free; None if none does."""
-    edges, free, at = sorted((float(a), float(b)) for a, b in spans), [], low
-    for a, b in edges:
+    free = []
+    at = low
+    for a, b in sorted((float(a), float(b)) for a, b in spans):
         if a > at:
             free.append((at, min(a, high)))
         at = max(at, b)
     if at < high:
         free.append((at, high))
-    return max(((a, b) for a, b in free if a < b), key=lambda span: span[1] - span[0], default=None)
+    parts = [(a, b) for a, b in free if a < b]
+    return max(parts, key=lambda part: part[1] - part[0], default=None)
