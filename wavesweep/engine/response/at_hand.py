@@ -39,6 +39,7 @@ def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Itera
 
 
 def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
+    """The port of loops of one rate: the hand's or, if a route names an input and an output, that between them."""
     if route:
         source, signal = next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
         drawn, drift = loops.drawn(), loops.drift(watched=(signal,))
