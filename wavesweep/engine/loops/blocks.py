@@ -32,12 +32,18 @@ LABELS = {  # of the states of a block, for messages
 
 def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
+    m = numbers(mass)
     keys = {"damping": numbers(damping), "stiffness": numbers(stiffness)}
-    m, (d, k) = numbers(mass), (key / numbers(mass) for key in keys.values())
+    d = keys["damping"] / m
+    k = keys["stiffness"] / m
     s, g, of_s, of_g = impulse_and_step(d, k, period)
     equations = Equations(("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
-    block = _block(name, ("f",), ("x", "v"), equations, definitions.at_rest("mass", keys, np.sqrt))
-    sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
+    at_rest = definitions.at_rest("mass", keys, np.sqrt)
+    block = _block(name, ("f",), ("x", "v"), equations, at_rest)
+    sizes = None
+    if of_s is not None:
+        of_E, of_B = motion(of_s, of_g, np.abs(d), np.abs(k), np.abs(m))
+        sizes = of_E, of_B, block.C, block.D
     return replace(block, terms=sizes, labels=(f"{name} velocity", f"{name} position"))
 
 
@@ -49,14 +55,15 @@ def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
 def mass_matrix(name, period, **keys) -> Block:
     """`M a + D v + K x = f` with the forces held over the period: exact."""
     states, (A, B, C, D) = continuous("mass_matrix", keys)
-    E, G, *sizes = held(A, B, period, sizes_of("mass_matrix", keys, A, B))
+    E, G, *of_E_and_G = held(A, B, period, sizes_of("mass_matrix", keys, A, B))
+    terms = (*of_E_and_G, np.abs(C), np.abs(D))
     inputs, outputs = TYPES["mass_matrix"].ports_of(keys)
-    n, rest = len(inputs), definitions.at_rest("mass_matrix", keys, np.sqrt)
-    block = Block(
-        name, inputs, outputs, states, E, G, C, D, terms=(*sizes, np.abs(C), np.abs(D)), pivot=pivot_of("mass_matrix", keys)
-    )
+    n = len(inputs)
+    at_rest = _arrays(definitions.at_rest("mass_matrix", keys, np.sqrt), 2 * n, n, 2 * n)
     labels = tuple(f"{name} {kind} {axis}" for kind in ("velocity", "position") for axis in keys["axes"])
-    return replace(block, at_rest=_arrays(rest, 2 * n, n, 2 * n), labels=labels)
+    pivot = pivot_of("mass_matrix", keys)
+    block = Block(name, inputs, outputs, states, E, G, C, D, terms=terms, pivot=pivot)
+    return replace(block, at_rest=at_rest, labels=labels)
 
 
 def pivot_of(kind, keys):
@@ -69,16 +76,25 @@ def sizes_of(kind, keys, A, B):
     if kind != "mass_matrix":
         return np.abs(A), np.abs(B)
     M, D, K = (matrix(at_axes(keys, key)) for key in MATRICES)
-    sizes = {name: [[np.abs(numbers(key)) for key in row] for row in keys[name]] for name in (*MATRICES, "through")}
+    sizes = {}
+    for name in (*MATRICES, "through"):
+        sizes[name] = [[np.abs(numbers(key)) for key in row] for row in keys[name]]
     of_M, of_D, of_K = (at_axes({**keys, **sizes}, key) for key in MATRICES)
-    n, inverse = M.shape[-1], B[..., : M.shape[-1], :]
-    terms = matrix([[determinant(of_M, 1)]])
-    of_inverse = (matrix(adjugate(of_M, 1)) + np.abs(inverse) * terms) / np.abs(np.linalg.det(M))[..., None, None]
-    pulled = [of_inverse @ np.abs(key) + np.abs(inverse) @ matrix(of) for key, of in ((D, of_D), (K, of_K))]
-    of_A, of_B = np.abs(A), np.abs(B)
-    batch = np.broadcast_shapes(of_A.shape[:-2], *(key.shape[:-2] for key in (*pulled, of_inverse)))
-    of_A, of_B = (np.array(np.broadcast_to(key, (*batch, *key.shape[-2:]))) for key in (of_A, of_B))
-    of_A[..., :n, :n], of_A[..., :n, n:], of_B[..., :n, :] = *pulled, of_inverse
+    n = M.shape[-1]
+    inverse = B[..., :n, :]
+    of_determinant = matrix([[determinant(of_M, 1)]])
+    of_adjugate = matrix(adjugate(of_M, 1))
+    of_inverse = of_adjugate + np.abs(inverse) * of_determinant
+    of_inverse = of_inverse / np.abs(np.linalg.det(M))[..., None, None]
+    of_damping = of_inverse @ np.abs(D) + np.abs(inverse) @ matrix(of_D)
+    of_stiffness = of_inverse @ np.abs(K) + np.abs(inverse) @ matrix(of_K)
+    parts = A, of_damping, of_stiffness, of_inverse
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    of_A = np.array(np.broadcast_to(np.abs(A), (*batch, *A.shape[-2:])))
+    of_B = np.array(np.broadcast_to(np.abs(B), (*batch, *B.shape[-2:])))
+    of_A[..., :n, :n] = of_damping
+    of_A[..., :n, n:] = of_stiffness
+    of_B[..., :n, :] = of_inverse
     return of_A, of_B
 
 
@@ -95,12 +111,19 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) ->
     rests: of a discrete one, the parts of the entries of A that rounding has taken.
     """
     n, m, p = len(A), len(inputs), len(outputs)
-    A, B, C, D = (_matrix(rows, shape) for rows, shape in ((A, (n, n)), (B, (n, m)), (C, (p, n)), (D, (p, m))))
-    rest = 0.0 if rests is None else _matrix(rests, (n, n))
-    E, G, *sizes = (A - np.eye(n) + rest, B) if discrete else held(A, B, period)
-    block = Block(name, tuple(inputs), tuple(outputs), tuple(f"x{i}" for i in range(n)), E, G, C, D)
-    block = block if discrete else replace(block, at_rest=(A, B, C, D))
-    return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D))) if sizes else block
+    A = _matrix(A, (n, n))
+    B = _matrix(B, (n, m))
+    C = _matrix(C, (p, n))
+    D = _matrix(D, (p, m))
+    states = tuple(f"x{i}" for i in range(n))
+    if discrete:
+        rest = 0.0 if rests is None else _matrix(rests, (n, n))
+        return Block(name, tuple(inputs), tuple(outputs), states, A - np.eye(n) + rest, B, C, D)
+    E, G, *sizes = held(A, B, period)
+    block = Block(name, tuple(inputs), tuple(outputs), states, E, G, C, D, at_rest=(A, B, C, D))
+    if not sizes:
+        return block
+    return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D)))
 
 
 def tf(name, period, num, den, discrete=False, rests=None) -> Block:
@@ -112,14 +135,19 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
     """
     if discrete and discrete != DELTA:
-        return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
-    num, den = ([numbers(coefficient) for coefficient in polynomial] for polynomial in (num, den))
-    n, terms, (_, *matrices) = len(den) - 1, definitions.over(num, den), controllable(num, den)
+        of_num, of_den = rests or ([0.0] * len(num), [0.0] * len(den))
+        return _discrete_tf(name, num, den, of_num, of_den)
+    num = [numbers(coefficient) for coefficient in num]
+    den = [numbers(coefficient) for coefficient in den]
+    n = len(den) - 1
+    equations = controllable(num, den)
     if discrete:
-        block = _block(name, ("u",), ("y",), controllable(num, den), tf_at_rest(num, den))
-        of_C = [[abs(b) + abs(a / den[0] * terms[0]) for a, b in zip(den[1:], terms[1:], strict=True)]]
-        return replace(block, terms=(np.abs(block.E), np.abs(block.B), _matrix(of_C, (1, n)), np.abs(block.D)))
-    block = ss(name, period, *matrices, ("u",), ("y",))
+        block = _block(name, ("u",), ("y",), equations, tf_at_rest(num, den))
+        terms = definitions.over(num, den)
+        of_C = [abs(b) + abs(a / den[0] * terms[0]) for a, b in zip(den[1:], terms[1:], strict=True)]
+        sizes = np.abs(block.E), np.abs(block.B), _matrix([of_C], (1, n)), np.abs(block.D)
+        return replace(block, terms=sizes)
+    block = ss(name, period, *equations[1:], ("u",), ("y",))
     return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
 
 
@@ -132,21 +160,28 @@ def _trailing_zeros(coefficients):
 def _discrete_tf(name, num, den, of_num, of_den):
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
     k, centre = realisation(den)
+    n = len(den) - 1 - k
     padding = [0.0] * (len(den) - len(num))
-    n, num, of_num = len(den) - 1 - k, [*padding, *num], [*padding, *of_num]
-    polynomials = [
-        ([numbers(coefficient) for coefficient in polynomial[: n + 1]], rest[: n + 1])
-        for polynomial, rest in ((num, of_num), (den, of_den))
-    ]
-    shifted, ones = ([recentred(at, *polynomial) for polynomial in polynomials] for at in (centre, 1))
-    equations = controllable(*shifted)
+    num = [*padding, *num]
+    of_num = [*padding, *of_num]
+    numerator = [numbers(coefficient) for coefficient in num[: n + 1]]
+    denominator = [numbers(coefficient) for coefficient in den[: n + 1]]
+    of_numerator, of_denominator = of_num[: n + 1], of_den[: n + 1]
+    equations = controllable(recentred(centre, numerator, of_numerator), recentred(centre, denominator, of_denominator))
     E = [[entry + (centre - 1) * (i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
     equations = equations._replace(E=E)
     later = [numbers(coefficient) / den[0] for coefficient in num[n + 1 :]]
     # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the input.
-    rest = tf_at_rest(*ones, later) if centre == 1 and n else None
+    rest = None
+    if centre == -1 or n:
+        numerator_at_one = recentred(1, numerator, of_numerator)
+        denominator_at_one = recentred(1, denominator, of_denominator)
     if centre == -1:
-        rest = *with_delays(equations, later)[1:3], [[*[0.0] * n, *later]], [[ones[0][-1] / ones[1][-1]]]
+        _, E, B, *_ = with_delays(equations, later)
+        gain = numerator_at_one[-1] / denominator_at_one[-1]
+        rest = E, B, [[*[0.0] * n, *later]], [[gain]]
+    elif n:
+        rest = tf_at_rest(numerator_at_one, denominator_at_one, later)
     return _block(name, ("u",), ("y",), with_delays(equations, later), rest)
 
 
@@ -163,9 +198,14 @@ def _near_minus_one(den):
     """
     if not all(type(value) in (int, float) for value in den):
         return False
-    ones, minus = (np.abs(recentred(at, den)) for at in (1, -1))
-    far, near = (np.max((value[1:] / value[0]) ** (1 / np.arange(1, len(value))), initial=0.0) for value in (ones, minus))
-    return near < far and ones[-1] > 0
+    ones = np.abs(recentred(1, den))
+    minus = np.abs(recentred(-1, den))
+    return _bound_on_roots(minus) < _bound_on_roots(ones) and ones[-1] > 0
+
+
+def _bound_on_roots(sizes):
+    """A bound on the sizes of roots, but for a factor, from those of coefficients of descending powers (Fujiwara 1916)."""
+    return np.max((sizes[1:] / sizes[0]) ** (1 / np.arange(1, len(sizes))), initial=0.0)
 
 
 def recentred(at, coefficients, rests=None):
@@ -176,15 +216,19 @@ def recentred(at, coefficients, rests=None):
     """
     rests = rests or [0] * len(coefficients)
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
-        signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]
-        mirrored = ([sign * number for sign, number in zip(signs, terms, strict=True)] for terms in (coefficients, rests))
-        return [sign * number for sign, number in zip(signs, recentred(1, *mirrored), strict=True)]
-    sums, lost = list(coefficients), list(rests)
+        signs = [(-1.0) ** i for i in reversed(range(len(coefficients)))]
+        mirrored = [sign * number for sign, number in zip(signs, coefficients, strict=True)]
+        of_mirrored = [sign * number for sign, number in zip(signs, rests, strict=True)]
+        about_one = recentred(1, mirrored, of_mirrored)
+        return [sign * number for sign, number in zip(signs, about_one, strict=True)]
+    sums = list(coefficients)
+    lost = list(rests)
     for end in range(len(sums), 1, -1):
         for i in range(1, end):
             total = sums[i] + sums[i - 1]
             added = total - sums[i]
-            lost[i] = lost[i] + lost[i - 1] + ((sums[i] - (total - added)) + (sums[i - 1] - added))
+            rounding = (sums[i] - (total - added)) + (sums[i - 1] - added)
+            lost[i] = lost[i] + lost[i - 1] + rounding
             sums[i] = total
     return [total + rest for total, rest in zip(sums, lost, strict=True)]
 
@@ -197,17 +241,24 @@ def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
 def defined(kind, name, period, **keys) -> Block:
     """A block of a type that `definitions.running` defines, with its keys; see its description in `TYPES`."""
     period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
-    keys = {key: numbers(value) if TYPES[kind].keys[key].type == "number" else value for key, value in keys.items()}
-    equations, rest = definitions.running(kind, period, keys, np.sqrt), definitions.at_rest(kind, keys, np.sqrt)
+    keys = _with_numbers(kind, keys)
+    equations = definitions.running(kind, period, keys, np.sqrt)
+    rest = definitions.at_rest(kind, keys, np.sqrt)
     labels = (f"{name} {LABELS[kind]}",) if kind in LABELS else ()
     return replace(_block(name, *TYPES[kind].ports_of(keys), equations, rest), labels=labels)
 
 
+def _with_numbers(kind, keys):
+    """The keys of a block of this type, those that are numbers as arrays."""
+    types = {name: key.type for name, key in TYPES[kind].keys.items()}
+    return {name: numbers(value) if types[name] == "number" else value for name, value in keys.items()}
+
+
 def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
     """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
-    keys = {name: numbers(value) if TYPES[kind].keys[name].type == "number" else value for name, value in keys.items()}
-    if kind == "tf":
-        keys |= {name: [numbers(coefficient) for coefficient in keys[name]] for name in ("num", "den")}
+    keys = _with_numbers(kind, keys)
+    for name in ("num", "den") if kind == "tf" else ():
+        keys[name] = [numbers(coefficient) for coefficient in keys[name]]
     states, *matrices = definitions.continuous(kind, keys)
     inputs, outputs = TYPES[kind].ports_of(keys)
     return states, _arrays(matrices, len(states), len(inputs), len(outputs))
@@ -231,36 +282,51 @@ def held(A, B, period, sizes=None):
     each entry for matrices that are not far from normal, unless they turn by much in a period; NaN if they are LOST.
     """
     T = numbers(period)[..., None, None]
-    A, B = np.broadcast_arrays(A * T, np.zeros(1))[0], B * T
-    size = (np.abs(A) if sizes is None else sizes[0] * np.abs(T)).sum(-1).max(-1, initial=0.0)
+    A = np.broadcast_arrays(A * T, np.zeros(1))[0]
+    B = B * T
+    size = np.abs(A) if sizes is None else sizes[0] * np.abs(T)
+    size = size.sum(-1).max(-1, initial=0.0)
     with np.errstate(divide="ignore"):
-        halvings = np.maximum(0, np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SIZE))).astype(int)
-    step = 0.5 ** halvings[..., None, None]
+        doublings = np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SIZE))
+        doublings = np.maximum(0, doublings).astype(int)
+    step = 0.5 ** doublings[..., None, None]
     E, G = _series(A * step, B * step)
-    if sizes is None and not halvings.any():
+    if sizes is None and not doublings.any():
         return E, G
-    of_E, of_G = (np.abs(E), np.abs(G)) if sizes is None else _series(*(size * np.abs(T) * step for size in sizes))
-    eye, certain = np.eye(E.shape[-1]), np.ones(halvings.shape, bool)
+    if sizes is None:
+        of_E, of_G = np.abs(E), np.abs(G)
+    else:
+        of_A, of_B = (size * np.abs(T) * step for size in sizes)
+        of_E, of_G = _series(of_A, of_B)
+    eye = np.eye(E.shape[-1])
+    certain = np.ones(doublings.shape, bool)
     with np.errstate(over="ignore", invalid="ignore"):
-        for turn in range(int(halvings.max(initial=0))):
-            unfinished, size, size_after = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
-            terms = 2 * np.abs(G) + size @ np.abs(G)
-            of_G = np.where(unfinished, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms, of_G)
+        for turn in range(int(doublings.max(initial=0))):
+            unfinished = (turn < doublings)[..., None, None]
+            size = np.abs(E)
+            size_after = np.abs(E + eye)
+            terms_G = 2 * np.abs(G) + size @ np.abs(G)
+            of_G = np.where(unfinished, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms_G, of_G)
             of_E = np.where(unfinished, of_E @ size_after + size_after @ of_E + 2 * size + size @ size, of_E)
-            E, G = np.where(unfinished, 2 * E + E @ E, E), np.where(unfinished, 2 * G + E @ G, G)
+            G = np.where(unfinished, 2 * G + E @ G, G)
+            E = np.where(unfinished, 2 * E + E @ E, E)
             lost = np.finfo(float).eps * of_E > LOST * np.maximum(1, np.abs(E + eye))
             certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
-    E, G = (np.where(certain[..., None, None], matrix, np.nan) for matrix in (E, G))
-    return HeldMatrices(E, G, of_E, of_G)
+    known = certain[..., None, None]
+    return HeldMatrices(np.where(known, E, np.nan), np.where(known, G, np.nan), of_E, of_G)
 
 
 def _series(A, B):
     """`exp(A) - 1` and `int_0^1 exp(A s) ds B` for small A."""
-    E, G, power, force = 0.0, 0.0, A, B
+    E = 0.0
+    G = 0.0
+    power = A
+    force = B
     right_A = _by_entries(A)
     right_B = _by_entries(B)
     for term in range(1, TERMS):
-        E, G = E + power, G + force
+        E = E + power
+        G = G + force
         force = power @ right_B / (term + 1)
         power = power @ right_A / (term + 1)
     return E, G
@@ -282,9 +348,10 @@ def _matrix(rows, shape):
 def _arrays(parts, n, m, p):
     """E, B, C and D as arrays; D alone if that is all that is given."""
     shapes = ((n, n), (n, m), (p, n), (p, m))[-len(parts) :]
-    return tuple(
-        rows if isinstance(rows, np.ndarray) else _matrix(rows, shape) for rows, shape in zip(parts, shapes, strict=True)
-    )
+    arrays = []
+    for rows, shape in zip(parts, shapes, strict=True):
+        arrays.append(rows if isinstance(rows, np.ndarray) else _matrix(rows, shape))
+    return tuple(arrays)
 
 
 def _block(name, inputs, outputs, own, rest=None):
