@@ -43,90 +43,115 @@ class Gain:
     """
 
     def __init__(self, loop: Lifted):
-        self.loop, (self.frame, self.lost) = loop, loop.of_positions
+        self.loop = loop
+        self.frame, self.lost = loop.of_positions
+        self.n = self.frame.E[0].shape[-1]
+        O, self.dO = (rows[..., -1, :, :] for rows in self.frame.observability)
+        G, dG = self.frame.controllability
         with np.errstate(all="ignore"):
-            self.n = self.frame.E[0].shape[-1]
-            (O, self.dO), (G, dG) = (rows[..., -1, :, :] for rows in self.frame.observability), self.frame.controllability
-            self.size, factoring = (
-                np.abs(O),
-                2 * self.n * ROUNDING,
-            )  # of a column's length, what is lost by factors in its place
-            self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
-            self.vague = (factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1)))[..., None, :, None]
+            self.size = np.abs(O)
             self.left, self.corner = np.linalg.qr(O)
             self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
-            self.entry, self.unsure = np.swapaxes(entry, -1, -2)[..., None, :, :], norm_of_errors(self.frame)
+            self.entry = np.swapaxes(entry, -1, -2)[..., None, :, :]
+            factoring = 2 * self.n * ROUNDING  # of a column's length, what is lost by factors in its place
+            self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
+            of_entry = factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1))
+            self.of_entry = of_entry[..., None, :, None]
+            self.of_map = norm_of_errors(self.frame)
 
     def __call__(self, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
         """Return the gain, unbounded at multiples of the frame's rate if the position drifts, and a bound on its error.
 
         Accuracy: as bounded, except beyond 64 ticks, where Lanczos' process ends at changes of 1e-13.
         """
-        frequency, ticks = np.atleast_1d(np.asarray(frequency_hz, float)), self.frame.ticks
+        frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+        ticks = self.frame.ticks
         unbounded = (self.loop.circle(frequency).frame == 0) & (self.loop.port.position is None)
-        gain, relative = np.full((*self.lost.shape, frequency.size), np.nan), np.zeros((*self.lost.shape, frequency.size))
+        gain = np.full((*self.lost.shape, frequency.size), np.nan)
+        relative = np.zeros((*self.lost.shape, frequency.size))
         bounded = np.flatnonzero(~unbounded)
-        width = max(1, BLOCK // (max(1, self.lost.size) * ticks * (ticks if ticks <= DENSE else self.n)))
+        each = ticks * (ticks if ticks <= DENSE else self.n)
+        width = max(1, BLOCK // (max(1, self.lost.size) * each))
         with np.errstate(all="ignore"):
             for start in range(0, bounded.size, width):
                 index = bounded[start : start + width]
                 value, error = self._at(self.loop.circle(frequency[index]).frame)
                 off = error / value + self.n * ROUNDING
                 good = (off < LOST) & ~self.lost[..., None]
-                gain[..., index], relative[..., index] = np.where(good, value, np.nan), np.where(good, off, np.nan)
+                gain[..., index] = np.where(good, value, np.nan)
+                relative[..., index] = np.where(good, off, np.nan)
         return gain, np.where(self.lost[..., None], np.nan, relative)
 
     def _at(self, w):
         """Return the largest singular value at each point of the frame's circle, and a bound on its error (m/N)."""
-        (E, dE), w, n = self.frame.E, w[:, None, None], self.n
+        E, dE = self.frame.E
+        n = self.n
+        w = w[:, None, None]
         none = 0 * w.real
-        A, dA = w * np.eye(n) - E[..., None, :, :], dE[..., None, :, :] + none
-        X, dX = solved(A, dA, self.entry + 0 * w, self.vague + 0 * np.abs(self.entry) + none)
-        size, O, dO = np.abs(X), self.size[..., None, :, :], self.dO[..., None, :, :]
-        error = norm_of_product(O, dX) + norm_of_product(dO + n * ROUNDING * O, size)
-        error = error + (self.of_O * size).sum((-1, -2)) + self.unsure[..., None]
+        A = w * np.eye(n) - E[..., None, :, :]
+        dA = dE[..., None, :, :] + none
+        entry = self.entry + 0 * w
+        of_entry = self.of_entry + 0 * np.abs(self.entry) + none
+        X, dX = solved(A, dA, entry, of_entry)
+        size_X = np.abs(X)
+        O = self.size[..., None, :, :]
+        dO = self.dO[..., None, :, :]
+        error = norm_of_product(O, dX) + norm_of_product(dO + n * ROUNDING * O, size_X)
+        error = error + (self.of_O * size_X).sum((-1, -2)) + self.of_map[..., None]
         core = self.corner[..., None, :, :] @ X
         finite = np.isfinite(core).all((-1, -2))
         core = np.where(finite[..., None, None], core, 0)
         if self.frame.ticks <= DENSE:
-            H = self.left[..., None, :, :] @ core @ np.swapaxes(self.right, -1, -2)[..., None, :, :]
+            right = np.swapaxes(self.right, -1, -2)[..., None, :, :]
+            H = self.left[..., None, :, :] @ core @ right
             H += self.frame.impulse_map()[..., None, :, :]
-            value = np.sqrt(np.linalg.eigvalsh(np.swapaxes(H.conj(), -1, -2) @ H)[..., -1])
+            value = _largest_singular_value(H)
         else:
             value = self._lanczos(core)
         return np.where(finite, value, np.nan), error
 
     def _lanczos(self, core):
         """Return the largest singular value by Golub-Kahan-Lanczos with full reorthogonalisation, all points at once."""
-        shape, ticks, rank = core.shape[:-2], self.frame.ticks, core.shape[-2:]
+        shape = core.shape[:-2]
+        ticks = self.frame.ticks
         loop = np.repeat(np.arange(int(np.prod(shape[:-1], dtype=int))), shape[-1])
-        left, right = (basis.reshape(-1, *basis.shape[-2:])[loop] for basis in (self.left, self.right))
-        core = core.reshape(-1, *rank)
+        left = self.left.reshape(-1, *self.left.shape[-2:])[loop]
+        right = self.right.reshape(-1, *self.right.shape[-2:])[loop]
+        core = core.reshape(-1, *core.shape[-2:])
         turned = np.swapaxes(core.conj(), -1, -2)
 
         def apply(v, back):
             direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(complex)[..., 0]
             into, out, middle = (left, right, turned) if back else (right, left, core)
-            return direct + (out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None])))[..., 0]
+            through_state = out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None]))
+            return direct + through_state[..., 0]
 
         v = apply(np.ones((len(core), ticks), complex), back=True)
         mixed = np.random.default_rng(0).normal(size=ticks)  # the same always, and a part of every singular vector
-        v, best = v / _norm(v) + mixed / _norm(mixed), 0.0
-        basis, band, settled = [], [], np.zeros(len(core), bool)  # a point that has settled keeps its value
+        v = v / _norm(v) + mixed / _norm(mixed)
+        best = 0.0
+        basis = []
+        band = []
+        settled = np.zeros(len(core), bool)  # a point that has settled keeps its value
         for step in range(min(STEPS, ticks)):
             v = v / _norm(v)
             basis.append(v)
             band.append(apply(v, back=False))
-            span = np.stack(band, axis=-1)
-            value = np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(span.conj(), -1, -2) @ span)[..., -1], 0))
+            value = _largest_singular_value(np.stack(band, axis=-1))
             still = (np.abs(value - best) <= SETTLED * value) & (step >= FEWEST)
-            best, settled = np.where(settled, best, value), settled | still
+            best = np.where(settled, best, value)
+            settled = settled | still
             if settled.all():
                 break
             v = apply(band[-1], back=True)
             for vector in basis * 2:
                 v = v - vector * (vector.conj() * v).sum(-1, keepdims=True)
         return best.reshape(shape)
+
+
+def _largest_singular_value(H):
+    square = np.swapaxes(H.conj(), -1, -2) @ H
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[..., -1], 0))
 
 
 def _norm(v):
@@ -142,10 +167,12 @@ def applied(frame: Stretch, v, loop, *, adjoint: bool):
     if frame.impulse:
         H = _of_loops(frame.impulse[0], loop)
         return (np.swapaxes(H, -1, -2) if adjoint else H) @ v
-    first, second, ticks = frame.first, frame.second, frame.first.ticks
-    early, late = v[:, :ticks], v[:, ticks:]
+    first, second = frame.first, frame.second
+    early = v[:, : first.ticks]
+    late = v[:, first.ticks :]
     results = [applied(first, early, loop, adjoint=adjoint), applied(second, late, loop, adjoint=adjoint)]
-    O, G = _of_loops(second.observability[0][..., -1, :, :], loop), _of_loops(first.controllability[0], loop)
+    O = _of_loops(second.observability[0][..., -1, :, :], loop)
+    G = _of_loops(first.controllability[0], loop)
     if adjoint:
         results[0] += np.swapaxes(G, -1, -2) @ (np.swapaxes(O, -1, -2) @ late)
     else:
@@ -171,4 +198,6 @@ def norm_of_errors(frame: Stretch) -> np.ndarray:
 
 def norm_of_product(A, B):
     """Return the Frobenius norm of `A B` without forming it."""
-    return np.sqrt(np.maximum(((np.swapaxes(A, -1, -2) @ A) * (B @ np.swapaxes(B, -1, -2))).sum((-1, -2)), 0))
+    of_A = np.swapaxes(A, -1, -2) @ A
+    of_B = B @ np.swapaxes(B, -1, -2)
+    return np.sqrt(np.maximum((of_A * of_B).sum((-1, -2)), 0))

@@ -47,30 +47,41 @@ def l1_norm(port: Port) -> PeakGain | None:
 
 
 def _summed(E, G, O, T):
-    (n, ticks), row = G.shape, np.abs(T).sum(-1)
-    step, before = np.abs(_from_each(T)).max(), T.sum(-1)
+    n, ticks = G.shape
+    row = np.abs(T).sum(-1)
+    step = np.abs(_from_each(T)).max()
+    before = T.sum(-1)
     if not (n and O.any() and G.any()):
         return PeakGain(float(row.max()), 0.0, float(step))
     if not (np.abs(1 + np.linalg.eigvals(E)) < 1).all():
         return None
-    once = max(1, min(ENTRIES // ticks**2, 1024))
-    A, rows = np.eye(n) + E, [O]
+    once = max(1, min(ENTRIES // ticks**2, 1024))  # frames that are summed together
+    A = np.eye(n) + E
+    rows = [O]
     for _ in range(once - 1):
         rows.append(rows[-1] @ A)
-    rows, far, power, shown = np.concatenate(rows), np.linalg.matrix_power(A, once), np.eye(n), np.zeros_like(O)
+    rows = np.concatenate(rows)
+    far = np.linalg.matrix_power(A, once)
+    power = np.eye(n)
+    shown = np.zeros_like(O)
     for _ in range(max(1, int(WORK / (rows.shape[0] * (n + 4) * ticks)))):
         later = rows @ power
         maps = (later @ G).reshape(once, ticks, ticks)
-        row, shown, sums = row + np.abs(maps).sum((0, -1)), shown + np.abs(later).reshape(once, ticks, n).sum(0), maps.sum(-1)
-        reached = before + np.concatenate([np.zeros((1, ticks)), np.cumsum(sums, 0)[:-1]])
+        row = row + np.abs(maps).sum((0, -1))
+        shown = shown + np.abs(later).reshape(once, ticks, n).sum(0)
+        sums = maps.sum(-1)
+        earlier = np.concatenate([np.zeros((1, ticks)), np.cumsum(sums, 0)[:-1]])
+        reached = before + earlier
         step = max(step, np.abs(_from_each(maps) + reached[..., None]).max())
-        before, power = before + sums.sum(0), far @ power
+        before = before + sums.sum(0)
+        power = far @ power
         excess = _rest(shown, np.abs(power), np.abs(G))
         if excess <= SETTLED * row.max():
             break
     if not excess <= KNOWN * row.max():
         return None
-    return PeakGain(float(row.max() + excess), float(excess), float(max(step, np.abs(before).max() + excess)))
+    step = max(step, np.abs(before).max() + excess)
+    return PeakGain(float(row.max() + excess), float(excess), float(step))
 
 
 def _rest(shown, power, into):
@@ -79,7 +90,9 @@ def _rest(shown, power, into):
         series = np.linalg.inv(np.eye(len(power)) - power)
     except np.linalg.LinAlgError:
         return np.inf
-    return (shown @ (power @ (series @ into))).sum(-1).max() if (series >= 0).all() else np.inf
+    if not (series >= 0).all():
+        return np.inf
+    return (shown @ (power @ (series @ into))).sum(-1).max()
 
 
 def _from_each(maps):

@@ -60,13 +60,17 @@ class Step:
     @property
     def peak_s(self) -> float:
         """Time of the sample that is farthest beyond the final value, or from 0 if that is not known."""
-        return float(self.time_s[np.argmax(self.value * np.sign(self.final) if self.known else np.abs(self.value))])
+        away = self.value * np.sign(self.final) if self.known else np.abs(self.value)
+        return float(self.time_s[np.argmax(away)])
 
     @property
     def shown(self) -> int:
         """How many samples show how it comes to rest: somewhat more than until it has settled."""
-        moving = np.flatnonzero(np.abs(self.value - self.final) > BAND * np.abs(self.value).max())
-        last = self.settling_s / self.period if self.settling_s > 0 else moving[-1] if moving.size else self.value.size
+        if self.settling_s > 0:
+            last = self.settling_s / self.period
+        else:
+            moving = np.flatnonzero(np.abs(self.value - self.final) > BAND * np.abs(self.value).max())
+            last = moving[-1] if moving.size else self.value.size
         return int(min(max(LONGER * last, 10), self.value.size - 1)) + 1
 
     def value_at(self, time_s: float) -> float:
@@ -78,9 +82,12 @@ class Step:
         """Times of the first samples that reach 10 % and 90 % of the final value; NaN if they are not known."""
         if not self.known:
             return np.nan, np.nan
-        reached_by = [np.flatnonzero(self.value / self.final >= share) for share in (LOW, HIGH)]
-        first, second = (float(self.time_s[at[0]]) if at.size else np.nan for at in reached_by)
-        return first, second
+        return self._first_at(LOW), self._first_at(HIGH)
+
+    def _first_at(self, share: float) -> float:
+        """The time of the first sample that reaches a share of the final value; NaN without one."""
+        at = np.flatnonzero(self.value / self.final >= share)
+        return float(self.time_s[at[0]]) if at.size else np.nan
 
 
 def step_of(port: Port, most: int = MOST) -> Step:
@@ -94,25 +101,37 @@ def step_of(port: Port, most: int = MOST) -> Step:
     a signal that a constant input moves without end.
     Accuracy: as bounded; the bounds themselves are computed to first order.
     """
-    loop, ticks = Lifted.of(port), port.kind.size
+    loop = Lifted.of(port)
+    ticks = port.kind.size
     if port.outputs > 1 or ticks > MOST_TICKS or loop.lost.any():
         fault = "one that moves without end" if port.outputs > 1 else f"a frame of {ticks} ticks"
-        raise UsageError(f"step: expected a signal that comes to rest, in frames of at most {MOST_TICKS} ticks, found {fault}")
-    frame, rough = Stretch.of(port), long_sum(ticks)
-    (E, dE), C, dC = frame.E, frame.observability[0][0], frame.observability[1][0]
-    (D, dD), (g, dg) = (
-        (response.sum(-1), (off + rough * np.abs(response)).sum(-1))
-        for response, off in ((frame.impulse_map(), frame.impulse_map(1)), frame.controllability)
-    )
+        expected = f"a signal that comes to rest, in frames of at most {MOST_TICKS} ticks"
+        raise UsageError(f"step: expected {expected}, found {fault}")
+    frame = Stretch.of(port)
+    rough = long_sum(ticks)
+    E, dE = frame.E
+    C, dC = (outputs[0] for outputs in frame.observability)
+    impulse = frame.impulse_map()
+    D = impulse.sum(-1)
+    dD = (frame.impulse_map(1) + rough * np.abs(impulse)).sum(-1)
+    into, of_into = frame.controllability
+    g = into.sum(-1)
+    dg = (of_into + rough * np.abs(into)).sum(-1)
     moved = reached(g != 0, (E != 0).T)
-    E, dE, C, dC, g, dg = E[np.ix_(moved, moved)], dE[np.ix_(moved, moved)], C[:, moved], dC[:, moved], g[moved], dg[moved]
-    power, X, rows, after = E, np.zeros((1, moved.size)), C[None], g
+    E, dE = (matrix[np.ix_(moved, moved)] for matrix in (E, dE))
+    C, dC = (rows[:, moved] for rows in (C, dC))
+    g, dg = (column[moved] for column in (g, dg))
+    power = E  # A^n - 1
+    X = np.zeros((1, moved.size))  # states at the starts of n frames
+    after = g  # and of the one after them
+    rows = C[None]  # C A^j
     with np.errstate(all="ignore"):  # of a loop that is not stable
         while True:
             largest = np.abs(np.vstack([X, after])).max(0, initial=0.0)
             unit = np.where(largest > 0, largest, 1.0)
             size = float((np.abs(np.eye(moved.size) + power) @ unit / unit).max(initial=0.0))
-            value, gain = X @ C.T + D, float((np.abs(rows) @ unit).sum(0).max(initial=0.0) / (1 - size))
+            value = X @ C.T + D
+            gain = float((np.abs(rows) @ unit).sum(0).max(initial=0.0) / (1 - size))
             tail = gain * float((np.abs(after - X[-1]) / unit).max(initial=0.0))
             if size <= HALF and tail <= REST * np.abs(value).max():
                 break
@@ -120,14 +139,21 @@ def step_of(port: Port, most: int = MOST) -> Step:
                 raise UsageError("step: expected a loop that comes to rest, found one that is unstable, or too slow to tell")
             X = np.concatenate([X, X + X @ power.T + after])
             rows = np.concatenate([rows, rows + rows @ power])
-            after, power = after + power @ after + after, power + power + power @ power
+            after = after + power @ after + after
+            power = power + power + power @ power
     later = np.vstack([X[1:], after])
-    steps, terms = X @ E.T + g, np.abs(X) @ np.abs(E).T + np.abs(g)
-    missed = np.abs(later - X - steps) + ROUNDING * (np.abs(later) + np.abs(X) + terms) + np.abs(X) @ dE.T + dg
-    read = np.abs(X) @ (dC + ROUNDING * np.abs(C)).T + dD + ROUNDING * np.abs(D)
-    final, unsure = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
-    error = gain * float((missed / unit).max(initial=0.0)) + float(read.max())
-    last = float(value[-1].mean())  # which all later frames have, but for the tail
-    final, error = (last, error + tail) if np.isnan(unsure * final) else (final, error + unsure * abs(final))
+    steps = X @ E.T + g
+    terms = np.abs(X) @ np.abs(E).T + np.abs(g)
+    rounding = ROUNDING * (np.abs(later) + np.abs(X) + terms)
+    residual = np.abs(later - X - steps) + rounding + np.abs(X) @ dE.T + dg
+    of_C = dC + ROUNDING * np.abs(C)
+    read = np.abs(X) @ of_C.T + dD + ROUNDING * np.abs(D)
+    error = gain * float((residual / unit).max(initial=0.0)) + float(read.max())
+    final, of_final = (float(limit.ravel()[0].real) for limit in transfer(loop, 0.0))
+    if np.isnan(of_final * final):
+        final = float(value[-1].mean())  # which all later frames have, but for the tail
+        error = error + tail
+    else:
+        error = error + of_final * abs(final)
     time_s = np.arange(value.size) * port.period
     return Step(time_s, value.ravel(), port.period, ticks, final, error, tail)
