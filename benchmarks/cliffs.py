@@ -27,7 +27,7 @@ from bench.problems import SPECS, Bundle
 from bench.rivals import _crossings, _labelled
 from wavesweep.engine.drawing.drawing import path_of
 from wavesweep.engine.loop_sources import loop_from_drawing
-from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.program.sweep.grid import own_loop
 
 STUDY = SPECS.parent / "design-study.toml"
@@ -100,7 +100,7 @@ def by_hand(tables: dict) -> Cost:
     loop = own_loop(wavesweep.compile(plain(tables)).spec)
 
     def solve():
-        cut = exact_cut(loop.changed({path_of("m"): MASS}), "K").as_batch(LOOPS)
+        cut = open_loops(loop.changed({path_of("m"): MASS}), "K").cut.as_batch(LOOPS)
         part = Bundle(np.arange(LOOPS), cut, np.arange(LOOPS), np.zeros(LOOPS))
         return _labelled(part, 1000.0, *_crossings(part, ANGLES))
 

@@ -2,7 +2,6 @@ from typing import overload
 
 from wavesweep.check.library import verdict as verdict
 from wavesweep.designs.library import design as design
-from wavesweep.engine.errors import CheckpointError as CheckpointError
 from wavesweep.engine.errors import IllPosedLoopError as IllPosedLoopError
 from wavesweep.engine.errors import SpecError as SpecError
 from wavesweep.engine.errors import UsageError as UsageError

@@ -12,8 +12,7 @@ from support.drawn import random_tables
 import wavesweep
 from wavesweep import UsageError, load
 from wavesweep.engine.drawing.drawing import path_of
-from wavesweep.engine.loop import Loops
-from wavesweep.margins.broken_loops import GAIN, broken_at, with_gain
+from wavesweep.margins.broken_loops import GAIN, broken_at
 from wavesweep.margins.command import margins as command
 from wavesweep.margins.lifted_margins import LiftedLoop, lifted_margins, margins_of
 from wavesweep.program.sweep.grid import own_loop
@@ -24,7 +23,7 @@ CASCADE = Path(__file__).parents[2] / "sweeps" / "recipes" / "cascade.toml"
 def radius_of(spec, signal):
     """The spectral radius of the frame with factors k of the signal, from blocks that have it among their numbers."""
     own = own_loop(spec)
-    loop = Loops(with_gain(own.drawing, signal), own.values)
+    loop = own.with_gain_at(signal)
     drift = loop.changed({path_of(GAIN): np.array([0.5, 2.0])}).drift()
 
     def radius(k):

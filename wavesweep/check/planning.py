@@ -12,7 +12,7 @@ from wavesweep.engine.drawing.drawing import scalars
 from wavesweep.engine.drawing.expressions import sum_of, value_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.haptics.controller_page import keys_of_page, steps_of
 from wavesweep.program.analyses.interval_jobs import job_of, method
 from wavesweep.program.analyses.plane_columns import seconds_of_curves
@@ -266,7 +266,8 @@ def _number_lines(spec):
         if spec.names.keys[path].structural:
             ways["values"].append(name)
         else:
-            ways["" if exact_cut(Loops(spec.drawing, spec.values), name) else "panels"].append(name)
+            opened = open_loops(Loops(spec.drawing, spec.values), name)
+            ways["" if opened and opened.cut else "panels"].append(name)
     texts = {
         "": "fast method, because each is one gain, once a frame",
         "panels": "slower method, because they act in more than one place, more than once a frame, or in the key of a block",

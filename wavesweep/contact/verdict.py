@@ -6,10 +6,9 @@ from wavesweep.contact.motions import motion_at
 from wavesweep.contact.rows import FREE, LINEAR, wall_cut
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
-from wavesweep.engine.drawing.drawing import Drawing, path_of
-from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
+from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing.gain_at_signal import GAIN
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.loop import Loops
 from wavesweep.engine.monodromy.cut import LinearFractional
 from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.engine.stability.spectrum import radius_of
@@ -47,9 +46,8 @@ def of_wall(spec: Spec) -> dict[str, str]:
 def of_saturation(spec: Spec, block: str) -> dict[str, str]:
     """The same of a saturation, while all other blocks stay within their limits."""
     own = own_loop(spec)
-    drawing = with_gain(own.drawing, f"{block}.y")
     try:
-        opened = open_loops(Loops(drawing, own.values | {path_of(GAIN): 1.0}), GAIN)
+        opened = open_loops(own.with_gain_at(f"{block}.y"), GAIN)
     except IllPosedLoopError:
         opened = None
     return _verdict(opened and opened.cut, 1.0, 0.0, WITHIN, OPEN)

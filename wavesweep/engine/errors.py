@@ -40,10 +40,6 @@ class IllPosedLoopError(WavesweepError):
     chunk: int | None = None
 
 
-class CheckpointError(UsageError):
-    """A half-finished run on disk is damaged or belongs to another spec."""
-
-
 class Mistake(NamedTuple):
     """One mistake of a spec: its place, its key, the expected value and the value found.
 

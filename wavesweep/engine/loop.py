@@ -6,7 +6,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing import gain_at_signal
+from wavesweep.engine.drawing.drawing import Drawing, path_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loops import dead_time, domain, from_drawing
 from wavesweep.engine.loops.common_tick import with_common_tick
@@ -43,6 +44,11 @@ class Loops(NamedTuple):
         """The loops without the whole ticks of dead times with which they were built."""
         building = self.drawing.building
         return type(self)(self.drawing, {path: value for path, value in self.values.items() if path not in building})
+
+    def with_gain_at(self, signal: str) -> "Loops":
+        """The loops with a gain behind a signal, the number GAIN, with the value 1: with it they are cut there."""
+        drawing = gain_at_signal.with_gain(self.drawing, signal)
+        return Loops(drawing, {**self.values, path_of(gain_at_signal.GAIN): 1.0})
 
     @property
     def items(self) -> tuple[tuple[str, Any], ...]:

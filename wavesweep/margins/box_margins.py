@@ -18,7 +18,7 @@ from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.drawing.complex_gain import TWIN, with_complex_factor
 from wavesweep.engine.drawing.drawing import name_of, path_of
 from wavesweep.engine.drawing.expressions import with_trees
-from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
+from wavesweep.engine.drawing.gain_at_signal import GAIN
 from wavesweep.engine.drawing.parsing import parse
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
@@ -26,7 +26,6 @@ from wavesweep.engine.loops.resolution import Resolution
 from wavesweep.engine.loops.resolution import Side as Expressed
 from wavesweep.engine.monodromy.rounding import balance
 from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
-from wavesweep.engine.search.open_loops import ANY
 from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive
 from wavesweep.engine.stability.sampled_frames import Frames
@@ -56,6 +55,7 @@ TURNED = {
     "phase": (("cos", ("name", SIZE, 0), 0), ("sin", ("name", SIZE, 0), 0), [Side(path_of(SIZE))]),
     "disk": (*DISK, [Side(path_of(SIZE)), Side(path_of(ANGLE))]),
 }
+OTHER_GAINS = np.array([0.5, 2.0])  # of the cut, between which what drifts is looked for
 ENDS = {"gain_up": np.log(MOST), "gain_down": np.log(MOST), "phase": np.pi, "delay": np.inf, "disk": 1.0}
 
 
@@ -115,12 +115,13 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
 def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
     """Yield the case of a spec, or one for each part of a range in which dead times have the same whole ticks."""
     spec = spec.with_values(fixed) if fixed else spec
-    drawing = with_gain(spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges)), cut)
+    drawing = spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges))
+    drawing, values = Loops(drawing, spec.values).with_gain_at(cut)
     timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
-    pieces = Loops(drawing, spec.values).pieces(timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
+    pieces = Loops(drawing, values).pieces(timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
     for (low, high), whole_ticks in pieces:
         axes = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges if axis.path in drawing.reads]
-        yield _Case(spec, cut, Loops(drawing, {**spec.values, path_of(GAIN): 1.0, **whole_ticks}), axes, fixed)
+        yield _Case(spec, cut, Loops(drawing, {**values, **whole_ticks}), axes, fixed)
 
 
 def _for_all_cases(found, name) -> BoxMargin:
@@ -193,7 +194,7 @@ class _Case:
         paths = [path_of(GAIN), *self.ranged]
         limits = [self.loop.domain(path, tuple(ends)) for path, ends in zip(self.ranged, self.box.T, strict=True)]
         self.limits = np.array(limits).T
-        drift = self.boxes.drift_over(self.loop, paths, np.column_stack([ANY, self.box]))
+        drift = self.boxes.drift_over(self.loop, paths, np.column_stack([OTHER_GAINS, self.box]))
         self.frames_at = partial(self.boxes.frames_over, self.loop, paths, drift)
 
     def named(self, point) -> dict[str, object]:
@@ -275,7 +276,7 @@ class _Case:
         What depends on the factor anywhere does so at a place that nobody has chosen.
         """
         place = self.box[0] + (self.box[1] - self.box[0]) * (np.sqrt(np.arange(2, 2 + len(self.ranged))) % 1)
-        pivots = self.closed(np.array(ANY), np.array([place, place])).pivots
+        pivots = self.closed(OTHER_GAINS, np.array([place, place])).pivots
         return bool((pivots[0] == pivots[1]).all())
 
     def _stable(self, name, size):

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 
 from wavesweep.engine.drawing.drawing import path_of
-from wavesweep.engine.drawing.gain_at_signal import BLOCK, GAIN, with_gain
+from wavesweep.engine.drawing.gain_at_signal import BLOCK, GAIN
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.keys.checking import nearest
 from wavesweep.engine.loop import Loops
@@ -43,7 +43,7 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
             f"cut: expected a signal that is made at most {MOST_TIMES} times in a frame, found {signal!r}: {times[signal]} "
             "times; a number that multiplies it has its gain margin: wavesweep stability-region along that"
         )
-    loop = _with_gain(loop, signal)
+    loop = loop.with_gain_at(signal)
     with np.errstate(all="ignore"):
         drawn = loop.drawn()
         ticks = OpenTicks.of(loop.drawn(GAIN), drawn, PRODUCT, FACTOR)
@@ -57,10 +57,6 @@ def broken_at(spec: Spec, signal: str) -> BrokenLoop | LiftedLoop:
         return lifted
     opened = open_loops(loop, GAIN)
     return lifted if opened.cut is None else BrokenLoop(opened.cut, lifted)
-
-
-def _with_gain(loop: Loops, signal: str) -> Loops:
-    return Loops(with_gain(loop.drawing, signal), loop.values | {path_of(GAIN): 1.0})
 
 
 def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: Sequence[Margin]) -> np.ndarray:
@@ -83,7 +79,7 @@ def lines_at(spec: Spec, signal: str, broken: BrokenLoop | LiftedLoop, margins: 
     if not at:
         return lines
     spec, signal = with_block(spec, signal)
-    loops = _with_gain(own_loop(spec), signal).changed({path_of(GAIN): np.array(factors)})
+    loops = own_loop(spec).with_gain_at(signal).changed({path_of(GAIN): np.array(factors)})
     omega = np.array([margins[number].omega for number in at])
     logarithms = 1j * omega * broken.period
     lines[at] = lines_in_loops(loops, logarithms[:, None])[:, 0]

@@ -10,7 +10,7 @@ from wavesweep.engine.monodromy import resolvent
 from wavesweep.engine.monodromy.cut import FIRST
 from wavesweep.engine.monodromy.resolvent import ManyStates, TriangularForm
 from wavesweep.engine.monodromy.unit_circle import on_circle
-from wavesweep.engine.search.open_loops import exact_cut
+from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.engine.stability import arcs
 from wavesweep.engine.stability.arcs import arc_crossings
 from wavesweep.engine.stability.boundary import polish, polish_of_many_states
@@ -35,7 +35,7 @@ def drawn_chain(masses, damping=0.2, delay=0):
 
 def cut_of(tables):
     loops: Loops = own_loop(wavesweep.compile(tables).spec)
-    cut = exact_cut(loops, "K")
+    cut = open_loops(loops, "K").cut
     return cut if cut.batch else cut.at(np.newaxis)
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from support.chunks import changed, finished_in
 
-from wavesweep.engine.errors import CheckpointError, UsageError
+from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.felt import RECORD
 from wavesweep.program.store import checkpoint
+from wavesweep.program.store.checkpoint import CheckpointError
 from wavesweep.program.sweep import running
 from wavesweep.program.tables.interval_table import intervals
 

@@ -28,12 +28,6 @@ TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 FEW = 200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
 
 
-def exact_cut(loops: Loops, number: str) -> LinearFractional | None:
-    """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
-    opened = open_loops(loops, number)
-    return opened and opened.cut
-
-
 @dataclass(frozen=True, eq=False)
 class OpenLoops:
     """Loops without a number that is one scalar gain of their frame.

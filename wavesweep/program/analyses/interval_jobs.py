@@ -17,7 +17,7 @@ from wavesweep.engine.loop import Loops
 from wavesweep.engine.loops.dead_time import timing
 from wavesweep.engine.search.interval_records import FAILURES, unanswered
 from wavesweep.engine.search.interval_search import Search, Searches
-from wavesweep.engine.search.open_loops import FEW, exact_cut
+from wavesweep.engine.search.open_loops import FEW, open_loops
 from wavesweep.engine.search.question import Prover
 from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
 from wavesweep.program.analyses.spec_loops import refuse_singular
@@ -295,9 +295,9 @@ def _orders_of_few(spec, asked, changes, size, resolved):
 def _order_of_drawing(drawing, path, items):
     """States of a loop, and the way along the number."""
     loops = Loops(drawing, {path: np.array(v) if isinstance(v, tuple) else v for path, v in items})
-    cut = exact_cut(loops, name_of(path))
-    if cut is not None:
-        return cut.order, Way.CUT
+    opened = open_loops(loops, name_of(path))
+    if opened and opened.cut:
+        return opened.cut.order, Way.CUT
     return loops.frames(loops.drift()).shape[-1], Way.DOMINANCE
 
 

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wavesweep.engine.drawing.block_types import EVERY, PHASE, TICK_HZ, TYPES
+from wavesweep.engine.drawing.block_types import TICK_HZ, TYPES
+from wavesweep.engine.drawing.drawn_block import keys_of_block
 from wavesweep.engine.keys.checking import expectation, nearest, show
 from wavesweep.engine.keys.key import Key
 from wavesweep.program.reading.keys import AXIS_KEYS, DEVICES, HARDWARE_KEYS, KEYS, SYMBOLS, HapticDevice, find_key
@@ -176,5 +177,5 @@ def _type(name: str) -> Description:
         "description": kind.description,
         "ports": "; or ".join(f"{', '.join(inputs)} -> {', '.join(outputs)}" for inputs, outputs in pairs),
         "steps": kind.steps or ("runs in every tick" if kind.plant else "refused"),
-        "keys": {key.path: described(key) for key in (*kind.keys.values(), EVERY, PHASE)},
+        "keys": {key.path: described(key) for key in keys_of_block(name).values()},
     }

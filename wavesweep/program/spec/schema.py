@@ -11,10 +11,11 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.engine.drawing.block_classes import PARTS as OF_CLASS
-from wavesweep.engine.drawing.block_types import EVERY, PHASE, TICK_HZ, TYPES
+from wavesweep.engine.drawing.block_types import TICK_HZ, TYPES
 from wavesweep.engine.drawing.drawing_ports import NAMED, OPTIONAL
 from wavesweep.engine.drawing.drawing_ports import PORTS as OF_PORTS
 from wavesweep.engine.drawing.drawing_tables import NUMBER_PARTS
+from wavesweep.engine.drawing.drawn_block import keys_of_block
 from wavesweep.engine.keys.key import Key
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS
 from wavesweep.program.reading.tables import tables
@@ -120,7 +121,7 @@ def _studies(shapes: Shapes) -> Schema:
 
 
 def _block(kind: str) -> Schema:
-    keys = {key.path: _value(key, text=True) for key in (*TYPES[kind].keys.values(), EVERY, PHASE)}
+    keys = {key.path: _value(key, text=True) for key in keys_of_block(kind).values()}
     required = [key.path for key in TYPES[kind].keys.values() if key.required]
     of_kind = {"properties": {"type": {"const": kind}}, "required": ["type"]}
     # A key that is misspelt is not also said to be missing.

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.engine.errors import CheckpointError
+from wavesweep.engine.errors import UsageError
 from wavesweep.program.atomic_files import make_folders
 
 SUFFIX = ".sqlite"  # of the name of a checkpoint
@@ -38,6 +38,10 @@ CREATE TABLE IF NOT EXISTS runs (name TEXT PRIMARY KEY, digest BLOB, identity TE
 CREATE TABLE IF NOT EXISTS chunks (run BLOB, number INTEGER, checksum INTEGER, records BLOB, PRIMARY KEY (run, number));
 COMMIT;
 """
+
+
+class CheckpointError(UsageError):
+    """A half-finished run on disk is damaged or belongs to another spec."""
 
 
 def _formats(place: Path) -> bytes:
