@@ -12,7 +12,7 @@ speed, `(F_s - F) exp(-(v/v_s)^2)` is added to F (Armstrong-Helouvry, Dupont and
 that rests.
 
 An interval is the widest of those of white innovations and of sums of scores over 10 and over 20 blocks of rows, wider by what
-other variances and the last round of the smoother change.
+other variances, the last round of the smoother and, in mass and delay, a curve in place of a line change.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -305,8 +305,12 @@ def predicted(model: Model, force: np.ndarray, reading: np.ndarray, period: floa
         rounds = _smoothing(rounds, search, skip)
         curved = _with_curve(rounds.log, search, rounds.point, skip)
         if curved is not None:
+            line = rounds.before
             search, point = curved
             rounds = _smoothing(_Rounds(rounds.log, point), search, skip)
+            # What the form of friction does to mass and delay shows how well it tells them.
+            of_form = [name in ("log_mass", "delay") for name in model.names if name not in OWN]
+            rounds = rounds._replace(moved=np.maximum(rounds.moved, of_form * np.abs(rounds.before - line)))
     found = _estimated(rounds.log, search, rounds.point, skip, rounds.before, rounds.moved)
     return replace(found, used=~wild[skip:])
 
@@ -343,6 +347,8 @@ def _smoothing(rounds, search, skip):
 def _with_curve(log, search, point, skip):
     """A search with friction that falls with speed (Stribeck), and its point; None if it does not explain the log better."""
     without = _square(log, search, point, skip)
+    if not np.isfinite(without):
+        return None
     begun = search.found(point)
     tried = []
     for share in FADING:
