@@ -116,7 +116,7 @@ def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     def errors(column, K):
         return evaluate(column, K), cut.at(column).errors_of_closed(K, 1.0)
 
-    found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), (-np.inf, np.inf), variable=BENT, errors=errors)
+    found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), variable=BENT, errors=errors)
     assert found.certified.all() or low == 0  # next to which doubles alone do not tell what leaves z = 1
     assert (exact.low[exact.count > 0] == low).any()
     assert integration == "trapezoidal" or (exact.high < span[1]).all()

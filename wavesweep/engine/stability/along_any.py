@@ -1,7 +1,7 @@
 """Stable intervals along any number of a loop, from its eigenvalues."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -21,13 +21,8 @@ TURN = 10.0  # of a span, where a bent variable turns from one that is even to i
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
-TYPICAL = (
-    0.53,
-    0.37,
-    0.71,
-    0.013,
-    0.987,
-)  # of the span, where the units of the states are found; not the middle, which may be 0
+# Of the span, where the units of the states are found; not the middle, which may be 0.
+TYPICAL = (0.53, 0.37, 0.71, 0.013, 0.987)
 ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their panels are two
 
 
@@ -36,13 +31,13 @@ def stable_along_any(
     span: tuple[float, float],
     columns: int,
     period: np.ndarray,
+    *,
     bounds: tuple[Any, Any] = (-np.inf, np.inf),
     variable: str = "",
     errors: Callable[..., Any] | None = None,
+    tight: Callable[..., Any] | None = None,
     balls: Callable[..., Any] | None = None,
     resolved: Any = None,
-    *,
-    tight: Callable[..., Any] | None = None,
     from_one: bool = False,
 ) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
@@ -50,7 +45,16 @@ def stable_along_any(
     period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
     """
     regions = regions_along_any(
-        frames, span, columns, bounds, variable, errors, balls, resolved, tight=tight, from_one=from_one
+        frames,
+        span,
+        columns,
+        bounds=bounds,
+        variable=variable,
+        errors=errors,
+        tight=tight,
+        balls=balls,
+        resolved=resolved,
+        from_one=from_one,
     )
     return intervals_of(regions, doubts_of(regions, np.full(columns, Doubt.NONE)), period)
 
@@ -59,13 +63,13 @@ def regions_along_any(
     frames,
     span,
     columns: int,
+    *,
     bounds=(-np.inf, np.inf),
     variable="",
     errors=None,
+    tight=None,
     balls=None,
     resolved=None,
-    *,
-    tight=None,
     from_one: bool = False,
 ) -> Regions:
     """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
@@ -96,7 +100,6 @@ def regions_along_any(
     if variable == FROM_ZERO:
         low = EXACT * NEAR_ZERO * high
     v = _variable_of(low, high, variable)
-    ends = v.into(low), v.into(high)
     with np.errstate(all="ignore"):  # of the logarithm of what has none
         bounds = np.stack([np.zeros(columns) + end for end in bounds])
         bounds = np.where(bounds > low - v.unit, v.into(bounds), -np.inf)
@@ -111,21 +114,35 @@ def regions_along_any(
             p = v.out(t)
         return function(column, p)
 
-    errors = partial(_rounded, frames) if errors is None else errors
-    functions = partial(through, frames), partial(through, errors), partial(through, errors if tight is None else tight)
+    if errors is None:
+        errors = partial(_rounded, frames)
+    search = _Search(
+        frames=partial(through, frames),
+        errors=partial(through, errors),
+        tight=partial(through, errors if tight is None else tight),
+        span=(v.into(low), v.into(high)),
+        slack=slack,
+        balls=balls and _in_variable(balls, v.into, v.out),
+        resolved=resolved and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale)),
+        from_one=from_one,
+    )
     order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
     few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
-    portions = [np.arange(first, min(first + few, columns)) for first in range(0, columns, few)]
-    balls = balls and _in_variable(balls, v.into, v.out)
-    narrow = resolved and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale))
-    given = slack, balls, narrow, from_one
-    regions = Regions.join([_regions(*functions, ends, names, bounds[:, names], *given) for names in portions])
-    # The range's ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
+    portions = []
+    for first in range(0, columns, few):
+        names = np.arange(first, min(first + few, columns))
+        portions.append(search.regions(names, bounds[:, names]))
+    regions = Regions.join(portions)
+    # 0 within the range is what it is but for rounding.
     nothing = EPS * (high - low) if low < 0 < high else 0.0
-    lows, highs = (
-        np.where(t == end, p, np.where(np.abs(v.out(t)) <= nothing, 0.0, v.out(t)))
-        for t, end, p in zip((regions.low, regions.high), ends, span, strict=True)
-    )
+
+    def back(t, end, given):
+        """The values of p at ends t of regions; the range's end is given back as it was, and not as it comes out."""
+        p = v.out(t)
+        return np.where(t == end, given, np.where(np.abs(p) <= nothing, 0.0, p))
+
+    lows = back(regions.low, search.span[0], span[0])
+    highs = back(regions.high, search.span[1], span[1])
     return replace(regions, low=lows, high=highs)
 
 
@@ -146,8 +163,17 @@ class _Variable(NamedTuple):
 def _variable_of(low, high, variable):
     if variable == BENT:
         unit = (high - low) / TURN
-        into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
-        return _Variable(into, out, lambda t: unit * np.exp(t), unit, low - unit, unit)
+
+        def into(p):
+            return np.log1p((p - low) / unit)
+
+        def out(t):
+            return low + unit * np.expm1(t)
+
+        def slope(t):
+            return unit * np.exp(t)
+
+        return _Variable(into, out, slope, unit, low - unit, unit)
     if low > 0 and high > WIDE * low:
         return _Variable(np.log, np.exp, None, low, 0.0, 1.0)
     return _Variable(_same, _same, np.ones_like, np.inf, 0.0, 0.0)
@@ -176,55 +202,106 @@ def _rounded(frames, column, p):
     return E, 4 * EPS * np.abs(E)
 
 
-def _regions(frames, errors, tight, span, names, bounds, slack, balls, resolved, from_one) -> Regions:
-    """The regions of some columns in the variable; slack: how far an end may be off; see `regions_along_any` for the rest."""
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """What is asked of columns in the variable: see `regions_along_any`. slack(t): how far an end may be off."""
 
-    def of_errors(column, t, function=errors):
+    frames: Callable
+    errors: Callable
+    tight: Callable
+    span: tuple[float, float]
+    slack: Callable
+    balls: Callable | None
+    resolved: Callable | None
+    from_one: bool
+
+    def regions(self, names, bounds) -> Regions:
+        """The regions of some columns."""
+        of_columns = _InEvenUnits.of(self, names)
+        points = of_columns.points
+        columns = names.size
+        resolved = self.resolved and (lambda column, low, high: self.resolved(names[column], low, high))
+        order = of_columns.ratio.shape[-1]
+        panels, lost = panels_of(of_columns.frames, of_columns.errors, self.span, columns, bounds, resolved, order)
+        found = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
+        for reduced, states in [] if panels is None else panels.without_forgotten():
+            errors = partial(_of_states, of_columns.errors, states)
+            tight = partial(_of_states, of_columns.tight, states)
+            tiles = tiles_by_lines(reduced, errors, points, self.span, self.slack)
+            if tiles is None:
+                functions = errors, tight
+                tiles = tiles_of(reduced, functions, self.span, columns, self.slack, from_one=self.from_one)
+            found.append(tiles)
+        tiles = Tiles.join(found)
+        attached = self.slack(self.span[0]), self.slack(self.span[1])
+        if self.balls is not None:
+
+            def balls(column, low, high):
+                return self.balls(int(names[column]), low, high)
+
+            tiles, lost = proved_by_balls(tiles, lost, self.span, columns, attached, balls)
+        regions = regions_of(tiles, lost, self.span, columns, attached)
+        return replace(regions, column=names[regions.column])
+
+
+@dataclass(frozen=True, slots=True)
+class _InEvenUnits:
+    """The frames of some columns of a search in units of the states in which no entry is large, see `uneven_units`.
+
+    points: of the span, at which the units were found. ratio: what an entry (i, j) is multiplied by, `(columns, n, n)`;
+    plain: whether it is 1.
+    """
+
+    search: _Search
+    names: np.ndarray
+    points: np.ndarray
+    ratio: np.ndarray
+    plain: bool
+
+    @classmethod
+    def of(cls, search: _Search, names) -> "_InEvenUnits":
+        low, high = search.span
+        points = low + (high - low) * np.array(TYPICAL)
+        columns = names.size
+        column = np.arange(columns)[:, None]
+        E = Frames.of(search.frames(names[column], np.tile(points, (columns, 1)))).E
+        E = np.where(np.isfinite(E).all((1, 2), keepdims=True), E, 0.0)
+        sizes = np.abs(E).reshape(columns, points.size, *E.shape[1:])
+        # Frames that grow are large in any units.
+        calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)
+        units = uneven_units(sizes[range(columns), calmest])
+        if E.shape[-1] >= LONG:
+            for line in DelayLines.of(E).lines:  # which then take over values as they are
+                units[:, line] = units[:, line[:1]]
+        ratio = units[:, None, :] / units[:, :, None]
+        return cls(search, names, points, ratio, not (units != 1).any())
+
+    def _scaled(self, E, column, t):
+        if self.plain:
+            return E
+        factors = self.ratio[np.broadcast_to(column, t.shape).ravel()]
+        return E * factors if E.shape[-1] == factors.shape[-1] else np.full_like(E, np.nan)
+
+    def frames(self, column, t) -> Frames:
+        """The frames of columns, counted from 0, at values of the variable."""
+        sampled = Frames.of(self.search.frames(self.names[column], t))
+        return replace(sampled, E=self._scaled(sampled.E, column, t))
+
+    def errors(self, column, t) -> tuple[np.ndarray, np.ndarray]:
+        """The same, each by itself, with bounds on the errors of entries."""
+        return self._with_bounds(self.search.errors, column, t)
+
+    def tight(self, column, t) -> tuple[np.ndarray, np.ndarray]:
+        """The same with tight bounds."""
+        return self._with_bounds(self.search.tight, column, t)
+
+    def _with_bounds(self, function, column, t):
         column, t = np.broadcast_arrays(column, t)
-        return function(names[column.ravel()], t.ravel())
+        E, bounds = function(self.names[column.ravel()], t.ravel())
+        return self._scaled(E, column, t), self._scaled(bounds, column, t)
 
-    def of_frames(column, t):
-        return Frames.of(frames(names[column], t))
 
-    points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
-    E = of_frames(np.arange(names.size)[:, None], np.tile(points, (names.size, 1))).E
-    E = np.where(np.isfinite(E).all((1, 2), keepdims=True), E, 0.0)
-    sizes = np.abs(E).reshape(names.size, points.size, *E.shape[1:])
-    calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)  # frames that grow are large in any units
-    units = uneven_units(sizes[range(names.size), calmest])
-    if E.shape[-1] >= LONG:
-        for line in DelayLines.of(E).lines:  # which then take over values as they are
-            units[:, line] = units[:, line[:1]]
-    if (units != 1).any():
-        ratio, plain, in_states = units[:, None, :] / units[:, :, None], of_frames, of_errors
-
-        def scaled(E, column, t):
-            factors = ratio[np.broadcast_to(column, t.shape).ravel()]
-            return E * factors if E.shape[-1] == factors.shape[-1] else np.full_like(E, np.nan)
-
-        of_frames = lambda column, t: replace(sampled := plain(column, t), E=scaled(sampled.E, column, t))  # noqa: E731
-
-        def of_errors(column, t, function=errors):
-            return tuple(scaled(M, *np.broadcast_arrays(column, t)) for M in in_states(column, t, function))
-
-    narrow = resolved and (lambda column, low, high: resolved(names[column], low, high))
-    panels, lost = panels_of(of_frames, of_errors, span, names.size, bounds, narrow, E.shape[-1])
-    tiles_of_kinds, panels = (
-        [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)],
-        [] if panels is None else panels.without_forgotten(),
-    )
-    for reduced, states in panels:
-        off, near = (
-            lambda *at, states=states, function=function: (M[:, states[:, None], states] for M in of_errors(*at, function))
-            for function in (errors, tight)
-        )
-        tiles = tiles_by_lines(reduced, off, points, span, slack)
-        if tiles is None:
-            tiles = tiles_of(reduced, (off, near), span, names.size, slack, from_one=from_one)
-        tiles_of_kinds.append(tiles)
-    tiles = Tiles.join(tiles_of_kinds)
-    attached = slack(span[0]), slack(span[1])
-    if balls is not None:
-        tiles, lost = proved_by_balls(tiles, lost, span, names.size, attached, lambda at, *ends: balls(int(names[at]), *ends))
-    regions = regions_of(tiles, lost, span, names.size, attached)
-    return replace(regions, column=names[regions.column])
+def _of_states(errors, states, column, t):
+    """Frames and bounds on their errors, of some of the states alone."""
+    E, bounds = errors(column, t)
+    return E[:, states[:, None], states], bounds[:, states[:, None], states]
