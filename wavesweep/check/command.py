@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -100,56 +101,125 @@ def check(
       wavesweep check sweeps/templates/drive.toml --root-locus kp
       wavesweep check engine.toml --frames times.csv --exit-code
     """
-    from wavesweep.check.planning import plan, within_ticks
-    from wavesweep.check.verdict import further, numbers, verdict_lines
     from wavesweep.program import spec as specs
-    from wavesweep.program.analyses.assumptions import near_rates, over_preset, unusual
-    from wavesweep.program.analyses.own_design import own_design, own_lines
-    from wavesweep.program.cli.messages import printable, progress, say, show_json
-    from wavesweep.program.csv_files import factors, pairs
+    from wavesweep.program.cli.messages import progress, say
 
-    loaded, silent = specs.load(spec, overrides), verbosity().as_json or verbosity().quiet
+    loaded = specs.load(spec, overrides)
     # Errors come before anything is printed.
-    poles = (
-        partial(_needed("locus").root_locus, loaded, _needed("locus").axis_over(loaded, locus)) if locus is not None else None
-    )
-    if frames is None and (columns or scales):
-        raise click.UsageError(f"--{'column' if columns else 'scale'}: expected --frames, whose column it names, found none")
-    named = pairs(columns, "--column"), factors(pairs(scales, "--scale"))
-    run = _needed("frames").within(loaded, frames, *named) if frames is not None else None
+    poles = None
+    if locus is not None:
+        modes = _needed("locus")
+        poles = partial(modes.root_locus, loaded, modes.axis_over(loaded, locus))
+    run = _frames_of_run(loaded, frames, columns, scales)
     list(asked("on_check", "refuse", loaded))
-    places = _places(["diagram"] * plot + ["root-locus"] * (locus is not None), out, loaded, overrides)
-
-    def show(lines: Iterable[str]) -> int:
-        text = "\n".join(lines)
-        if text and not silent:
-            click.echo(printable(text))
-        return len(text.splitlines())
-
+    figures = ["diagram"] * plot + ["root-locus"] * (locus is not None)
+    places = _places(figures, out, loaded, overrides)
     with progress(verbosity().quiet, "at work on the verdict") as report:
-        verdict = own_design(loaded)
-        said = show(own_lines(loaded, verdict) if whole else chain(*map(_folded, own_lines(loaded, verdict))))
-        verdict |= numbers(loaded) if verbosity().as_json else {}
-        verdict |= further(loaded, verdict, report) | ({"frames": run} if run else {})
-        lines = plan(loaded, estimated=whole or verbosity().as_json)
-        lines += chain.from_iterable(asked("on_check", "plan", loaded))
-        unusual_lines = [*unusual(loaded), *over_preset(loaded), *near_rates(loaded)]
-        within = list(within_ticks(loaded)) if loaded.drawing else []
-        judged = chain(_needed("frames").lines(run) if run else (), verdict_lines(loaded, verdict, late=not whole))
-        ranked = [*((1, f"  {line}") for line in unusual_lines), *judged, *((4, f"  {line}") for line in within)]
-        steps = list(_aligned(_steps(loaded, verdict, lines, whole), overrides))
+        judged = _judged(loaded, run, overrides, whole, report)
         files = [str(path) for path in _drawn(loaded, places, poles)]
     if verbosity().as_json:
-        summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": verdict["assumes"]}
-        summary |= {"verdict": verdict, "plan": lines, "notices": [*unusual_lines, *within]}
-        show_json(summary | ({"files": files} if files else {}))
-    if whole:
-        show([*(line for _, line in ranked), *lines, *steps])
-    elif not silent:
-        show([*_foremost(ranked, MOST - said - len(steps)), *steps])
-    if files and not silent:
+        _show_json(loaded, judged, files)
+    _show(judged.lines(whole))
+    if files and not _is_silent():
         say(f"Wrote {', '.join(files)}")
-    return int(exit_code and not (verdict["stable"] and not (run and run["left"])))
+    stable = judged.verdict["stable"]
+    beyond = run is not None and bool(run["left"])
+    return int(exit_code and (not stable or beyond))
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What is known of a spec, without the lines that are shown first.
+
+    verdict: the numbers. shown: lines that are on the screen already. ranked: lines with their ranks. plan: those about all
+    commands. notices: what is unusual about the spec, and its algebraic loops. steps: the commands that go on from there.
+    """
+
+    verdict: Facts
+    shown: int
+    ranked: list[Ranked]
+    plan: list[str]
+    notices: list[str]
+    steps: list[str]
+
+    def lines(self, whole: bool) -> Iterable[str]:
+        """The lines that follow: all of them, or the foremost."""
+        if whole:
+            return [*(line for _, line in self.ranked), *self.plan, *self.steps]
+        return [*_foremost(self.ranked, MOST - self.shown - len(self.steps)), *self.steps]
+
+
+def _judged(spec: Spec, run: Facts | None, overrides: Sequence[str], whole: bool, report: Callable[..., None]) -> _Judged:
+    """Judge a spec, and show the lines that come first at once. run: what the frames of a run are, None without."""
+    from wavesweep.check.planning import plan, within_ticks
+    from wavesweep.check.verdict import further, numbers, verdict_lines
+    from wavesweep.program.analyses.assumptions import near_rates, over_preset, unusual
+    from wavesweep.program.analyses.own_design import own_design, own_lines
+
+    verdict = own_design(spec)
+    first_lines = list(own_lines(spec, verdict))
+    if not whole:
+        first_lines = [folded for line in first_lines for folded in _folded(line)]
+    shown = _show(first_lines)
+    if verbosity().as_json:
+        verdict |= numbers(spec)
+    verdict |= further(spec, verdict, report)
+    if run:
+        verdict |= {"frames": run}
+    plan_lines = plan(spec, estimated=whole or verbosity().as_json)
+    plan_lines += chain.from_iterable(asked("on_check", "plan", spec))
+    unusual_lines = [*unusual(spec), *over_preset(spec), *near_rates(spec)]
+    within = list(within_ticks(spec)) if spec.drawing else []
+    ranked = [(1, f"  {line}") for line in unusual_lines]
+    if run:
+        ranked += _needed("frames").lines(run)
+    ranked += verdict_lines(spec, verdict, late=not whole)
+    ranked += [(4, f"  {line}") for line in within]
+    steps = list(_aligned(_steps(spec, verdict, plan_lines, whole), overrides))
+    return _Judged(verdict, shown, ranked, plan_lines, [*unusual_lines, *within], steps)
+
+
+def _frames_of_run(spec: Spec, file: str | None, columns: tuple[str, ...], scales: tuple[str, ...]) -> Facts | None:
+    """Whether the frames of a run are among those of the spec; None without a file."""
+    from wavesweep.program.csv_files import factors, pairs
+
+    if file is None and (columns or scales):
+        option = "column" if columns else "scale"
+        raise click.UsageError(f"--{option}: expected --frames, whose column it names, found none")
+    named = pairs(columns, "--column")
+    scaled = factors(pairs(scales, "--scale"))
+    return None if file is None else _needed("frames").within(spec, file, named, scaled)
+
+
+def _is_silent() -> bool:
+    return verbosity().as_json or verbosity().quiet
+
+
+def _show(lines: Iterable[str]) -> int:
+    """Print lines, unless nothing is to be printed; gives their number."""
+    from wavesweep.program.cli.messages import printable
+
+    text = "\n".join(lines)
+    if text and not _is_silent():
+        click.echo(printable(text))
+    return len(text.splitlines())
+
+
+def _show_json(spec: Spec, judged: _Judged, files: Sequence[str]) -> None:
+    from wavesweep.program.cli.messages import show_json
+
+    summary = {
+        "command": "check",
+        "specs": [spec.name],
+        "spec_sha256": spec.sha256,
+        "assumes": judged.verdict["assumes"],
+        "verdict": judged.verdict,
+        "plan": judged.plan,
+        "notices": judged.notices,
+    }
+    if files:
+        summary["files"] = files
+    show_json(summary)
 
 
 def _folded(line: str) -> list[str]:
