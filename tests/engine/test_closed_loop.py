@@ -191,6 +191,24 @@ def test_a_time_that_python_control_leaves_open_is_asked_for_and_names_of_states
     assert pi_loop(signal.StateSpace(A, B, C, [[0.0]])).poles().z == pytest.approx(loop.poles().z, abs=1e-12)
 
 
+def test_a_loop_keeps_the_numbers_that_it_is_at():
+    loop = loop_from_drawing(
+        {
+            "rates": {"tick_hz": 1000},
+            "numbers": {"kp": 100.0, "n": 2},
+            "block": {"mass": {"type": "mass", "mass": 0.1, "damping": 1.0}, "late": {"type": "delay", "steps": "n"}},
+            "wire": {"late.u": "mass.x", "mass.f": "-kp*late.y"},
+        }
+    )
+    changed = {"kp": 300.0, "n": 3}
+    assert loop.at(changed).numbers == changed
+    assert loop.numbers == {"kp": 100.0, "n": 2}
+    np.testing.assert_array_equal(loop.at(changed).spectral_radius(), loop.spectral_radius(changed))
+    np.testing.assert_array_equal(loop.at(changed).spectral_radius({"n": 2}), loop.spectral_radius({"kp": 300.0}))
+    with pytest.raises(UsageError, match="expected numbers for a single loop"):
+        loop.at({"kp": [1.0, 2.0]})
+
+
 def test_any_name_of_a_number_can_be_varied():
     names = ("span", "source", "along", "numbers", "output", "prover")
     wires = {"p.u": "-(" + " + ".join(names) + ")*p.y + r"}

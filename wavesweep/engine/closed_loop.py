@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -180,6 +180,28 @@ class ClosedLoop:
         """Period (s) after which all blocks are in step again."""
         drawn = self._single({}).drawn()
         return float(np.asarray(drawn.period)) * drawn.ticks
+
+    def at(self, numbers: Mapping[str, float]) -> ClosedLoop:
+        """The loop with other numbers, which it keeps.
+
+        Parameters
+        ----------
+        numbers : dict
+            Name -> number.
+
+        Returns
+        -------
+        ClosedLoop
+            Another one, of the same drawing.
+
+        Raises
+        ------
+        UsageError
+            For a name that the loop does not have, a value that makes no loop, or an array.
+        """
+        values = self._single(numbers).values
+        changed = {path: values[path] for path in map(self._path, numbers)}
+        return replace(self, values={**self.values, **changed})
 
     def stable_intervals(
         self, along: str, span: tuple[float, float], numbers: Numbers = None, *, prover: Prover | None = None
