@@ -36,12 +36,17 @@ def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.nd
     numbers = scalars(values)
     with np.errstate(all="ignore"):
         rate = np.asarray(values_of(drawing.tick_hz, numbers)).real
-        ratio = {name: np.asarray(values_of(tree, numbers)).real * rate for name, tree in drawing.dead_times.items()}
-        ticks = {name: np.ceil(seconds * (1 - ROUNDED)) for name, seconds in ratio.items()}
-    return {
-        path: ticks[names[0]] if len(names) == 1 else sum(ticks[name] - ratio[name] for name in names) > 1
-        for path, names in drawing.building.items()
-    }
+        exact, ticks = {}, {}
+        for name, tree in drawing.dead_times.items():
+            exact[name] = np.asarray(values_of(tree, numbers)).real * rate
+            ticks[name] = np.ceil(exact[name] * (1 - ROUNDED))
+    whole = {}
+    for path, names in drawing.building.items():
+        if len(names) == 1:
+            whole[path] = ticks[names[0]]
+        else:  # the first acts before the second reads
+            whole[path] = sum(ticks[name] - exact[name] for name in names) > 1
+    return whole
 
 
 def timing(drawing: Drawing) -> set[str]:
@@ -68,16 +73,24 @@ def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -
     """
     if not drawing.dead_times:
         return drawing
-    numbers, plants = scalars(values), {block.name for block in drawing.blocks if block.plant}
-    ratio = {name: value_of(tree, numbers) * drawing.rate(values) for name, tree in drawing.dead_times.items()}
-    exact = {name: Fraction(ticks).limit_denominator(FINEST) for name, ticks in ratio.items()}
+    if name_of(along) in timing(drawing):
+        return None
+    numbers = scalars(values)
+    rate = drawing.rate(values)
+    exact = {}
+    for name, tree in drawing.dead_times.items():
+        ticks = value_of(tree, numbers) * rate
+        exact[name] = Fraction(ticks).limit_denominator(FINEST)
+        if abs(exact[name] - ticks) > ROUNDED * max(ticks, 1):
+            return None
     finer = lcm(*(ticks.denominator for ticks in exact.values()))
-    inexact = finer > FINEST or any(abs(exact[name] - ticks) > ROUNDED * max(ticks, 1) for name, ticks in ratio.items())
     slower = any(value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact)
-    if name_of(along) in timing(drawing) or inexact or slower or _samples_another(drawing, plants, exact.keys()):
+    plants = {block.name for block in drawing.blocks if block.plant}
+    if finer > FINEST or slower or _samples_another(drawing, plants, exact.keys()):
         return None
     tick_hz = ("*", ("number", float(finer), 0), drawing.tick_hz, 0)
-    return replace(drawing, tick_hz=tick_hz, blocks=tuple(_at_finer_tick(block, exact, finer) for block in drawing.blocks))
+    blocks = tuple(_at_finer_tick(block, exact, finer) for block in drawing.blocks)
+    return replace(drawing, tick_hz=tick_hz, blocks=blocks)
 
 
 def _at_finer_tick(block, exact, finer):
@@ -92,8 +105,13 @@ def _at_finer_tick(block, exact, finer):
 
 def _samples_another(drawing, plants, dead_times):
     """Whether a plant is sampled for another one, or a dead time for another."""
-    pairs = [(port.rpartition(".")[0], signal.rpartition(".")[0]) for port, terms in drawing.wires for signal, _ in terms]
-    pairs = [(reader, source) for reader, source in pairs if {reader, source} <= plants | dead_times]
+    timed = plants | dead_times
+    pairs = []
+    for port, terms in drawing.wires:
+        reader = port.rpartition(".")[0]
+        sources = {signal.rpartition(".")[0] for signal, _ in terms}
+        if reader in timed:
+            pairs += [(reader, source) for source in sources & timed]
     sensing = {reader for reader, source in pairs if source in plants}
     return any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
 
@@ -109,19 +127,24 @@ def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     values: flat numbers of one loop.
     """
     points = _places(drawing, values, path, span)
-    ticks, crossings = _ticks(drawing, values, path, points), set()
+    ticks = _ticks(drawing, values, path, points)
     near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
     ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
+    crossings = set()  # (dead time, whole number, cell between two points)
     for row, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
         low, high = sorted(ticks[row, at : at + 2])
-        crossings |= {(row, count, at) for count in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1)}
-    row, count, at = np.array(sorted(crossings), int).reshape(-1, 3).T
+        for count in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1):
+            crossings.add((row, count, at))
+    met = []
+    if crossings:
+        row, count, at = np.array(sorted(crossings), int).T
 
-    def beyond(p):
-        return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
+        def beyond(p):
+            return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
 
-    met = sorted(_whole_at(beyond, points[at], points[at + 1])) if crossings else ()
-    apart, ends = ROUNDED * (span[1] - span[0]), [span[0]]  # values that are nearer are meant to be the same
+        met = sorted(_whole_at(beyond, points[at], points[at + 1]))
+    apart = ROUNDED * (span[1] - span[0])  # values that are nearer are meant to be the same
+    ends = [span[0]]
     for value in met:
         if ends[-1] + apart < value < span[1] - apart:
             ends.append(value)
@@ -148,13 +171,15 @@ def _whole_at(beyond, low, high):
 
     beyond: the functions, one for each cell, of an array of values.
     """
-    ends, at_low, at_high = (low, high), beyond(low), beyond(high)
+    at_low, at_high = beyond(low), beyond(high)
+    at_an_end = _nearer(low, high, at_low, at_high)
+    passed = at_low * at_high < 0
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         before = (beyond(middle) < 0) == (at_low < 0)
         low, high = np.where(before, middle, low), np.where(before, high, middle)
-    passed = at_low * at_high < 0
-    return np.where(passed, _nearer(low, high, beyond(low), beyond(high)), _nearer(*ends, at_low, at_high)).tolist()
+    within = _nearer(low, high, beyond(low), beyond(high))
+    return np.where(passed, within, at_an_end).tolist()
 
 
 def _nearer(low, high, at_low, at_high):
@@ -177,10 +202,13 @@ def _places(drawing, values, path, span):
     name, numbers = name_of(path), scalars(values)
     trees = [("*", tree, drawing.tick_hz, 0) for tree in drawing.dead_times.values()]
     bent = [tree for tree in trees if degree(tree, name) > 1]
-    further, open_ = [], [span] if bent else []
+    further = []
+    open_ = [span] if bent else []
     while open_ and len(further) < FURTHER:
         low, high = open_.pop(0)
-        if all(_spread(tree, numbers, name, low, high) < SPREAD for tree in bent) or low + (high - low) / 2 in (low, high):
+        if all(_spread(tree, numbers, name, low, high) < SPREAD for tree in bent):
+            continue
+        if low + (high - low) / 2 in (low, high):
             continue
         middle = (low * high) ** 0.5 if 0 < low * APART < high else low + (high - low) / 2
         further.append(middle)
@@ -217,8 +245,11 @@ def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: boo
     inputs = ("u",) * (others or not sensed) + (SENSED,) * sensed
     states = tuple(f"{port}{k}" for port in inputs for k in range(1, ticks + 1))
     n, m = len(states), len(inputs)
-    E, B = np.kron(np.eye(m), np.eye(ticks, k=-1) - np.eye(ticks)), np.zeros((n, m))
-    C, D = np.zeros((2, n)), np.zeros((2, m))
+    shift = np.eye(ticks, k=-1) - np.eye(ticks)
+    E = np.kron(np.eye(m), shift)
+    B = np.zeros((n, m))
+    C = np.zeros((2, n))
+    D = np.zeros((2, m))
     for i in range(m):
         B[i * ticks : i * ticks + 1, i] = 1
     if ticks:
@@ -244,7 +275,8 @@ def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: 
             sums[inside[port] + AT + name] = {f"{name}.{NEXT}": sums[inside[port]][f"{name}.y"]}
         for signal, name in plant.sensed:
             sources = dict(sums[f"{name}.u"])
-            read, measured = sums.setdefault(f"{name}.{SENSED}", {}), inside[signal]
+            read = sums.setdefault(f"{name}.{SENSED}", {})
+            measured = inside[signal]
             if measured in sources:
                 read[measured + AT + name] = sources.pop(measured)
             multiplied = measured in sums.get(factor, ())
@@ -263,42 +295,51 @@ def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[
     rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time. known: with `structure`.
     Accuracy: that of `held`.
     """
-    (A, B), (inputs, outputs), T = rates, plant.drawn_ports, period
+    A, B = rates
+    of_A, of_rate_B = sizes
+    inputs, outputs = plant.drawn_ports
 
     def over(share, column=slice(None)):
-        return held(A, B[..., column], share * T, (sizes[0], sizes[1][..., column]))
+        return held(A, B[..., column], share * period, (of_A, of_rate_B[..., column]))
 
     of_E, of_B, of_C, of_D = block.terms
     arriving = [over(shares[name], [inputs.index(port)]) for port, name in plant.arriving]
     nothing = np.zeros((len(outputs), len(plant.arriving)))
     G = concatenated([block.B, *(late.G for late in arriving)], -1)
     of_G = concatenated([of_B, *(late.of_G for late in arriving)], -1)
-    C, D = [block.C], [concatenated([block.D, nothing], -1)]
-    of_C, of_D = [of_C], [concatenated([of_D, nothing], -1)]
+    rows_C, rows_of_C = [block.C], [of_C]
+    rows_D = [concatenated([block.D, nothing], -1)]
+    rows_of_D = [concatenated([of_D, nothing], -1)]
+    eye = np.eye(A.shape[-1])
     for signal, name in plant.sensed:
         i = [outputs.index(signal)]
-        row, size, through = block.C[..., i, :], of_C[0][..., i, :], block.D[..., i, :]
+        row = block.C[..., i, :]
+        of_row = of_C[..., i, :]
+        through = block.D[..., i, :]
+        of_through = of_D[..., i, :]
         E, held_B, of_own, of_held = over(shares[name])
-        C.append(row + row @ E)
-        of_C.append(size @ np.abs(E + np.eye(E.shape[-1])) + np.abs(row) @ of_own)
-        columns = [(through + row @ held_B, block.terms[3][..., i, :] + size @ np.abs(held_B) + np.abs(row) @ of_held)]
+        rows_C.append(row + row @ E)
+        rows_of_C.append(of_row @ np.abs(E + eye) + np.abs(row) @ of_own)
+        columns = [through + row @ held_B]
+        of_columns = [of_through + of_row @ np.abs(held_B) + np.abs(row) @ of_held]
         for port, earlier in plant.arriving:
             j = [inputs.index(port)]
-            _, step, _, of_step = over(shares[earlier] + shares[name] - 1, j)
+            step = over(shares[earlier] + shares[name] - 1, j)
             if known[f"block.{earlier}.before.{name}"]:
-                columns.append(
-                    (through[..., j] + row @ step, block.terms[3][..., i, j] + size @ np.abs(step) + np.abs(row) @ of_step)
-                )
+                columns.append(through[..., j] + row @ step.G)
+                of_step = of_row @ np.abs(step.G) + np.abs(row) @ step.of_G
+                of_columns.append(of_through[..., j] + of_step)
             else:
-                columns.append((np.zeros((1, 1)),) * 2)
-        D.append(concatenated([column for column, _ in columns], -1))
-        of_D.append(concatenated([size for _, size in columns], -1))
+                columns.append(np.zeros((1, 1)))
+                of_columns.append(np.zeros((1, 1)))
+        rows_D.append(concatenated(columns, -1))
+        rows_of_D.append(concatenated(of_columns, -1))
     return replace(
         block,
         inputs=(*block.inputs, *(f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving)),
         outputs=(*block.outputs, *(f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed)),
         B=G,
-        C=concatenated(C, -2),
-        D=concatenated(D, -2),
-        terms=(of_E, of_G, concatenated(of_C, -2), concatenated(of_D, -2)),
+        C=concatenated(rows_C, -2),
+        D=concatenated(rows_D, -2),
+        terms=(of_E, of_G, concatenated(rows_of_C, -2), concatenated(rows_of_D, -2)),
     )
