@@ -1,5 +1,6 @@
 """Boxes of unknown numbers while frames vary: every proof is attacked by a program that shares no code with it."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -185,6 +186,18 @@ def test_frames_of_several_lengths_share_the_plant_of_a_cell():
     for own, shared in zip(alone.blocks["device"], second.blocks["device"], strict=True):
         assert (own.terms == shared.terms).all()
         assert (own.rest == shared.rest).all()
+
+
+def test_units_of_states_change_nothing_in_the_middle_of_a_layer():
+    """A logarithm is far from 0, and units that are 1 there would differ by many decades here."""
+    box = np.array([[np.log(150.0), 0.0, 0.0, 0.0], [np.log(155.0), 0.01, 0.1, 1.0]])
+    frames = frames_of("pmw", box)
+    plain = frames.at(box)
+    units = np.zeros((4, plain.rest.shape[-1]))
+    units[0] = 3 * np.random.default_rng(0).normal(size=units.shape[1])
+    moved = replace(frames, units=units, about=box.mean(0)).at(box)
+    assert moved.terms[0] == pytest.approx(plain.terms[0], rel=1e-12, abs=1e-15)
+    assert moved.terms[1] != pytest.approx(plain.terms[1], rel=1e-3)
 
 
 @pytest.mark.slow

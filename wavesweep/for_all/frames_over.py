@@ -46,7 +46,8 @@ class FramesOver:
 
     ticks: of each kind, with the loop that it is a tick of; those of one loop stand together. drift: what drifts in it.
     copies: see `relative_ticks`. rows, samples, symbols: see `LoopFrames`. units: `(sides, k)` exponents; the k states x that
-    are kept are replaced by `exp(units' s) x` at the sides s. kept: the states that not every frame forgets, once known.
+    are kept are replaced by `exp(units' (s - about)) x` at the sides s. kept: the states that not every frame forgets, once
+    known.
     """
 
     ticks: Sequence[tuple[EnclosedLoop, TickPlace]]
@@ -56,6 +57,7 @@ class FramesOver:
     symbols: tuple[Symbol, ...]
     copies: Groups = ()
     units: np.ndarray | None = None
+    about: np.ndarray | None = None
     kept: list[int] = field(default_factory=list)
 
     @property
@@ -102,7 +104,8 @@ class FramesOver:
         for at in range(cell.shape[1]):
             low, high = map(float, cell[:, at])
             index = int(np.searchsorted(wide, at))
-            sides.append(TaylorModel.side(index, low, high, frames.numbers, frames.order) if low < high else low)
+            side = TaylorModel.side(index, low, high, frames.numbers, frames.order) if low < high else low
+            sides.append(side - float(self.about[at]))
         units = []
         for exponents in self.units.T:
             total = sum((side * float(exponent) for side, exponent in zip(sides, exponents, strict=True)), 0.0)

@@ -118,7 +118,7 @@ def bracket_over(
         units = None if first.zero else units_of(loops.frames, _layer(loops, *ends), follows)
         words = [end.word for end in (below, above) if end.word]
         layer = _layer(loops, bottom, top)
-        frames, told = replace(loops.frames, units=units), reached if report else None
+        frames, told = replace(loops.frames, units=units, about=layer.mean(0)), reached if report else None
         found = cover(frames, layer, follows, most - spent, up, words, told, (1 - NEAR) * TOLERANCE)
         return found, float(first.number(found.end - ROUNDED if up else found.end + ROUNDED)), spent + found.used
 
