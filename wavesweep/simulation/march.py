@@ -9,7 +9,7 @@ messages of channels to all blocks.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle, islice, repeat
-from operator import attrgetter, itemgetter
+from operator import itemgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -122,36 +122,54 @@ class Results:
 
     def due(self, k: int) -> tuple[list[float], bool] | None:
         """Take the result computed last of those that are there by tick k; one that was overtaken is never shown."""
-        for place in range(len(self.waiting) - 1, -1, -1):
-            if self.waiting[place][0] <= k:
-                due = self.waiting[place][1:]
+        for place in reversed(range(len(self.waiting))):
+            arrival, numbers, touched = self.waiting[place]
+            if arrival <= k:
                 self.waiting = self.waiting[place + 1 :]
-                return due
+                return numbers, touched
         return None
 
 
 def results_of(loop: MarchedLoop) -> list[Results]:
     """The messages of channels, and the slow results that blocks of every tick read; the wall's force if no block is slow."""
     channels = loop.channels
-    messages = [
-        Results(((block.rhythm, 0),), False, block.name, channels[block.name]["missing"] == "zero", [f"{block.name}.y"])
-        for block in loop.blocks
-        if block.name in channels
-    ]
-    slow = {f"{block.name}.{port}": block for block in loop.blocks if block.rhythm.slow for port in block.outputs}
+    messages = []
+    slow = {}
+    for block in loop.blocks:
+        if block.name in channels:
+            becomes_zero = channels[block.name]["missing"] == "zero"
+            messages.append(Results(((block.rhythm, 0),), False, block.name, becomes_zero, [f"{block.name}.y"]))
+        if block.rhythm.slow:
+            for port in block.outputs:
+                slow[f"{block.name}.{port}"] = block
     if not slow and loop.wall:
         return [*messages, Results(((Rhythm(), 0),), touches=True, signals=[FORCE])]
-    alone, groups = {((1.0, name),): block for name, block in slow.items()}, {}
+    alone = {((1.0, name),): block for name, block in slow.items()}
+    groups = {}
     for signal, block in slow.items():
-        if block.name in channels or all(map(attrgetter("slow"), loop.readers(signal))):
+        if block.name in channels or all(rhythm.slow for rhythm in loop.readers(signal)):
             continue
-        chain, at = [], block
-        while at.runs_late is not None and (terms := loop.wires.get(f"{at.name}.u")) and terms in alone:
-            chain.append((at.rhythm, at.runs_late))
-            at = alone[terms]
-        chain.append((at.rhythm, 0))
-        groups.setdefault(tuple(chain), Results(tuple(chain), at.rhythm == loop.wall_rhythm)).signals.append(signal)
+        chain = _chain(loop, block, alone)
+        if chain not in groups:
+            groups[chain] = Results(chain, touches=chain[-1][0] == loop.wall_rhythm)
+        groups[chain].signals.append(signal)
     return [*messages, *groups.values()]
+
+
+def _chain(loop, block, alone):
+    """When the blocks from a slow one back to that which computes its result run, and how many runs each is late.
+
+    alone: the slow blocks by the wires that read nothing but an output of theirs.
+    """
+    chain = []
+    while block.runs_late is not None:
+        terms = loop.wires.get(f"{block.name}.u")
+        if not terms or terms not in alone:
+            break
+        chain.append((block.rhythm, block.runs_late))
+        block = alone[terms]
+    chain.append((block.rhythm, 0))
+    return tuple(chain)
 
 
 class March:
@@ -172,40 +190,67 @@ class March:
         messages: Messages = MappingProxyType({}),
     ) -> None:
         refuse(loop, effects)
-        self.loop = loop = loop.behind(effects.wall, effects.pulls) if effects.wall is not None else loop
-        self.entry, self.drawn = entry or loop.hand, drawn
-        self.effects, self.watched, self.results, self.messages = effects, tuple(watched), results_of(loop), messages
+        if effects.wall is not None:
+            loop = loop.behind(effects.wall, effects.pulls)
+        self.loop = loop
+        self.entry = entry or loop.hand
+        self.drawn = drawn
+        self.effects = effects
+        self.watched = tuple(watched)
+        self.results = results_of(loop)
+        self.messages = messages
         self.late = bool(effects.late or effects.dropped or loop.waits or loop.channels)
-        delayed = [signal for result in self.results for signal in result.signals] if self.late else ()
-        self.ticks = TickSums(loop, {loop.device} - {""}, delayed)
+        delayed = []
+        if self.late:
+            for result in self.results:
+                delayed += result.signals
+        moved_here = {loop.device} if loop.device else set()
+        self.ticks = TickSums(loop, moved_here, delayed)
 
     def under(self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")) -> Simulation:
         """The experiment under the hand's force (N), or the record of another input, `(ticks,)`, from rest at x (m)."""
-        loop, count = self.loop, len(force)
-        lengths = tick_lengths(self.effects, loop.tick, count)
-        late, results = self._lateness(count)
-        names = {**loop.shown, **dict(zip(self.watched, self.watched, strict=True))}
+        loop = self.loop
+        lengths = tick_lengths(self.effects, loop.tick, len(force))
+        late, results = self._lateness(len(force))
+        names = loop.shown | {name: name for name in self.watched}
         rows, touched, last, stopped = self._rows(names.values(), force.tolist(), lengths, x, units)
-        signals = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[: len(rows)]}
-        entries = {**dict(loop.entries), **({"f_h": loop.hand} if loop.hand else {})}
-        signals |= {name: force[: len(rows)] * (signal == self.entry) for name, signal in entries.items()}
-        columns = np.array(rows).reshape(len(rows), len(names)).T
-        signals |= {name: column.copy() for name, column in zip(names, columns, strict=True)}
+        count = len(rows)
+        signals = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[:count]}
+        entries = dict(loop.entries)
+        if loop.hand:
+            entries["f_h"] = loop.hand
+        for name, signal in entries.items():
+            signals[name] = force[:count] * (signal == self.entry)
+        columns = np.array(rows).reshape(count, len(names)).T
+        for name, column in zip(names, columns, strict=True):
+            signals[name] = column.copy()
         if "f_m" in signals:
             most = self.effects.max_force
             signals["f_device"] = signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
         signals["touching"] = np.array(touched, dtype=bool)
-        moved = np.diff(signals["x"], append=last) if loop.hand else np.zeros(len(rows))
+        moved = np.diff(signals["x"], append=last) if loop.hand else np.zeros(count)
         late = np.array(late, int)
-        signals["late"] = late[results[: len(rows)]]  # the last of all, 0, before the first
-        late = late[: results[len(rows) - 1] + 1] if rows else late[:0]
+        signals["late"] = late[results[:count]]  # the last of all, 0, before the first
+        shown_results = results[count - 1] + 1 if count else 0
+        late = late[:shown_results]
         for column in (*signals.values(), late):
             column.flags.writeable = False
-        shown = (*dict(loop.entries), *(column for column, name in loop.shown.items() if name.startswith(SEEN)))
+        seen = [column for column, name in loop.shown.items() if name.startswith(SEEN)]
+        shown = (*dict(loop.entries), *seen)
         starts = loop.frames.starts if loop.frames else (0,)
-        # The columns that say nothing about a loop that a spec draws; a controller's table has all.
-        lacking = frozenset(["touching"] * (not loop.walled) + ["late"] * (not self.late)) if self.drawn else None
-        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped, shown, lacking, starts)
+        energy = energies(loop, signals, moved)
+        return Simulation(signals, energy, late, loop.frame, stopped, shown, self._lacking(), starts)
+
+    def _lacking(self) -> frozenset[str] | None:
+        """The columns that say nothing about a loop that a spec draws; None for a controller, whose table has all."""
+        if not self.drawn:
+            return None
+        lacking = set()
+        if not self.loop.walled:
+            lacking.add("touching")
+        if not self.late:
+            lacking.add("late")
+        return frozenset(lacking)
 
     def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
         """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
@@ -215,23 +260,26 @@ class March:
         """
         drawn: dict[Rhythm, list[int | None]] = {}  # of slow results; those of a loop are late together
         for result in self.results:
-            origin, drawn_count = result.origin, (len(drawn),) * bool(drawn)
+            origin = result.origin
             if result.channel:
-                pattern, keys, most = (
-                    self.messages.get(result.channel),
-                    self.loop.channels[result.channel],
-                    origin.count(count) + 1,
-                )
-                number = [*self.loop.channels].index(result.channel)
-                result.late = list(islice(cycle(pattern), most)) if pattern else losses(self.effects, keys, most, number)
+                result.late = self._lateness_of_messages(result.channel, origin.count(count) + 1)
                 continue
             if origin not in drawn:
-                ticks_late = lateness(self.effects, origin.count(count - 1) if count else 0, *drawn_count)
+                stream = (len(drawn),) if drawn else ()
+                ticks_late = lateness(self.effects, origin.count(count - 1) if count else 0, *stream)
                 pairs = zip([*ticks_late, 0], cycle(self.loop.delays), strict=False)
                 drawn[origin] = [None if delay is None else late for late, delay in pairs]
             pairs = zip(drawn[origin], cycle(self.loop.delays), strict=False)
             result.late = [None if late is None else late + delay for late, delay in pairs]
         return self._first_lateness(count, drawn)
+
+    def _lateness_of_messages(self, channel: str, most: int) -> list[int | None]:
+        """The ticks by which so many messages of a channel are late: in turn, or lost at random."""
+        pattern = self.messages.get(channel)
+        if pattern:
+            return list(islice(cycle(pattern), most))
+        number = [*self.loop.channels].index(channel)
+        return losses(self.effects, self.loop.channels[channel], most, number)
 
     def _first_lateness(self, count: int, drawn: Mapping[Rhythm, list[int | None]]) -> tuple[list[int], np.ndarray]:
         """The ticks by which results of the first slow blocks are late, and which is last in each tick."""
@@ -249,45 +297,79 @@ class March:
 
     def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]) -> MarchedRows:
         """Run the ticks under these forces."""
-        loop, ticks, device = self.loop, self.ticks, self.loop.device
+        loop = self.loop
+        ticks = self.ticks
+        device = loop.device
         shown = itemgetter(*(ticks.at(name) for name in names), ticks.at(POSITION))
-        hand, position, pull, net = (ticks.at(name) for name in (self.entry, POSITION, REACTION, besides(f"{device}.f")))
-        sensed_x, sensed_v, own_x, own_v = (ticks.at(at(f"{device}.{port}")) for at in (str, actual) for port in "xv")
+        hand = ticks.at(self.entry)
+        position = ticks.at(POSITION)
+        pull = ticks.at(REACTION)
+        net = ticks.at(besides(f"{device}.f"))
+        sensed_x = ticks.at(f"{device}.x")
+        sensed_v = ticks.at(f"{device}.v")
+        own_x = ticks.at(actual(f"{device}.x"))
+        own_v = ticks.at(actual(f"{device}.v"))
         by_hand = self.entry == loop.hand
-        share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand and by_hand)
-        measure, most = encoder(self.effects.resolution), self.effects.max_force or np.inf
+        share = 0
+        if by_hand:
+            share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand)
+        measure = encoder(self.effects.resolution)
+        most = self.effects.max_force or np.inf
         body = Body(*(loop.body or (1.0, 0.0, 0.0)), self.effects.friction)
-        increments = zero_order_hold(*body[:3], lengths if self.effects.jitter else loop.tick).tolist()
-        plants = zip(lengths.tolist(), increments if self.effects.jitter else repeat(increments), strict=False)
+        whole_ticks = _spans_of_ticks(body, self.effects.jitter, lengths, loop.tick)
         late, gone_by = loop.late
-        change, of_motors = ticks.at(besides(f"{device}.f{AT}{late}")), ticks.at(AT + late)
-        spans = [share * loop.tick for share in (gone_by, 1.0 - gone_by)] if late else []
-        spans = [(span, zero_order_hold(*body[:3], span).tolist()) for span in spans]
-        running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects.wall, self.late), [], [], 0.0
+        change = ticks.at(besides(f"{device}.f{AT}{late}"))
+        of_motors = ticks.at(AT + late)
+        parts = []  # of a tick, before and after what the motors are late with arrives
+        if late:
+            for part in (gone_by, 1.0 - gone_by):
+                seconds = part * loop.tick
+                parts.append((seconds, zero_order_hold(*body[:3], seconds).tolist()))
+        running = Running(loop, ticks, self.results, self.effects.wall, self.late)
         z = running.z
         for name in loop.encoders:  # they have seen the position before the first tick
             z[running.place(f"{name}.before")] = measure(x)
+        rows = []
+        touched = []
+        v = 0.0
         for k, f in enumerate(force):
-            z[hand], z[sensed_x], z[sensed_v], z[own_x], z[own_v] = f, measure(x), v, x, v
+            z[hand] = f
+            z[sensed_x] = measure(x)
+            z[sensed_v] = v
+            z[own_x] = x
+            z[own_v] = v
             running.tick(k)
             f_m = z[pull]
-            far = not abs(z[position]) <= FARTHEST  # also if it is NaN
-            if far or not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
-                said = f"the hand's position exceeds {FARTHEST:g} {units[0]}", f"a force exceeds {STRONGEST:g} {units[1]}"
-                return MarchedRows(rows, touched, z[position], said[not far])
+            if not abs(z[position]) <= FARTHEST:  # also if it is NaN
+                stopped = f"the hand's position exceeds {FARTHEST:g} {units[0]}"
+                return MarchedRows(rows, touched, z[position], stopped)
+            if not abs(f_m) <= STRONGEST or (by_hand and not abs(f) <= STRONGEST):
+                return MarchedRows(rows, touched, z[position], f"a force exceeds {STRONGEST:g} {units[1]}")
             rows.append(shown(z)[:-1])
             touched.append(running.touching)
             if device:
                 pushed = share * f + z[net]
-                for begun, plant_span in enumerate(spans or (next(plants),)):
-                    if begun:  # what the motors are late with has arrived
-                        pushed, f_m = pushed + z[change], f_m + z[of_motors]
-                    x, v = slide(body, x, v, pushed + (f_m - min(max(f_m, -most), most)), *plant_span)
+                for part, (seconds, increments) in enumerate(parts or (next(whole_ticks),)):
+                    if part == 1:  # what the motors are late with has arrived
+                        pushed += z[change]
+                        f_m += z[of_motors]
+                    cut_off = f_m - min(max(f_m, -most), most)
+                    x, v = slide(body, x, v, pushed + cut_off, seconds, increments)
         if loop.hand and loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
-            z[hand], z[own_x] = 0.0, x
+            z[hand] = 0.0
+            z[own_x] = x
             running.tick(len(force))
             x = z[position]
         return MarchedRows(rows, touched, x, "")
+
+
+def _spans_of_ticks(body, jitter, lengths, tick):
+    """The real length (s) of each tick, and how the device moves in it; without jitter all move alike."""
+    if jitter:
+        increments = zero_order_hold(*body[:3], lengths).tolist()
+    else:
+        increments = repeat(zero_order_hold(*body[:3], tick).tolist())
+    return zip(lengths.tolist(), increments, strict=False)
 
 
 class Running:
@@ -297,14 +379,21 @@ class Running:
     """
 
     def __init__(self, loop: MarchedLoop, ticks: TickSums, results: Sequence[Results], wall: float | None, late: bool) -> None:
-        self.ticks, one_sided, self.late, self.z = ticks, wall is not None, late, [0.0] * len(ticks.places)
+        one_sided = wall is not None
+        self.ticks = ticks
+        self.late = late
+        self.z = [0.0] * len(ticks.places)
         self.results = results if one_sided or late else ()
         self.shown = [[result for result in self.results if result.shown(k)] for k in range(loop.frame)]
         self.wall = [self.place(name) for name in (DEPTH, SPEED, FORCE)]
-        self.places = {
-            signal: (self.place(signal), self.place(arrived(signal))) for result in results if late for signal in result.signals
-        }
-        self.touching, self.gated = loop.walled and not (one_sided and wall >= 0.0), one_sided and loop.gated
+        self.places = {}
+        if late:
+            for result in results:
+                for signal in result.signals:
+                    self.places[signal] = (self.place(signal), self.place(arrived(signal)))
+        begins_ahead = one_sided and wall >= 0.0
+        self.touching = loop.walled and not begins_ahead
+        self.gated = one_sided and loop.gated
         self.contacts: list[bool] = []  # of each force of the wall that was computed
         self.at_once = not any(result.touches for result in self.results)
 
@@ -316,7 +405,8 @@ class Running:
 
     def tick(self, k: int) -> None:
         """Run tick k on the numbers."""
-        z, shown = self.z, [(result, result.number(k)) for result in self.shown[k % len(self.shown)]]
+        z = self.z
+        shown = [(result, result.number(k)) for result in self.shown[k % len(self.shown)]]
         program = self.ticks.program(k, self._arriving(k, shown), self.touching or not self.gated)
         z.extend([0.0] * (len(self.ticks.places) - len(z)))
         run(program.first, z, program.limits)
@@ -324,7 +414,8 @@ class Running:
             depth, speed, force = self.wall
             z[force], touched = program.wall.force(z[depth], z[speed])
             self.contacts.append(touched)
-            self.touching = touched if self.at_once else self.touching
+            if self.at_once:
+                self.touching = touched
             run(program.second, z, program.limits)
         for result, number in shown:
             self._send(k, result, number)
@@ -349,13 +440,15 @@ class Running:
             numbers, touched = arrived
             for signal, number in zip(result.signals, numbers, strict=True):
                 self.z[self.places[signal][1]] = number
-            self.touching = touched if result.touches else self.touching
+            if result.touches:
+                self.touching = touched
 
     def _send(self, k: int, each: Results, number: int) -> None:
         """A result that was computed by now: it is in use if it is not late, and overtakes those under way."""
         touched = self.contacts[number] if each.touches and number >= 0 else self.touching
         if number < 0 or each.late[number] == 0:
-            self.touching, each.waiting = touched, []
+            self.touching = touched
+            each.waiting = []
         elif each.late[number] is not None:
             numbers = [self.z[self.places[signal][0]] for signal in each.signals]
             each.waiting.append((k + each.late[number], numbers, touched))
