@@ -5,7 +5,7 @@ import pytest
 
 from reproduce.documents import counted, statements_text
 from reproduce.open_choices import FIELDS
-from reproduce.readings import CHOICES
+from reproduce.readings import CHOICES, COUPLINGS
 from reproduce.statements import STATEMENTS
 from reproduce.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE, judge
 
@@ -107,7 +107,8 @@ def test_a_verdict_that_hangs_on_a_reading_names_it(judged):
 
 def test_every_statement_has_a_row_and_a_line_on_how_it_is_judged(judged):
     table, tests = statements_text(judged).split("## How each is judged")
-    assert table.count("\n| ") == len(judged["number"]) + 2 + len(dict.fromkeys(choice.path for choice in CHOICES)) + 2
+    keys = {choice.path for choice in (*CHOICES, *COUPLINGS)}
+    assert table.count("\n| ") == len(judged["number"]) + 2 + len(keys) + 2
     assert tests.strip().count("\n") == len(judged["number"]) - 1
     assert counted(judged) in table
 
