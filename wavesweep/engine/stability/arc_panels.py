@@ -81,9 +81,15 @@ def panel_roots(
     frame as a high power; it is large on the rim if it is large anywhere on the panel.
     """
     bounds = [np.broadcast_to(end, columns) for end in bounds]
-    roots, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
-    given_up = {"lost": [], "overflown": [], "settled": []}
-    open_low, open_high = np.zeros(columns, bool), np.zeros(columns, bool)
+    lowest = low.min(initial=np.inf)
+    highest = high.max(initial=-np.inf)
+    nothing = np.zeros(0)
+    no_index = np.zeros(0, int)
+    no_panels = no_index, nothing, nothing
+    roots = [_Roots(no_index, no_index, nothing, nothing, nothing)]
+    given_up = {"lost": [no_panels], "overflown": [no_panels], "settled": [no_panels]}
+    open_low = np.zeros(columns, bool)
+    open_high = np.zeros(columns, bool)
 
     def give(kind, index):
         given_up[kind].append((column[index], low[index], high[index]))
@@ -93,20 +99,44 @@ def panel_roots(
         panels = _panels(column, low, high, bounds)
         judged = _judged(sample, panels, bounds, settling)
         roots += judged.roots
-        at_ends = [~judged.proved & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
-        open_low[column[at_ends[0]]], open_high[column[at_ends[1]]] = True, True
+        short = ~judged.proved & (high - low < end_bit)
+        at_low = short & (low == lowest)
+        at_high = short & (high == highest)
+        open_low[column[at_low]] = True
+        open_high[column[at_high]] = True
         give("settled", judged.settled)
         give("overflown", judged.overflown)
-        open_ = ~(judged.proved | judged.settled | judged.overflown | at_ends[0] | at_ends[1])
-        hopeless = open_ & ((high - low <= smallest) | (np.bincount(column[open_], minlength=columns)[column] > many // 2))
+        open_ = ~(judged.proved | judged.settled | judged.overflown | at_low | at_high)
+        crowded = np.bincount(column[open_], minlength=columns)[column] > many // 2
+        hopeless = open_ & ((high - low <= smallest) | crowded)
         give("lost", hopeless & judged.finite)
         give("overflown", hopeless & ~judged.finite)
         column, low, high = _cut(column, low, high, judged.cut_at, open_ & ~hopeless)
-    nothing, no_index = np.zeros(0), np.zeros(0, int)
-    roots = map(np.concatenate, zip(*roots, strict=True)) if roots else (no_index, no_index, *[nothing] * 3)
-    none = no_index, nothing, nothing
-    given_up = {k: tuple(map(np.concatenate, zip(*p, strict=True))) if p else none for k, p in given_up.items()}
-    return PanelRoots(*roots, **given_up, open_low=open_low, open_high=open_high)
+    found = _Roots.join(roots)
+    parts = {}
+    for kind, pieces in given_up.items():
+        parts[kind] = tuple(map(np.concatenate, zip(*pieces, strict=True)))
+    return PanelRoots(
+        found.column,
+        found.function,
+        found.x,
+        found.within,
+        found.slope_sign,
+        **parts,
+        open_low=open_low,
+        open_high=open_high,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Roots(Rows):
+    """Roots, as `PanelRoots` has them."""
+
+    column: np.ndarray
+    function: np.ndarray
+    x: np.ndarray
+    within: np.ndarray
+    slope_sign: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +155,8 @@ class _Panels(Rows):
 def _panels(column, low, high, bounds):
     """These parts of the interval with their overlap, within the bounds."""
     reach = OVERLAP * (high - low)
-    left, right = np.maximum(low - reach, bounds[0][column]), np.minimum(high + reach, bounds[1][column])
+    left = np.maximum(low - reach, bounds[0][column])
+    right = np.minimum(high + reach, bounds[1][column])
     return _Panels(column, (left + right) / 2, (right - left) / 2)
 
 
@@ -139,60 +170,73 @@ def _with_ellipses(column, low, high, smallest, bounds):
         beyond &= np.bincount(column[beyond], minlength=column.max(initial=0) + 1)[column] <= MOST_BEYOND
         if not beyond.any():
             return column, low, high
-        pairs = zip(_cut(column, low, high, CUT_AT, beyond), (column, low, high), strict=True)
-        column, low, high = (np.concatenate([halves, values[~beyond]]) for halves, values in pairs)
+        halves = _cut(column, low, high, CUT_AT, beyond)
+        column = np.concatenate([halves[0], column[~beyond]])
+        low = np.concatenate([halves[1], low[~beyond]])
+        high = np.concatenate([halves[2], high[~beyond]])
 
 
 def _ellipse_within(panels, bounds):
     """Whether the ellipse about each panel is within the bounds of its column."""
-    least, most = (end[panels.column] for end in bounds)
     proper = panels.half > 0  # none of a panel that is beyond the bounds itself
-    return proper & (panels.middle - EXTENT * panels.half >= least) & (panels.middle + EXTENT * panels.half <= most)
+    left = panels.middle - EXTENT * panels.half >= bounds[0][panels.column]
+    right = panels.middle + EXTENT * panels.half <= bounds[1][panels.column]
+    return proper & left & right
 
 
 class _Judged(NamedTuple):
     """What is known of panels, `(panels,)`: whether their roots are proved, they are settled, all samples are finite, and none
-    is; the roots on proved panels as (column, function, x, within, slope sign); and the places to cut, as shares of a width."""
+    is; the roots on proved panels; and the places to cut, as shares of a width."""
 
     proved: np.ndarray
     settled: np.ndarray
     finite: np.ndarray
     overflown: np.ndarray
-    roots: list[tuple[np.ndarray, ...]]
+    roots: list[_Roots]
     cut_at: np.ndarray
 
 
 def _judged(sample, panels, bounds, settling) -> _Judged:
     phase, log, error = sample(panels.column, panels.at(NODE))
-    functions, reached, finite = log.shape[0], np.isfinite(log).all(0).any(-1), np.isfinite(log).all((0, -1))
+    functions = log.shape[0]
+    reached = np.isfinite(log).all(0).any(-1)
+    finite = np.isfinite(log).all((0, -1))
     sign = np.where(finite[:, None], phase.real, 0.0)
     trend = _trend(log, finite)
     trend = np.where(_tail(sign, log, trend) < _tail(sign, log, 0 * trend), trend, 0.0)
     value, peak = _scaled(sign, log, trend)
     size = np.where(finite[:, None], np.abs(value) * error, np.inf)
-    series, noise, ready = (np.stack(a) for a in zip(*map(_interpolate, value, size), strict=True))
+    interpolants = [_interpolate(*samples) for samples in zip(value, size, strict=True)]
+    series, noise, ready = (np.stack(facts) for facts in zip(*interpolants, strict=True))
     counted = [function for function in range(functions) if function != settling]
     decayed = ready[counted].all(0)
     worth = decayed if settling is None else decayed | ready[settling]
     hidden = _hidden(sample, panels, bounds, np.flatnonzero(worth & finite), trend, peak)
-    proved, settled, roots = decayed & finite, np.zeros(panels.column.size, bool), []
+    proved = decayed & finite
     ready[counted] = proved
     function_of, panel = np.nonzero(ready & np.isfinite(hidden))
-    coefficients, noise = series[function_of, panel], noise[function_of, panel] + hidden[function_of, panel]
+    coefficients = series[function_of, panel]
+    noise = noise[function_of, panel] + hidden[function_of, panel]
     sure = np.zeros((functions, panels.column.size), bool)
+    settled = np.zeros(panels.column.size, bool)
+    found = []
     for rows, discs in _proved_roots(coefficients, noise):
-        function, at = function_of[rows], panel[rows]
+        function = function_of[rows]
+        at = panel[rows]
         sure[function, at] = True
         if settling is not None:
             of = function == settling
             settled[at[of]] = ~discs.inside[of].any(-1) & (value[settling, at[of]] > 0).all(-1)
         row, root = np.nonzero(discs.inside & (function != settling)[:, None])
-        half = panels.half[at[row]]
-        x, within = panels.middle[at[row]] + half * discs.value[row, root], half * discs.radius[row, root]
-        roots.append((at[row], function[row], x, within, discs.slope_sign[row, root]))
+        of_root = at[row]
+        half = panels.half[of_root]
+        x = panels.middle[of_root] + half * discs.value[row, root]
+        within = half * discs.radius[row, root]
+        slopes = discs.slope_sign[row, root]
+        found.append((of_root, _Roots(panels.column[of_root], function[row], x, within, slopes)))
     proved &= sure[counted].all(0)
     settled &= ~proved
-    roots = [(panels.column[at][proved[at]], *(fact[proved[at]] for fact in facts)) for at, *facts in roots]
+    roots = [some.take(proved[of_root]) for of_root, some in found]
     # Roots may crowd next to the smallest sample, so it is put into a small half if it is near an end.
     place = NODE[np.argmin(np.abs(value[counted]).min(0), axis=-1)]
     cut_at = np.where(np.abs(place) < CROWDED, CUT_AT, np.where(place > 0, 0.76, 0.24))
@@ -205,9 +249,10 @@ def _trend(log, finite):
     To divide by it removes no roots, and may leave a function that a polynomial follows more easily: functions of a frame are
     powers of those of a tick.
     """
-    ends = [log[..., side].max(-1) for side in (NODE > 0.5, NODE < -0.5)]
+    right = log[..., NODE > 0.5].max(-1)
+    left = log[..., NODE < -0.5].max(-1)
     with np.errstate(invalid="ignore"):
-        return np.where(finite, (ends[0] - ends[1]) / 1.5, 0.0)
+        return np.where(finite, (right - left) / 1.5, 0.0)
 
 
 def _scaled(sign, log, trend):
@@ -246,7 +291,8 @@ def _hidden(sample, panels, bounds, index, trend, peak):
         return hidden
     chosen = panels.take(index)
     _, log, error = sample(chosen.column, chosen.at(RIM))
-    log = log + np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH)) - trend[:, index, None] * RIM.real
+    of_error = np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH))
+    log = log + of_error - trend[:, index, None] * RIM.real
     with np.errstate(over="ignore", invalid="ignore"):
         # Between two points of the rim it may be larger than at both, by no more than they differ, and twice for good measure.
         steepest = np.abs(np.diff(log, axis=-1)).max(-1)
@@ -259,12 +305,14 @@ def _interpolate(value, size):
     """Return second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
     first = _transformed(value, TRANSFORM)
     first[:, 0] /= 2
-    largest, tail = np.abs(first).max(-1), np.abs(first[:, KEPT:]).max(-1)
+    largest = np.abs(first).max(-1)
+    tail = np.abs(first[:, KEPT:]).max(-1)
     floor = LEBESGUE * np.finfo(float).eps * size.max(-1)
     second = first[:, :KEPT] / 2
     second[:, 0] *= 2
     second[:, :-2] -= first[:, 2:KEPT] / 2
-    return second, NODES * (8 * tail + floor), np.isfinite(floor) & (tail <= np.maximum(DECAYED * largest, floor))
+    decayed = np.isfinite(floor) & (tail <= np.maximum(DECAYED * largest, floor))
+    return second, NODES * (8 * tail + floor), decayed
 
 
 def _proved_roots(coefficients, noise):
@@ -285,6 +333,10 @@ def _proved_roots(coefficients, noise):
 
 
 def _cut(column, low, high, share, split):
-    column, low, high, share = column[split], low[split], high[split], np.broadcast_to(share, split.shape)[split]
+    """Panels cut in two, those of `split`, each at a share of its width."""
+    column = column[split]
+    low = low[split]
+    high = high[split]
+    share = np.broadcast_to(share, split.shape)[split]
     cut_at = low + share * (high - low)
     return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])

@@ -1,6 +1,6 @@
 """Entries of the frames of loops along a number: polynomials on panels of it, each entry with a bound on what it misses."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -53,13 +53,26 @@ class Panels(Rows):
         return cls.join([batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches])
 
     def filled(self, order: int) -> "Panels":
-        n, arrays = self.error.shape[-1], {field.name: getattr(self, field.name) for field in fields(self)}
-        for name in ("coefficients", "error", "rest"):
-            padded = np.zeros((*arrays[name].shape[:-2], order, order))
-            padded[..., :n, :n], arrays[name] = arrays[name], padded
+        """The same with as many states."""
+        n = self.error.shape[-1]
+
+        def padded(entries):
+            larger = np.zeros((*entries.shape[:-2], order, order))
+            larger[..., :n, :n] = entries
+            return larger
+
+        coefficients = padded(self.coefficients)
         new = np.arange(n, order)
-        arrays["coefficients"][:, 0, new, new] = -1
-        return Panels(**arrays)
+        coefficients[:, 0, new, new] = -1
+        return replace(self, coefficients=coefficients, error=padded(self.error), rest=padded(self.rest))
+
+    def of_states(self, states) -> "Panels":
+        """The same without all other states."""
+
+        def chosen(entries):
+            return np.ascontiguousarray(entries[..., states[:, None], states])
+
+        return replace(self, coefficients=chosen(self.coefficients), error=chosen(self.error), rest=chosen(self.rest))
 
     def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
         """Return the panels without states that are 0 at the end of every frame, or that nothing reads at its beginning, and
@@ -67,21 +80,20 @@ class Panels(Rows):
 
         A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix is block-triangular.
         """
-        n, groups = self.error.shape[-1], {}
+        n = self.error.shape[-1]
         rest = self.error + sizes_of(self.coefficients[:, 1:])
         nonzero = np.abs(self.coefficients[:, 0]) + rest > 0
         moved = np.abs(self.coefficients[:, 0] + np.eye(n)) + rest
         nonzero[:, range(n), range(n)] = moved[:, range(n), range(n)] >= 0.5
         kinds, kind = np.unique(nonzero.reshape(-1, n * n), axis=0, return_inverse=True)
+        groups = {}
         for number, entries in enumerate(kinds.reshape(-1, n, n)):
-            groups.setdefault(tuple(_remembered(entries)), []).append(np.flatnonzero(kind.ravel() == number))
+            of_kind = np.flatnonzero(kind.ravel() == number)
+            groups.setdefault(tuple(_remembered(entries)), []).append(of_kind)
         results = []
-        for states, index in ((np.array(states), np.concatenate(index)) for states, index in groups.items()):
-            values = {field.name: getattr(self, field.name) for field in fields(self)}
-            for name, value in values.items():
-                entries = (*np.ix_(index, *map(np.arange, value.shape[1:-2]), states, states),) if value.ndim > 1 else index
-                values[name] = value[entries]
-            results.append((Panels(**values), states))
+        for remembered, of_kinds in groups.items():
+            states = np.array(remembered)
+            results.append((self.take(np.concatenate(of_kinds)).of_states(states), states))
         return results
 
 
@@ -116,33 +128,50 @@ def panels_of(
     most twice as large. This holds if f has no pole inside (`pole_inside`). Rounding of the values adds as much as LEBESGUE
     allows; its bounds are taken at both ends and in the middle.
     """
-    column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
-    least, count, done, lost = NARROW * (span[1] - span[0]), np.ones(columns, int), [], []
+    column = np.arange(columns)
+    low, high = (np.full(columns, float(end)) for end in span)
+    least = NARROW * (span[1] - span[0])
+    count = np.ones(columns, int)
     few = max(1, FOLLOWED // ((DEGREES[-1] + 1) * order**2))
+    done = []
+    lost = []
     while column.size:
         over = OVERLAP * (high - low)
-        left, right = np.maximum(low - over, bounds[0][column]), np.minimum(high + over, bounds[1][column])
-        middle, half = (left + right) / 2, (right - left) / 2
-        inside = (middle - EXTENT * half >= bounds[0][column]) & (middle + EXTENT * half <= bounds[1][column])
-        good, overflown, hopeless = np.zeros((3, column.size), bool)
+        lowest = bounds[0][column]
+        highest = bounds[1][column]
+        left = np.maximum(low - over, lowest)
+        right = np.minimum(high + over, highest)
+        middle = (left + right) / 2
+        half = (right - left) / 2
+        inside = (middle - EXTENT * half >= lowest) & (middle + EXTENT * half <= highest)
+        good = np.zeros(column.size, bool)
+        overflown = np.zeros(column.size, bool)
+        hopeless = np.zeros(column.size, bool)
         chosen = np.flatnonzero(inside)
         if resolved is not None and chosen.size:
             chosen = chosen[resolved(column[chosen], left[chosen], right[chosen])]
-        for portion in (chosen[first : first + few] for first in range(0, chosen.size, few)):
+        for first in range(0, chosen.size, few):
+            portion = chosen[first : first + few]
             spans = column[portion], low[portion], high[portion], middle[portion], half[portion]
             with np.errstate(all="ignore"):
                 followed, at, finite = _followed(frames, errors, spans)
             good[portion[at]] = True
-            overflown[portion], hopeless[portion] = ~finite.all(1), ~finite.any(1)
+            overflown[portion] = ~finite.all(1)
+            hopeless[portion] = ~finite.any(1)
             done += followed
         np.add.at(count, column[~good], 1)
         narrow = hopeless | ~good & ((high - low <= least) | (count[column] > MANY))
         lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
-        column, low, high = (ends[~good & ~narrow] for ends in (column, low, high))
+        again = ~good & ~narrow
+        low = low[again]
+        high = high[again]
         cut_at = (low + high) / 2
-        column, low, high = np.tile(column, 2), np.append(low, cut_at), np.append(cut_at, high)
-    lost = tuple(np.concatenate(facts) for facts in zip(*lost, strict=True)) if lost else tuple(np.zeros((4, 0)))
-    return (Panels.joined(done) if done else None), lost
+        column = np.tile(column[again], 2)
+        low, high = np.append(low, cut_at), np.append(cut_at, high)
+    panels = Panels.joined(done) if done else None
+    if not lost:
+        return panels, tuple(np.zeros((4, 0)))
+    return panels, tuple(np.concatenate(facts) for facts in zip(*lost, strict=True))
 
 
 def _followed(frames, errors, spans):
@@ -154,9 +183,14 @@ def _followed(frames, errors, spans):
 
     def sample(index, x):
         sampled = Frames.of(frames(column[index, None], middle[index, None] + half[index, None] * x))
-        return (array.reshape(index.size, x.size, *array.shape[1:]) for array in (sampled.E, sampled.pivots))
+        shape = index.size, x.size
+        E = sampled.E.reshape(*shape, *sampled.E.shape[1:])
+        return E, sampled.pivots.reshape(*shape, *sampled.pivots.shape[1:])
 
-    done, followed, open_, A = [], [], np.arange(column.size), None
+    done = []
+    followed = []
+    open_ = np.arange(column.size)
+    A = None
     for degree in DEGREES:
         x, transform = nodes(degree)
         if A is None:
@@ -168,28 +202,34 @@ def _followed(frames, errors, spans):
             if between.shape[2:] != A.shape[2:]:
                 break
             all_nodes = np.empty((open_.size, x.size, *A.shape[2:]))
-            all_nodes[:, ::2], all_nodes[:, 1::2], A = A, between, all_nodes
+            all_nodes[:, ::2] = A
+            all_nodes[:, 1::2] = between
+            A = all_nodes
         n = A.shape[-1]
         c = np.einsum("kj,pjmn->pkmn", transform, A, optimize=True)
         size = np.maximum(np.abs(A).max((1, 2, 3)), np.finfo(float).tiny)
         last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
         least = np.abs(A).max((2, 3)).min(1)
-        ready = np.flatnonzero((last < (MODEL if degree < DEGREES[-1] else NOISY)) & (size < STEEP * np.maximum(1, least)))
+        calm = size < STEEP * np.maximum(1, least)
+        enough = MODEL if degree < DEGREES[-1] else NOISY
+        ready = np.flatnonzero((last < enough) & calm)
         if ready.size:
             rim, pivots = sample(open_[ready], RIM)
             at = np.array(PLACES) * (degree // 2)
-            mine = column[open_[ready], None], middle[open_[ready], None] + half[open_[ready], None] * x[at]
-            exact, off = errors(*mine)
+            at_places = middle[open_[ready], None] + half[open_[ready], None] * x[at]
+            exact, off = errors(column[open_[ready], None], at_places)
             if rim.shape[2:] == exact.shape[1:] == (n, n):
                 basis, vanishing = _rim(degree)
-                missed = 2 * np.abs(rim - np.einsum("rk,pkmn->prmn", basis, c[ready], optimize=True)).max(1) / vanishing
-                off = (off + np.abs(exact - A[ready][:, at].reshape(exact.shape))).reshape(ready.size, -1, n, n).max(1)
+                on_rim = np.einsum("rk,pkmn->prmn", basis, c[ready], optimize=True)
+                missed = 2 * np.abs(rim - on_rim).max(1) / vanishing
+                off = off + np.abs(exact - A[ready][:, at].reshape(exact.shape))
+                off = off.reshape(ready.size, -1, n, n).max(1)
                 fine = missed.max((1, 2)) < np.maximum(MODEL * size[ready], off.max((1, 2)))
                 fine &= ~pole_inside(pivots, inner[open_[ready]])
                 fine &= np.isfinite(off).all((1, 2))
                 error = missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
-                ready, error = ready[fine], error[fine]
-                done.append(_panels(spans, open_[ready], c[ready], error))
+                ready = ready[fine]
+                done.append(_panels(spans, open_[ready], c[ready], error[fine]))
                 followed.append(open_[ready])
             else:
                 ready = ready[:0]
@@ -197,8 +237,9 @@ def _followed(frames, errors, spans):
             break
         going = last ** (DEGREES[-1] / degree) < 100 * MODEL  # coefficients fall unevenly
         going[ready] = False
-        going &= size < STEEP * np.maximum(1, least)
-        open_, A = open_[going], A[going]
+        going &= calm
+        open_ = open_[going]
+        A = A[going]
         if not open_.size:
             break
     return done, np.concatenate([*followed, np.zeros(0, int)]), finite
@@ -242,7 +283,9 @@ def _rim(degree):
 def taylor(x, degree) -> np.ndarray:
     """Return the Taylor coefficients about x of the Chebyshev polynomials, `(points, ORDER, degree + 1)`."""
     coefficients = np.zeros((ORDER, degree + 1, x.size))
-    coefficients[0, 0], coefficients[0, 1], coefficients[1, 1] = 1, x, 1
+    coefficients[0, 0] = 1
+    coefficients[0, 1] = x
+    coefficients[1, 1] = 1
     for k in range(2, degree + 1):
         coefficients[:, k] = 2 * x * coefficients[:, k - 1] - coefficients[:, k - 2]
         coefficients[1:, k] += 2 * coefficients[:-1, k - 1]
