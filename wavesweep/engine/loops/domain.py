@@ -23,7 +23,8 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     for key, guard, values_of_others, root in _known_guards(drawing, values, path):
         rows, _ = _different(values_of_others, MOST)
         low, high = _limits(key, guard, root, rows, name_of(path), span)
-        below, above = max(below, low.max()), min(above, high.min())
+        below = max(below, low.max())
+        above = min(above, high.min())
     return float(below), float(above)
 
 
@@ -36,13 +37,19 @@ def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tup
     of a cutoff all of the way to 0. What holds for a loop does not depend on the others. Errors: UsageError if one vanishes
     within the span.
     """
-    below, above = np.full(size, -np.inf), np.full(size, np.inf)
+    name = name_of(path)
+    below = np.full(size, -np.inf)
+    above = np.full(size, np.inf)
     for key, guard, values_of_others, root in _known_guards(drawing, values, path):
-        (rows, row), name = _different(values_of_others), name_of(path)
-        blocks = (_rows_of(rows, slice(at, at + MOST)) for at in range(0, 1 + row.max(initial=0), MOST))
-        limits = [_limits(key, guard, root, block, name, span) for block in blocks]
-        low, high = (np.concatenate(ends) for ends in zip(*limits, strict=True))
-        below, above = np.maximum(below, low[row]), np.minimum(above, high[row])
+        rows, row = _different(values_of_others)
+        lows, highs = [], []
+        for at in range(0, 1 + row.max(initial=0), MOST):
+            block = _rows_of(rows, slice(at, at + MOST))
+            low, high = _limits(key, guard, root, block, name, span)
+            lows.append(low)
+            highs.append(high)
+        below = np.maximum(below, np.concatenate(lows)[row])
+        above = np.minimum(above, np.concatenate(highs)[row])
     return below, above
 
 
@@ -68,8 +75,10 @@ def _limits(key, guard, root, known, name, span):
         from_root = nothing = False
         if root:
             at_low = np.asarray(values_of(root, {**known, name: within[:1]})).reshape(-1)
-            value = np.array(np.broadcast_to(value, (max(len(value), at_low.size), within.size)))
-            nothing, known_at_low = (value == 0).all(-1), np.isfinite(at_low)  # a root of 0 everywhere is 0
+            known_at_low = np.isfinite(at_low)
+            shape = max(len(value), at_low.size), within.size
+            value = np.array(np.broadcast_to(value, shape))
+            nothing = (value == 0).all(-1)  # a root of 0 everywhere is 0
             value[nothing] = 1.0
             from_root = (value[:, 0] == 0) & known_at_low & (low == 0)
             value[from_root, 0] = value[from_root, 1]
@@ -86,7 +95,9 @@ def _limits(key, guard, root, known, name, span):
         first = np.argmin(good, axis=-1)
         limit = points[first - 1] if to_zero else (end + points[first]) / 2
         limits.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
-    return tuple(np.broadcast_arrays(np.where(from_root, low, limits[0]), limits[1]))
+    lowest, highest = limits
+    lowest = np.where(from_root, low, lowest)
+    return tuple(np.broadcast_arrays(lowest, highest))
 
 
 @lru_cache(maxsize=256)
@@ -96,18 +107,21 @@ def bends_at_zero(drawing: Drawing, path: str) -> bool:
     The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has a double zero there.
     """
     name = name_of(path)
-    return any(root for *_, root in _guards_of(drawing, name)) or any(
-        1 < degree(tree, name) < math.inf for _, tree in drawing.trees()
-    )
+    if any(root for *_, root in _guards_of(drawing, name)):
+        return True
+    return any(1 < degree(tree, name) < math.inf for _, tree in drawing.trees())
 
 
 def guards_at(drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
-    guard_values, name = [], name_of(path)
-    numbers, shared = scalars(values), SharedParts()
-    for _, guard, _, root in _guards_of(drawing, name):
+    numbers = scalars(values)
+    shared = SharedParts()
+    guard_values = []
+    for _, guard, _, root in _guards_of(drawing, name_of(path)):
         value = np.broadcast_to(values_of(guard, numbers, shared), shape)
-        guard_values.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
+        if root:  # of 0 everywhere is 0
+            value = np.where(value == 0, 1.0, value)
+        guard_values.append(value)
     return np.stack(guard_values, axis=-1) if guard_values else np.ones((*shape, 0))
 
 
@@ -130,15 +144,19 @@ def _touches_zero(guard, known, name, points):
         loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
         if not at.size:
             return False
-        low, high, flat = points[at], points[at + 2], np.ones(at.size)
-        numbers_at = {name_of_value: value[loop] if np.ndim(value) else value for name_of_value, value in known.items()}
+        low = points[at]
+        high = points[at + 2]
+        flat = np.ones(at.size)
+        numbers_at = {other: value[loop] if np.ndim(value) else value for other, value in known.items()}
         for _ in range(ZOOMS):
-            wide = high - low > NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+            narrowest = NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+            wide = high - low > narrowest
             among = np.linspace(low, high, 21, axis=-1)
             size = np.abs(values_of(guard, {**numbers_at, name: among}))
             flat = np.where(wide, size.min(-1) / size[:, [0, -1]].min(-1), flat)
-            best = np.clip(size.argmin(-1), 1, 19)
-            low, high = (np.take_along_axis(among, best[:, None] + step, -1)[:, 0] for step in (-1, 1))
+            best = np.clip(size.argmin(-1), 1, 19)[:, None]
+            low = np.take_along_axis(among, best - 1, -1)[:, 0]
+            high = np.take_along_axis(among, best + 1, -1)[:, 0]
         return bool((flat <= VANISHED).any())
 
 
@@ -168,10 +186,12 @@ def _guards_of(drawing, number):
     """The guards that read a number, as path of a key, tree, names of all numbers that it or its root reads, and that root."""
     guards = {(guard, root): key for key, tree in drawing.trees() for guard, root in singular(tree)}
     guards |= {(tree, None): key for key, tree in divisors(drawing)}
-    named = [
-        (key, guard, frozenset(name for name, _ in names_in(root or guard)), root) for (guard, root), key in guards.items()
-    ]
-    return tuple(entry for entry in named if any(name == number for name, _ in names_in(entry[1])))
+    found = []
+    for (guard, root), key in guards.items():
+        if number in {name for name, _ in names_in(guard)}:
+            read = frozenset(name for name, _ in names_in(root or guard))
+            found.append((key, guard, read, root))
+    return tuple(found)
 
 
 def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
@@ -211,8 +231,10 @@ def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
     from wavesweep.engine.drawing.conditions import conditions
 
     arrays = {path for path, value in values.items() if np.ndim(value)}
-    varied, single = frozenset(map(name_of, arrays)), tuple(item for item in values.items() if item[0] not in arrays)
-    wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
+    varied = frozenset(map(name_of, arrays))
+    single = tuple(item for item in values.items() if item[0] not in arrays)
+    size = max((np.size(values[path]) for path in arrays), default=1)
+    wrong = np.full(size, _unsuitable_alone(drawing, single, varied))
     numbers = numbers_of(values)
     with np.errstate(all="ignore"):
         shared = SharedParts()

@@ -91,8 +91,11 @@ def _pair(warped, angle, highpass, library):
 def _bilinear(alpha, beta, b, c1, c2, through, library):
     """Bilinear image of A = [[alpha, beta], [-beta, alpha]], B = [0, b], C = [c1, c2], D = through, in delta form."""
     size = (1 - alpha) ** 2 + beta**2
-    p, q = (1 - alpha) / size, beta / size  # (I - A)^-1 = [[p, q], [-q, p]]
-    real, imag = 2 * (alpha * p - beta * q), 2 * (alpha * q + beta * p)  # E = 2 A (I - A)^-1, same shape
+    # (I - A)^-1 = [[p, q], [-q, p]], and E = 2 A (I - A)^-1 = [[real, imag], [-imag, real]]
+    p = (1 - alpha) / size
+    q = beta / size
+    real = 2 * (alpha * p - beta * q)
+    imag = 2 * (alpha * q + beta * p)
     root = library.sqrt(2.0)
     E = [[real, imag], [-imag, real]]
     B = [[root * q * b], [root * p * b]]
@@ -105,15 +108,20 @@ def _assemble(name, sections) -> Block:
     n = sum(E.shape[-1] for E, *_ in sections)
     batch = np.broadcast_shapes(*(E.shape[:-2] for E, *_ in sections)) if sections else ()
     kind = np.result_type(float, *(matrix_of_section for section in sections for matrix_of_section in section))
-    E, B = np.zeros((*batch, n, n), kind), np.zeros((*batch, n, 1), kind)
-    C, D, at = np.zeros((*batch, 1, n), kind), np.ones((*batch, 1, 1), kind), 0
+    E = np.zeros((*batch, n, n), kind)
+    B = np.zeros((*batch, n, 1), kind)
+    C = np.zeros((*batch, 1, n), kind)
+    D = np.ones((*batch, 1, 1), kind)
+    at = 0
     for e, b, c, d in sections:
-        states_of_section, size = slice(at, at + e.shape[-1]), e.shape[-1]
-        E[..., states_of_section, :] = b @ C  # what the sections so far feed on
-        E[..., states_of_section, states_of_section] = e
-        B[..., states_of_section, :] = b @ D
-        C, D = d @ C, d @ D
-        C[..., states_of_section] = c
+        size = e.shape[-1]
+        own = slice(at, at + size)  # states of the section
+        E[..., own, :] = b @ C  # what the sections so far feed on
+        E[..., own, own] = e
+        B[..., own, :] = b @ D
+        C = d @ C
+        D = d @ D
+        C[..., own] = c
         at += size
     states = tuple(f"{name}{k}" for k in range(n))
     labels = tuple(f"filter {name}{f' ({k + 1} of {n})' if n > 1 else ''}" for k in range(n))

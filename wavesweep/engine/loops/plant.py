@@ -25,22 +25,38 @@ def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapp
     dampers of different signs may cancel.
     Errors: IllPosedLoopError if the direct terms make a loop without a solution.
     """
-    members = [continuous(block.type, keys[block.name]) for block in plant.members]
-    ports = plant.drawn_ports
-    A, B, C, D = (block_diagonal([matrices[i] for _, matrices in members]) for i in range(4))
-    sizes = [sizes_of(b.type, keys[b.name], *rates[:2]) for b, (_, rates) in zip(plant.members, members, strict=True)]
+    rates, sizes, states = [], [], []
+    pivots = []
+    for block in plant.members:
+        numbers_of_block = keys[block.name]
+        names, matrices = continuous(block.type, numbers_of_block)
+        rates.append(matrices)
+        sizes.append(sizes_of(block.type, numbers_of_block, *matrices[:2]))
+        states += [(block.name, state) for state in names]
+        pivots.append(pivot_of(block.type, numbers_of_block))
+    A, B, C, D = (block_diagonal(blocks) for blocks in zip(*rates, strict=True))
     of_A, of_B = (block_diagonal(blocks) for blocks in zip(*sizes, strict=True))
-    K = _gains(gains, *ports)
+    inputs, outputs = plant.drawn_ports
+    K = _gains(gains, inputs, outputs)
     L = D @ K
-    M, sizes, facts = np.eye(len(ports[1])), np.eye(len(ports[1])), {}
+    M = np.eye(len(outputs))
+    of_M = np.eye(len(outputs))
+    determinant, facts = 1.0, {}
     if L.any():
-        M, sizes, facts = _closed(L, np.abs(D) @ np.abs(K), ports[1], plant.name)
-    facts["pivot"] = prod((pivot_of(b.type, keys[b.name]) for b in plant.members), start=facts.get("pivot", 1.0))
-    shown, through, back = M @ C, M @ D, B @ K
-    of_C, of_D, of_back = sizes @ np.abs(C), sizes @ np.abs(D), of_B @ np.abs(K)
-    A, B, of_A, of_B = A + back @ shown, B + back @ through, of_A + of_back @ of_C, of_B + of_back @ of_D
+        M, of_M, condition, determinant = _closed(L, np.abs(D) @ np.abs(K), outputs, plant.name)
+        facts["condition"] = condition
+    facts["pivot"] = prod(pivots, start=determinant)
+    shown = M @ C
+    through = M @ D
+    back = B @ K
+    of_C = of_M @ np.abs(C)
+    of_D = of_M @ np.abs(D)
+    of_back = of_B @ np.abs(K)
+    of_A = of_A + of_back @ of_C
+    of_B = of_B + of_back @ of_D
+    A = A + back @ shown
+    B = B + back @ through
     E, G, *of_held = held(A, B, period, (of_A, of_B))
-    states = [(block.name, state) for block, (names, _) in zip(plant.members, members, strict=True) for state in names]
     block = Block(
         plant.name,
         *map(tuple, plant.ports),
@@ -61,7 +77,10 @@ LABELS = {"v": "velocity", "x": "position"}
 
 def _gains(gains, inputs, outputs):
     """The matrix of the gains, `(..., inputs, outputs)`."""
-    entries = {(port, signal): numbers(gain) for port, terms in gains.items() for signal, gain in terms.items()}
+    entries = {}
+    for port, terms in gains.items():
+        for signal, gain in terms.items():
+            entries[port, signal] = numbers(gain)
     batch = np.broadcast_shapes(*(entry.shape for entry in entries.values()))
     K = np.zeros((*batch, len(inputs), len(outputs)), np.result_type(float, *entries.values()))
     for (port, signal), gain in entries.items():
@@ -70,7 +89,7 @@ def _gains(gains, inputs, outputs):
 
 
 def _closed(L, sizes, outputs, name):
-    """The inverse of `1 - L`, the sizes of what rounding does to it, and facts of a block: its condition and determinant."""
+    """The inverse of `1 - L`, the sizes of what rounding does to it, its condition, and the determinant."""
     reached = np.eye(len(outputs), dtype=bool) | np.any(L != 0, axis=tuple(range(L.ndim - 2)))
     for _ in outputs:
         reached = (reached.astype(int) @ reached) > 0
@@ -82,4 +101,5 @@ def _closed(L, sizes, outputs, name):
             "double precision can find; change a gain of the wires between its blocks, or put a hold into one"
         ) from error
     size = np.abs(inverse)
-    return inverse, size @ (np.eye(len(outputs)) + sizes) @ size, {"condition": condition, "pivot": pivot}
+    of_inverse = size @ (np.eye(len(outputs)) + sizes) @ size
+    return inverse, of_inverse, condition, pivot
