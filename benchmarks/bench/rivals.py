@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.problems import Bundle, Intervals, bundles
 from wavesweep import Spec
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, LinearFractional
+from wavesweep.engine.monodromy.cut import ADVANCE, FIRST, OFFSET, SECOND, VELOCITY, LinearFractional
 from wavesweep.engine.monodromy.unit_circle import on_circle
 
 _STEPS = 30  # of the secant at the most; six or seven are usual
@@ -69,7 +69,7 @@ def _one_by_one(spec, points, prepare):
 
 def _plant(part, row):
     """`(A, B, C, D)` from the wall's force to the displacement and the velocity that it reads, the position a state."""
-    (E, B, x, through_x), (*_, v, through_v) = (part.cut.at(row).open_in(along, np.asarray(0.0)) for along in ("K_VE", "B_VE"))
+    (E, B, x, through_x), (*_, v, through_v) = (part.cut.at(row).open_in(along, np.asarray(0.0)) for along in (FIRST, SECOND))
     return E + np.eye(len(E)), B, np.vstack([x, v]), np.vstack([through_x, through_v])
 
 
@@ -102,7 +102,7 @@ def _interconnect_test(part, row):
     import control
 
     one = part.cut.at(row)
-    E, B, x, _ = one.open_in("K_VE", part.B_VE[row])
+    E, B, x, _ = one.open_in(FIRST, part.B_VE[row])
     period = float(one.period)
     plant = control.ss(E + np.eye(len(E)), B, x, 0, period, inputs=["F"], outputs=["x"], name="plant")
 
