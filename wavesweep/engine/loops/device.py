@@ -9,7 +9,9 @@ from wavesweep.engine.loops.block import matrix, numbers
 
 def motion(s: Any, g: Any, damping: Any, stiffness: Any, mass: Any) -> tuple[np.ndarray, np.ndarray]:
     """E and B of the states (v, x) under a force; the signs of damping and stiffness are those of their own forces."""
-    return matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]]), matrix([[s / mass], [g / mass]])
+    E = matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]])
+    B = matrix([[s / mass], [g / mass]])
+    return E, B
 
 
 class ImpulseAndStep(NamedTuple):
@@ -39,25 +41,30 @@ def impulse_and_step(damping: Any, stiffness: Any, period: Any) -> ImpulseAndSte
     tau = period * 0.5**doublings
     with np.errstate(invalid="ignore"):  # a mass next to 0 makes an infinite damping, whose frame is not known
         s, g = _taylor(damping * tau, stiffness * tau * tau)
-    s, g = s * tau, g * tau * tau
+    s = s * tau
+    g = g * tau * tau
     if not doublings.any():
         return ImpulseAndStep(s, g)
-    of_s, of_g, certain = np.abs(s), np.abs(g), np.ones(s.shape, bool)
+    of_s = np.abs(s)
+    of_g = np.abs(g)
+    certain = np.ones(s.shape, bool)
     with np.errstate(over="ignore", invalid="ignore"):  # damping below zero, where an end at zero is looked for, may explode
         for step in range(int(doublings.max(initial=0))):
             unfinished = step < doublings
-            two_s, two_g = np.abs(2 - 2 * damping * s - 2 * stiffness * g), np.abs(2 - 2 * stiffness * g)
+            by_s = np.abs(2 - 2 * damping * s - 2 * stiffness * g)
+            by_g = np.abs(2 - 2 * stiffness * g)
             terms_s = np.abs(s) * (2 + np.abs(damping * s) + 2 * np.abs(stiffness * g))
             terms_g = np.abs(g) * (2 + np.abs(stiffness * g)) + np.abs(s * s)
-            of_s, of_g = (
-                np.where(unfinished, two_s * of_s + 2 * np.abs(stiffness * s) * of_g + terms_s, of_s),
-                np.where(unfinished, two_g * of_g + 2 * np.abs(s) * of_s + terms_g, of_g),
-            )
-            s, g = (
-                np.where(unfinished, s * (2 - damping * s - 2 * stiffness * g), s),
-                np.where(unfinished, g * (2 - stiffness * g) + s * s, g),
-            )
-            certain &= np.abs(stiffness) * of_g * np.finfo(float).eps <= LOST * np.maximum(1, np.abs(stiffness * g))
+            new_of_s = by_s * of_s + 2 * np.abs(stiffness * s) * of_g + terms_s
+            new_of_g = by_g * of_g + 2 * np.abs(s) * of_s + terms_g
+            new_s = s * (2 - damping * s - 2 * stiffness * g)
+            new_g = g * (2 - stiffness * g) + s * s
+            of_s = np.where(unfinished, new_of_s, of_s)
+            of_g = np.where(unfinished, new_of_g, of_g)
+            s = np.where(unfinished, new_s, s)
+            g = np.where(unfinished, new_g, g)
+            rounding = np.abs(stiffness) * of_g * np.finfo(float).eps
+            certain &= rounding <= LOST * np.maximum(1, np.abs(stiffness * g))
     return ImpulseAndStep(np.where(certain, s, np.nan), np.where(certain, g, np.nan), of_s, of_g)
 
 
@@ -67,11 +74,14 @@ TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
 
 def _taylor(damping: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same for a unit period."""
-    slope, curve = np.ones_like(damping), -damping
-    s, g = slope + curve / 2, slope / 2 + curve / 6
+    slope = np.ones_like(damping)  # this and the next: derivatives of the impulse response at 0, of rising order
+    curve = -damping
+    s = slope + curve / 2
+    g = slope / 2 + curve / 6
     factorial = 2.0
     for order in range(3, TERMS):
         slope, curve = curve, -damping * curve - stiffness * slope
         factorial *= order
-        s, g = s + curve / factorial, g + curve / (factorial * (order + 1))
+        s = s + curve / factorial
+        g = g + curve / (factorial * (order + 1))
     return s, g
