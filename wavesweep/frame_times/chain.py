@@ -8,7 +8,8 @@ LEVEL = 0.01  # share of shuffled runs, below which frames are not independent
 
 def pairs_of(lengths: np.ndarray, values: np.ndarray) -> np.ndarray:
     """How often each length is followed by each, `(values, values)`."""
-    index, n = np.searchsorted(values, lengths), len(values)
+    index = np.searchsorted(values, lengths)
+    n = len(values)
     return np.bincount(index[:-1] * n + index[1:], minlength=n * n).reshape(n, n)
 
 
@@ -20,14 +21,19 @@ def are_independent(lengths: np.ndarray, values: np.ndarray) -> bool:
     """
     rng = np.random.default_rng(0)
     dependence = _dependence(pairs_of(lengths, values))
-    larger = sum(
-        _dependence(pairs_of(rng.permutation(lengths), values)) >= dependence - 1e-9 * abs(dependence) for _ in range(SHUFFLES)
-    )
+    least = dependence - 1e-9 * abs(dependence)
+    larger = 0
+    for _ in range(SHUFFLES):
+        shuffled = rng.permutation(lengths)
+        larger += _dependence(pairs_of(shuffled, values)) >= least
     return bool((1 + larger) / (1 + SHUFFLES) > LEVEL)
 
 
 def _dependence(pairs):
     """The sum of `n log(n / (r c))` over pairs, with the sums r and c of their row and column, up to a constant."""
-    return sum(
-        sign * float((n * np.log(np.maximum(n, 1))).sum()) for sign, n in ((1, pairs), (-1, pairs.sum(0)), (-1, pairs.sum(1)))
-    )
+    return _information(pairs) - _information(pairs.sum(0)) - _information(pairs.sum(1))
+
+
+def _information(n):
+    """The sum of `n log n`."""
+    return float((n * np.log(np.maximum(n, 1))).sum())

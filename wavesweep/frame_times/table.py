@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.engine.errors import UsageError
 from wavesweep.frame_times.chain import are_independent, pairs_of
-from wavesweep.frame_times.times import read_run
+from wavesweep.frame_times.times import MeasuredFrames, read_run
 from wavesweep.program.columns import Columns
 from wavesweep.program.platform_compat import versions
 from wavesweep.program.reading.keys import HIGHEST_RATIO
@@ -41,19 +41,23 @@ def identified(
     """
     started = time.perf_counter()
     run = read_run(path, fast_hz, columns, scales, HIGHEST_RATIO)
-    shortest, measured = int(run.values[0]), len(run.values)
+    shortest = int(run.values[0])
+    measured = len(run.values)
     if every and every > shortest:
         raise UsageError(f"--every {every}: expected at most {shortest}, the ticks of the shortest frame, found {every}")
-    tried = (replace(run, every=divisor) for divisor in ((every,) if every else range(1, shortest + 1)))
-    run = next((divided for divided in tried if len(divided.values) <= MOST), None)
-    if run is None:
-        problem = f"found {measured}, from {shortest} ticks on"
-        hint = "cut out the part of the recording that has such frames, or take slower ticks"
-        raise UsageError(f"{path}: expected at most {MOST} lengths of frames, which [for_all] takes, {problem}; {hint}")
-    lengths, values = run.lengths, run.values
-    pairs, unfit = pairs_of(lengths, values), np.flatnonzero(run.unfit)
+    for divisor in (every,) if every else range(1, shortest + 1):
+        run = replace(run, every=divisor)
+        if len(run.values) <= MOST:
+            break
+    else:
+        raise UsageError(
+            f"{path}: expected at most {MOST} lengths of frames, which [for_all] takes, found {measured}, from {shortest} "
+            "ticks on; cut out the part of the recording that has such frames, or take slower ticks"
+        )
+    lengths = run.lengths
+    values = run.values
+    pairs = pairs_of(lengths, values)
     arguments = {"fast_hz": fast_hz, "number": number, "columns": dict(columns), "scales": dict(scales), "every": every}
-    off = np.abs(run.ticks - run.every * np.round(run.ticks / run.every))
     facts = {
         "schema_version": 1,
         **versions(),
@@ -70,16 +74,27 @@ def identified(
             for ticks, row in zip(values, pairs, strict=True)
         ],
         "independent": are_independent(lengths, values),
-        "unfit": {"frames": len(unfit), "worst": float(off.max())}
-        | ({"begins_s": float(run.begins[unfit[0]]), "ticks": float(run.ticks[unfit[0]])} if len(unfit) else {}),
+        "unfit": _unfit(run),
         "notices": [],
         "methods": {"identify": METHOD},
         "timings": {"compute_s": round(time.perf_counter() - started, 6)},
     }
     first, after = np.nonzero(pairs)
     counts = pairs[first, after]
-    problem = {"ticks": values[first], "next_ticks": values[after], "pairs": counts, "share": counts / pairs.sum(1)[first]}
-    return Table.of("identify-frames", problem, facts)
+    shares = counts / pairs.sum(1)[first]
+    found = {"ticks": values[first], "next_ticks": values[after], "pairs": counts, "share": shares}
+    return Table.of("identify-frames", found, facts)
+
+
+def _unfit(run: MeasuredFrames) -> dict[str, Any]:
+    """How many frames do not last whole ticks, or multiples of `every`, by how much the worst, and where the first is."""
+    unfit = np.flatnonzero(run.unfit)
+    off = np.abs(run.ticks - run.every * np.round(run.ticks / run.every))
+    facts = {"frames": len(unfit), "worst": float(off.max())}
+    if len(unfit):
+        facts["begins_s"] = float(run.begins[unfit[0]])
+        facts["ticks"] = float(run.ticks[unfit[0]])
+    return facts
 
 
 def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
@@ -88,7 +103,8 @@ def _numbers(_: Columns, facts: Mapping[str, Any]) -> Numbers:
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    rows, tick = found["lengths"], 1e3 / found["fast_hz"]
+    rows = found["lengths"]
+    tick = 1e3 / found["fast_hz"]
     mean = found["duration_s"] * found["fast_hz"] / found["frames"]
     ticks = [row["ticks"] for row in rows]
     span = f"{ticks[0]} to {ticks[-1]} ticks" if len(ticks) > 1 else count(ticks[0], "tick")
@@ -98,25 +114,36 @@ def _lines(found: Numbers) -> Iterator[Line]:
     )
     shares = {row["ticks"]: 100 * row["frames"] / found["frames"] for row in rows}
     frequent = sorted(ticks, key=lambda length: -shares[length])
-    shown, rare = sorted(frequent[:SHOWN]), sorted(frequent[SHOWN:])
-    for row in (listed for listed in rows if listed["ticks"] in shown):
-        yield f"  {count(row['ticks'], 'tick')}: {shares[row['ticks']]:.3g} % of frames{_next_lengths(row, ticks)}", False
+    shown = sorted(frequent[:SHOWN])
+    rare = sorted(frequent[SHOWN:])
+    for row in rows:
+        if row["ticks"] not in shown:
+            continue
+        share = shares[row["ticks"]]
+        yield f"  {count(row['ticks'], 'tick')}: {share:.3g} % of frames{_next_lengths(row, ticks)}", False
     if rare:
         most = max(shares[length] for length in rare)
-        yield f"  {', '.join(map(str, rare))} ticks: {'at most ' * (len(rare) > 1)}{most:.3g} % of frames each", False
+        at_most = "at most " if len(rare) > 1 else ""
+        yield f"  {', '.join(map(str, rare))} ticks: {at_most}{most:.3g} % of frames each", False
     yield from _caveats(found)
 
 
 def _next_lengths(row, ticks) -> str:
     """How often the frame after one of this length has which length."""
-    after = sorted(((-n, length) for n, length in zip(row["next"], ticks, strict=True) if n))
-    following = ", ".join(f"{length} ({100 * -n / sum(row['next']):.3g} %)" for n, length in after[:SHOWN])
-    return f"; the next one: {following}{', ...' if len(after) > SHOWN else ''}" if after and len(ticks) > 1 else ""
+    after = sorted((-n, length) for n, length in zip(row["next"], ticks, strict=True) if n)
+    if not after or len(ticks) == 1:
+        return ""
+    total = sum(row["next"])
+    following = [f"{length} ({100 * -n / total:.3g} %)" for n, length in after[:SHOWN]]
+    if len(after) > SHOWN:
+        following.append("...")
+    return f"; the next one: {', '.join(following)}"
 
 
 def _caveats(found: Numbers) -> Iterator[Line]:
     """What is to be known of the lengths: whether they depend on each other, how many decide, and which do not fit ticks."""
-    rows, every = found["lengths"], found["every"]
+    rows = found["lengths"]
+    every = found["every"]
     if len(rows) > 1 and found["independent"]:
         yield "the length of a frame does not depend on that of the frame before, as far as this run shows", False
     elif len(rows) > 1:
@@ -128,7 +155,8 @@ def _caveats(found: Numbers) -> Iterator[Line]:
         yield f"{fewer}: this assumes a loop that looks for a result in every {every} ticks and not in each", True
     unfit = found["unfit"]
     if unfit["frames"]:
-        of, low = f"{unfit['frames']} of {count(found['frames'], 'frame')}", every * int(unfit["ticks"] // every)
+        of = f"{unfit['frames']} of {count(found['frames'], 'frame')}"
+        low = every * int(unfit["ticks"] // every)
         first = f"the first of {unfit['ticks']:.6g} ticks at {unfit['begins_s']:.6g} s"
         counted = f"the loop may count {low} or {low + every}, and both are in [for_all]"
         multiples = "whole ticks" if every == 1 else f"multiples of {every} ticks"
@@ -137,14 +165,18 @@ def _caveats(found: Numbers) -> Iterator[Line]:
 
 def spec_text(facts: Mapping[str, Any]) -> str:
     """The table [for_all] with the lengths, as a piece of a spec."""
-    rows, arguments, unfit, every = facts["lengths"], facts["asked"], facts["unfit"]["frames"], facts["every"]
+    rows = facts["lengths"]
+    arguments = facts["asked"]
+    unfit = facts["unfit"]["frames"]
+    every = facts["every"]
     counted = "whole ticks" if every == 1 else f"multiples of {every} ticks"
     shares = [row["frames"] for row in rows]
     lines = [
         f"# The frames of {facts['spec_name']}, as wavesweep identify found them, for a spec of {arguments['fast_hz']:g} Hz.",
         f"# {count(facts['frames'], 'frame')} in {facts['duration_s']:.6g} s.",
-        *([f"# Of {count(unfit, 'frame')} that did not last {counted}, both neighbours are here."] if unfit else []),
     ]
+    if unfit:
+        lines.append(f"# Of {count(unfit, 'frame')} that did not last {counted}, both neighbours are here.")
     if every > 1:
         lines.append(f"# ASSUMED: the loop looks for a result in every {every} ticks and not in each; as measured there are")
         lines.append(f"# {facts['measured_lengths']} lengths.")

@@ -52,13 +52,16 @@ class MeasuredFrames:
         stamps lie between two ticks, which is not known; so with multiples of `every`.
         """
         counts = self.ticks / self.every
-        least, most = (np.where(self.unfit, rounding(counts), np.round(counts)).astype(int) for rounding in (np.floor, np.ceil))
+        nearest_counts = np.round(counts)
+        least = np.where(self.unfit, np.floor(counts), nearest_counts).astype(int)
+        most = np.where(self.unfit, np.ceil(counts), nearest_counts).astype(int)
         return self.every * least, self.every * most
 
     @property
     def lengths(self) -> np.ndarray:
         """The length of each frame as the loop may count it. Those that do not fit are rounded so that their sum is right."""
-        counts, unfit = self.ticks / self.every, self.unfit
+        counts = self.ticks / self.every
+        unfit = self.unfit
         lengths = np.round(counts)
         lengths[unfit] = np.diff(np.round(np.cumsum(counts[unfit])), prepend=0.0)
         return self.every * lengths.astype(int)
@@ -82,7 +85,9 @@ def read_run(
 
     Errors: UsageError that names the file, the line or the column, what was expected and what was found.
     """
-    options, columns, scales = columns is not None, columns or {}, scales or {}
+    options = columns is not None
+    columns = columns or {}
+    scales = scales or {}
     file = read_csv(path, MOST_BYTES)
     for option, readings in (("--column", columns), ("--scale", scales)):
         if wrong := [name for name in readings if name not in ("time", "duration")]:
@@ -93,11 +98,16 @@ def read_run(
     readings = rows @ np.array(column.factors) * scales.get(name, 1.0)
     if column.known:
         _refuse_several(path, file)
-    if column.known and name == "duration" and readings[0] == 0:  # before the first frame there is none
-        readings = readings[1:]
-    durations = np.diff(readings) if name == "time" else readings
-    begins = readings[:-1] if name == "time" else np.cumsum(readings) - readings
-    if (median := float(np.median(durations))) > LONGEST:
+        if name == "duration" and readings[0] == 0:  # before the first frame there is none
+            readings = readings[1:]
+    if name == "time":
+        begins = readings[:-1]
+        durations = np.diff(readings)
+    else:
+        begins = np.cumsum(readings) - readings
+        durations = readings
+    median = float(np.median(durations))
+    if median > LONGEST:
         expected = f"expected frames of at most {LONGEST:g} s, found {median:.6g} s for most"
         hint = f"--scale {name}=FACTOR turns another unit into s, e.g. 0.001 from ms" if options else "are they in ms?"
         raise UsageError(f"{path}: {name}: {expected}; {hint}")
@@ -117,19 +127,20 @@ class FrameColumn:
 
 def _column(path, file, columns, options) -> FrameColumn:
     """The column that is read."""
-    names = {name: [columns[name]] if name in columns else [name, f"{name}_s"] for name in ("time", "duration")}
-    column_of = {
-        name: next((wanted_name for wanted_name in wanted if wanted_name in file.names), None) for name, wanted in names.items()
-    }
-    name = next((name for name in (*columns, "time", "duration") if column_of[name]), None)
-    if name is not None:
-        return FrameColumn(name, (column_of[name],))
-    if not columns and (known := _known(file)):
-        return known
-    likely = (column for column in file.names if any(word in column.lower() for word in ("time", "stamp")))
-    meant = nearest("time", file.names) or next(likely, "NAME")
+    for name in (*columns, "time", "duration"):
+        wanted = [columns[name]] if name in columns else [name, f"{name}_s"]
+        for column in wanted:
+            if column in file.names:
+                return FrameColumn(name, (column,))
+    if not columns:
+        known = _known(file)
+        if known is not None:
+            return known
+    likely = [column for column in file.names if "time" in column.lower() or "stamp" in column.lower()]
+    meant = nearest("time", file.names) or (likely[0] if likely else "NAME")
     hint = f"--column time={meant} names that of stamps" if options else "give the one of stamps (s) the name time"
-    raise UsageError(f"{path}: expected a column {' or '.join(columns.values() or names)}, found {file.listed}; {hint}")
+    expected = " or ".join(columns.values() or ("time", "duration"))
+    raise UsageError(f"{path}: expected a column {expected}, found {file.listed}; {hint}")
 
 
 def _known(file) -> FrameColumn | None:
@@ -142,12 +153,16 @@ def _known(file) -> FrameColumn | None:
     if seconds is None:
         return None
     nanoseconds = seconds.removesuffix(SECONDS) + NANOSECONDS
-    return FrameColumn("time", (seconds, nanoseconds), (1.0, 1e-9), known=True) if nanoseconds in file.names else None
+    if nanoseconds not in file.names:
+        return None
+    return FrameColumn("time", (seconds, nanoseconds), (1.0, 1e-9), known=True)
 
 
 def _refuse_several(path, file) -> None:
     """Raise UsageError for a file with the frames of several programs."""
-    for name in (chain for chain in SWAP_CHAINS if chain in file.names):
+    for name in SWAP_CHAINS:
+        if name not in file.names:
+            continue
         place = file.names.index(name)
         values = {row[place] for row in csv.reader(file.body.splitlines()) if len(row) > place}
         if len(values) > 1:
@@ -157,7 +172,8 @@ def _refuse_several(path, file) -> None:
 
 def _refuse_lengths(path, above, name, durations, fast_hz, most) -> None:
     """Raise UsageError for frames shorter than a tick, or longer than the most ticks."""
-    ticks, tick = durations * fast_hz, f"of {1e3 / fast_hz:.6g} ms"
+    ticks = durations * fast_hz
+    tick = f"of {1e3 / fast_hz:.6g} ms"
     for wrong, expected, hint in (
         (ticks < 1 - FITS, f"at least a tick {tick}", ""),
         (ticks > most + FITS, f"at most {most:g} ticks {tick}", "; is it a pause of the recording? Cut it out"),

@@ -11,8 +11,8 @@ import numpy as np
 from wavesweep.engine.drawing.drawing import name_of, scalars
 from wavesweep.engine.drawing.expressions import names_in, text_of, value_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.frame_times.times import read_run
-from wavesweep.program.spec import Spec
+from wavesweep.frame_times.times import MeasuredFrames, read_run
+from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import own_loop
 
 RATIO = "rates.ratio"
@@ -40,35 +40,44 @@ def lengths_of(spec: Spec) -> tuple[tuple[int, ...], bool]:
 
     Errors: see `number_of`.
     """
-    axes = spec.for_all.axes if spec.for_all else ()
-    axis = next(
-        (candidate for candidate in axes if (candidate in spec.for_all.changing if spec.drawing else candidate.path == RATIO)),
-        None,
-    )
-    values = axis and (axis.values or range(int(axis.start), int(axis.stop) + 1))
-    varying = bool(axis and axis in spec.for_all.changing)
-    if not spec.drawing:
-        _refuse_built_in(spec)
-        return tuple(values or (spec.values[RATIO],)), varying
-    return _drawn_lengths(spec, axis and name_of(axis.path), values), varying
+    axis = _axis_of_frames(spec)
+    values = None
+    varying = False
+    if axis is not None:
+        values = axis.values or range(int(axis.start), int(axis.stop) + 1)
+        varying = axis in spec.for_all.changing
+    if spec.drawing:
+        return _drawn_lengths(spec, axis and name_of(axis.path), values), varying
+    _refuse_built_in(spec)
+    return tuple(values or (spec.values[RATIO],)), varying
+
+
+def _axis_of_frames(spec: Spec) -> Axis | None:
+    """The number of [for_all] on which the length of frames depends."""
+    for axis in spec.for_all.axes if spec.for_all else ():
+        if spec.drawing and axis in spec.for_all.changing:
+            return axis
+        if not spec.drawing and axis.path == RATIO:
+            return axis
+    return None
 
 
 def _drawn_lengths(spec: Spec, name: str | None, values: Iterable[float] | None) -> tuple[int, ...]:
     """The lengths of frames of a drawn loop in which a number has these values in turn."""
-    numbers, lengths = scalars(spec.values), set()
+    numbers = scalars(spec.values)
+    lengths = set()
     for block in spec.drawing.blocks:
-        of_axis = (
-            [numbers | {name: value} for value in values]
-            if any(each == name for each, _ in names_in(block.every))
-            else [numbers]
-        )
-        ticks = tuple(int(value_of(block.every, values_of)) for values_of in of_axis)
+        members = [numbers]
+        if any(each == name for each, _ in names_in(block.every)):
+            members = [numbers | {name: value} for value in values]
+        ticks = tuple(int(value_of(block.every, member)) for member in members)
         if {*ticks} != {1}:
             lengths.add(ticks)
     if len(lengths) != 1:
-        runs = " and ".join(f"{', '.join(map(str, lengths_of_block))} ticks" for lengths_of_block in sorted(lengths)) or "none"
+        runs = [f"{', '.join(map(str, ticks))} ticks" for ticks in sorted(lengths)]
         raise UsageError(
-            f"{spec.name}: expected one length of frames, of all blocks that do not run in every tick, found {runs}"
+            f"{spec.name}: expected one length of frames, of all blocks that do not run in every tick, found "
+            f"{' and '.join(runs) or 'none'}"
         )
     return lengths.pop()
 
@@ -95,18 +104,16 @@ def within(
     """
     expected, varying = lengths_of(spec)
     run = read_run(path, spec.tick_hz, columns or {}, scales or {})
-    allowed = expected if varying else expected and tuple(ticks for ticks in expected if ticks == run.lengths[0])
-
-    def outside(each):
-        return np.flatnonzero(~np.logical_and.reduce([np.isin(lengths, allowed) for lengths in each.possible]))
-
-    left, every = outside(run), gcd(*expected) if varying else 1
-    coarse = len(left) and every > 1 and not len(outside(replace(run, every=every)))
-    first = (
-        {"frame": int(left[0]) + 1, "begins_s": float(run.begins[left[0]]), "ticks": float(run.ticks[left[0]])}
-        if len(left)
-        else None
-    )
+    allowed = expected
+    if not varying:  # all frames have the length of the first one
+        allowed = tuple(ticks for ticks in expected if ticks == run.lengths[0])
+    left = _outside(run, allowed)
+    every = gcd(*expected) if varying else 1
+    coarse = len(left) and every > 1 and not len(_outside(replace(run, every=every), allowed))
+    first = None
+    if len(left):
+        at = left[0]
+        first = {"frame": int(at) + 1, "begins_s": float(run.begins[at]), "ticks": float(run.ticks[at])}
     return {
         "file": Path(path).name,
         "frames": len(run.ticks),
@@ -118,9 +125,16 @@ def within(
     }
 
 
+def _outside(run: MeasuredFrames, allowed: tuple[int, ...]) -> np.ndarray:
+    """The numbers of the frames that may have another length than those allowed."""
+    least, most = run.possible
+    return np.flatnonzero(~(np.isin(least, allowed) & np.isin(most, allowed)))
+
+
 def lines(found: Mapping[str, Any]) -> Iterator[tuple[float, str]]:
     """Yield what is said of it, with ranks."""
-    expected, frames = found["expected"], found["frames"]
+    expected = found["expected"]
+    frames = found["frames"]
     several = expected[-1] - expected[0] + 1 == len(expected) > 2
     words = f"{expected[0]} to {expected[-1]}" if several else ", ".join(map(str, expected))
     order = f"{words} ticks in any order" if found["varying"] else f"a constant length of {words} ticks"
