@@ -98,7 +98,8 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
     axes, boxes = spec.for_all.unknown, spec.for_all.boxes
     listed = [axis for axis in axes if axis.values or axis.structural]
     ranges = [axis for axis in axes if axis not in listed]
-    paths, cases = [axis.path for axis in listed], []
+    paths = [axis.path for axis in listed]
+    cases = []
     for values in product(*map(boxes.values_of_range, listed)):
         cases += _cases(spec, cut, ranges, dict(zip(paths, values, strict=True)))
     unstable = next(chain.from_iterable(case.unstable() for case in cases), None)
@@ -114,13 +115,19 @@ def margins_for_all(spec: Spec, cut: str) -> list[BoxMargin]:
 
 def _cases(spec, cut, ranges, fixed) -> Iterator["_Case"]:
     """Yield the case of a spec, or one for each part of a range in which dead times have the same whole ticks."""
-    spec = spec.with_values(fixed) if fixed else spec
+    if fixed:
+        spec = spec.with_values(fixed)
     drawing = spec.drawing or loop_drawing(dict(spec.values), tuple(axis.path for axis in ranges))
     drawing, values = Loops(drawing, spec.values).with_gain_at(cut)
     timed = next((axis for axis in ranges if name_of(axis.path) in timing(drawing)), None)
-    pieces = Loops(drawing, values).pieces(timed.path, (timed.start, timed.stop)) if timed else [((0.0, 0.0), {})]
+    pieces = [((0.0, 0.0), {})]
+    if timed:
+        pieces = Loops(drawing, values).pieces(timed.path, (timed.start, timed.stop))
     for (low, high), whole_ticks in pieces:
-        axes = [replace(axis, start=low, stop=high) if axis is timed else axis for axis in ranges if axis.path in drawing.reads]
+        axes = []
+        for axis in ranges:
+            if axis.path in drawing.reads:
+                axes.append(replace(axis, start=low, stop=high) if axis is timed else axis)
         yield _Case(spec, cut, Loops(drawing, {**values, **whole_ticks}), axes, fixed)
 
 
@@ -128,19 +135,24 @@ def _for_all_cases(found, name) -> BoxMargin:
     """The margin of all cases, from what is proved of each, and its worst loop."""
     proved = min(size for _, size, _, _ in found)
     case, _, point, worst = min(found, key=lambda each: size_of(each[-1], each[0].period))
-    least, doubt = size_of(worst, case.period), max(margin.doubt for *_, margin in found)
-    within_range = np.isfinite(least) and least < ENDS[name]
-    settled = proved >= (1 - SETTLED) * min(least, ENDS[name])
-    at = (worst.value, worst.omega, case.boxes.numbers_in_words(case.named(point))) if within_range else (np.nan, np.nan, "")
-    value = _value(name, proved, case.period) if proved > 0 else np.nan
-    return BoxMargin(
-        name,
-        value,
-        *at,
-        bool(settled),
-        bool(within_range or not settled),
-        doubt or (Doubt.NONE if proved > 0 else Doubt.SEARCH),
-    )
+    least = size_of(worst, case.period)
+    within_range = bool(np.isfinite(least) and least < ENDS[name])
+    settled = bool(proved >= (1 - SETTLED) * min(least, ENDS[name]))
+    refuted = np.nan
+    omega = np.nan
+    counterexample = ""
+    if within_range:
+        refuted = worst.value
+        omega = worst.omega
+        counterexample = case.boxes.numbers_in_words(case.named(point))
+    doubt = max(margin.doubt for *_, margin in found)
+    value = np.nan
+    if proved > 0:
+        value = _value(name, proved, case.period)
+    elif not doubt:
+        doubt = Doubt.SEARCH
+    limited = within_range or not settled
+    return BoxMargin(name, value, refuted, omega, counterexample, settled, limited, doubt)
 
 
 def size_of(margin: Margin, period: float) -> float:
@@ -158,19 +170,27 @@ def size_of(margin: Margin, period: float) -> float:
 
 
 def _value(name, size, period):
-    if name == "delay":
-        return min(size, MOST) * period
-    of = {"gain_up": np.exp, "gain_down": lambda p: np.exp(-p) if p < ENDS[name] else 0.0, "phase": np.degrees}
-    return float(of.get(name, lambda p: 2 * p)(size))
+    match name:
+        case "delay":
+            return min(size, MOST) * period
+        case "gain_up":
+            return float(np.exp(size))
+        case "gain_down":
+            return float(np.exp(-size)) if size < ENDS[name] else 0.0
+        case "phase":
+            return float(np.degrees(size))
+    return float(2 * size)
 
 
 def _with_gain_and_phase(disk: BoxMargin) -> Iterator[BoxMargin]:
     """The disk margin with its gain and its phase."""
-    both = (disk_margins(a, disk.omega, 0.0, Doubt.NONE) for a in (disk.value, disk.refuted))
-    for proved, refuted in zip(*both, strict=True):
-        rest = disk.omega, disk.counterexample, disk.settled, proved.limited or np.isfinite(refuted.omega), disk.doubt
+    of_proved = disk_margins(disk.value, disk.omega, 0.0, Doubt.NONE)
+    of_refuted = disk_margins(disk.refuted, disk.omega, 0.0, Doubt.NONE)
+    for proved, refuted in zip(of_proved, of_refuted, strict=True):
         value = np.nan if np.isnan(disk.value) else proved.value
-        yield BoxMargin(proved.name, value, refuted.value if refuted.limited else np.nan, *rest)
+        refuted_value = refuted.value if refuted.limited else np.nan
+        limited = proved.limited or np.isfinite(refuted.omega)
+        yield replace(disk, name=proved.name, value=value, refuted=refuted_value, limited=limited)
 
 
 class _Case:
@@ -294,13 +314,17 @@ class _Case:
 
     def _delay(self, frames) -> Cover:
         """The check that so many frames of delay, and fewer, leave the loop stable."""
-        half, edge = (min(turn / frames, np.pi) for turn in (np.pi, 2 * np.pi))
-        stretches = [(edge, np.pi, Arc.WAYS[:1])]
-        stretches += [(half, edge, (*Arc.WAYS[:2], "beyond"))] if half < edge else []
-        stretches += [(0.0, half, (*Arc.WAYS[:2], "past", "before"))] if half > 0 else []
+        half = min(np.pi / frames, np.pi)  # the angle up to which the arc is less than half a circle
+        edge = min(2 * np.pi / frames, np.pi)  # and a whole one
+        stretches = [(edge, np.pi, ("below",))]
+        if half < edge:
+            stretches.append((half, edge, ("below", "above", "beyond")))
+        if half > 0:
+            stretches.append((0.0, half, ("below", "above", "past", "before")))
         for low, high, ways in stretches:
             arcs = [Arc(self.closed, frames, arc_way) for arc_way in ways]
-            box, limits = (np.column_stack(pair) for pair in (([low, high], self.box), ([-np.inf, np.inf], self.limits)))
+            box = np.column_stack([[low, high], self.box])
+            limits = np.column_stack([[-np.inf, np.inf], self.limits])
             resolution = Resolution(*self.loop, [Expressed(), *map(Expressed, self.ranged)])
             covered = any_positive(arcs, box, limits, FRAMES, resolution)
             if len(covered.open):
@@ -344,20 +368,38 @@ class Arc:
         w = on_circle(np.stack([x[:, 0], -x[:, 0]]))[..., None, None] * np.eye(units.size)
         phase, log = np.linalg.slogdet(w - E)
         # to first order, the relative change of a determinant is the trace of the inverse times the change of the matrix
-        off = (np.abs(np.swapaxes(inverse(w - E), -1, -2)) * TERMS * (np.abs(E) + np.abs(w))).sum((-1, -2))
-        pivots, scale = closed.pivots.reshape(2, len(x), -1), log.max((0, 1))
-        value = phase * pivots[:, None, :, 0] * np.exp(log - scale)
-        (D, N), (dD, dN) = ((pair[0], pair[1] + sign * pair[0]) for pair, sign in ((value, -1), (np.abs(value) * off, 1)))
-        of_D, of_N = ((pair[0] * pair[1], (error * np.abs(pair[::-1])).sum(0)) for pair, error in ((D, dD), (N, dN)))
+        change = TERMS * (np.abs(E) + np.abs(w))
+        relative = (np.abs(np.swapaxes(inverse(w - E), -1, -2)) * change).sum((-1, -2))
+        pivots = closed.pivots.reshape(2, len(x), -1)
+        scale = log.max((0, 1))
+        determinants = phase * pivots[:, None, :, 0] * np.exp(log - scale)
+        errors = np.abs(determinants) * relative
+        # each at the angle and its negative, whose product is that with the conjugate
+        D = determinants[0]
+        N = determinants[1] - determinants[0]
+        dD = errors[0]
+        dN = errors[1] + errors[0]
+        size_of_D = D[0] * D[1]
+        error_of_D = (dD * np.abs(D[::-1])).sum(0)
         if self.way in self.WAYS:
-            value, error = (of_D[0] - of_N[0]) * (1 if self.way == "below" else -1), of_D[1] + of_N[1]
+            size_of_N = N[0] * N[1]
+            error_of_N = (dN * np.abs(N[::-1])).sum(0)
+            sign = 1 if self.way == "below" else -1
+            value = (size_of_D - size_of_N) * sign
+            error = error_of_D + error_of_N
         else:
-            end = self.frames * x[:, 0]
-            level, angle = {"beyond": (np.cos(end / 2), end / 2), "past": (0.0, end - np.pi / 2)}.get(
-                self.way, (0.0, np.pi / 2)
-            )
-            turn = np.exp(np.multiply.outer([-1j, 1j], angle + 0 * end)) / 2
-            value = level * of_D[0] + (N * D[::-1] * turn).sum(0)
-            error = np.abs(level) * of_D[1] + (np.abs(turn) * (dN * np.abs(D[::-1]) + np.abs(N) * dD[::-1])).sum(0)
+            level, angle = self._line(self.frames * x[:, 0])
+            turn = np.exp(np.multiply.outer([-1j, 1j], angle)) / 2
+            value = level * size_of_D + (N * D[::-1] * turn).sum(0)
+            error_across = np.abs(turn) * (dN * np.abs(D[::-1]) + np.abs(N) * dD[::-1])
+            error = np.abs(level) * error_of_D + error_across.sum(0)
         size = np.abs(value)
         return FunctionValues((value / size)[None], (np.log(size) + 2 * scale)[None], (error / size)[None], pivots.prod(0))
+
+    def _line(self, end):
+        """The line that values of -L do not reach, by its level and its angle; end: the angle of the arc's end."""
+        if self.way == "beyond":
+            return np.cos(end / 2), end / 2
+        if self.way == "past":
+            return 0.0, end - np.pi / 2
+        return 0.0, np.full_like(end, np.pi / 2)
