@@ -1,6 +1,7 @@
 """Eigenvalues of the closed loop relative to the unit circle: spectral radius, verdict, and their number outside."""
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,26 +32,37 @@ def eigenvalues(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if not groups:
         return np.linalg.eigvals(E).astype(complex), finite
     delta = np.empty((finite.size, E.shape[-1]), complex)
-    for index, blocks, alone in groups:
-        delta[index] = np.concatenate([*map(np.linalg.eigvals, blocks), alone.diagonal(axis1=-2, axis2=-1)], axis=-1)
+    for group in groups:
+        of_blocks = [np.linalg.eigvals(block) for block in group.blocks]
+        of_alone = group.alone.diagonal(axis1=-2, axis2=-1)
+        delta[group.index] = np.concatenate([*of_blocks, of_alone], axis=-1)
     return delta.reshape(E.shape[:-1]), finite
 
 
-def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
-    """Return groups of matrices with the same diagonal blocks in some order of the states; none if all have a single one.
+class AlikeBlocks(NamedTuple):
+    """Matrices with the same diagonal blocks in some order of the states.
 
-    E: `(..., n, n)`. A group has the indices of its matrices (flat), its blocks of several states, which all act on one
-    another, `(matrices, k, k)` each, and that of all other states, `(matrices, others, others)`, which is triangular in some
-    order, so its eigenvalues are on its diagonal.
+    index: of the matrices (flat). blocks: of several states, which all act on one another, `(matrices, k, k)` each. alone: that
+    of all other states, `(matrices, others, others)`: triangular in some order, so its eigenvalues are on its diagonal.
     """
+
+    index: np.ndarray
+    blocks: list[np.ndarray]
+    alone: np.ndarray
+
+
+def diagonal_blocks(E) -> list[AlikeBlocks]:
+    """Return groups of the matrices `(..., n, n)` by their diagonal blocks; none if all have a single one."""
     n = E.shape[-1]
     if n < 2 or not E.size:
         return []
     pattern = E.reshape(-1, n, n) != 0
     if (pattern == pattern[0]).all():
-        kinds, kind = pattern[:1], np.zeros(len(pattern), int)
+        kinds = pattern[:1]
+        kind = np.zeros(len(pattern), int)
     else:
-        number, names = {}, np.packbits(pattern.reshape(len(pattern), -1), axis=-1)
+        number = {}
+        names = np.packbits(pattern.reshape(len(pattern), -1), axis=-1)
         kind = np.array([number.setdefault(name.tobytes(), len(number)) for name in names])
         kinds = pattern[np.unique(kind, return_index=True)[1]]
     groups = [_blocks_of_pattern(n, pattern.tobytes()) for pattern in kinds]
@@ -60,7 +72,8 @@ def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
     for number, (several, alone) in enumerate(groups):
         index = np.flatnonzero(kind == number)
         matrices = E.reshape(-1, n, n)[index]
-        blocks.append((index, [matrices[:, at[:, None], at] for at in several], matrices[:, alone[:, None], alone]))
+        of_several = [matrices[:, at[:, None], at] for at in several]
+        blocks.append(AlikeBlocks(index, of_several, matrices[:, alone[:, None], alone]))
     return blocks
 
 
@@ -172,11 +185,14 @@ def radius_of(E: np.ndarray, hidden: np.ndarray | bool = False) -> np.ndarray:
     """
     delta, finite = eigenvalues(E)
     E = np.where(finite[..., None, None], E, 0.0)
-    radius, groups = np.abs(1 + delta).max(-1, initial=0.0), diagonal_blocks(E)
+    radius = np.abs(1 + delta).max(-1, initial=0.0)
+    groups = diagonal_blocks(E)
     radii = np.array(radius) if groups or not E.size else _sure_radius(E, radius, delta)
-    for index, blocks, _ in groups:  # each of which may hide that it exceeds the whole
-        for block in blocks:
-            radii.reshape(-1)[index] += 0 * _sure_radius(block, np.reshape(radius, -1)[index], eigenvalues(block)[0])
+    for group in groups:
+        of_group = np.reshape(radius, -1)[group.index]
+        for block in group.blocks:  # each of which may hide that it exceeds the whole
+            sure = _sure_radius(block, of_group, eigenvalues(block)[0])
+            radii.reshape(-1)[group.index] += 0 * sure
     radii = np.where(finite, radii, np.inf)
     radii = np.where(_is_rounding(np.abs(1 - radii), E), 1.0, radii)
     return np.where(hidden, np.nan, radii)
@@ -184,31 +200,41 @@ def radius_of(E: np.ndarray, hidden: np.ndarray | bool = False) -> np.ndarray:
 
 def _is_rounding(distance, E):
     """Whether eigenvalues of `I + E` are beside the circle by that distance through rounding alone; NaN is not."""
-    n, distance = E.shape[-1], np.asarray(distance)
+    n = E.shape[-1]
+    distance = np.asarray(distance)
     tolerance = BACKWARD * np.finfo(float).eps
-    rounding = np.array((distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0))))
+    size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    rounding = np.array((distance > 0) & (distance <= tolerance * size))
     index = np.flatnonzero(rounding)
     if index.size:
         balanced, _ = balance(E.reshape(-1, n, n)[index])  # whose entries are often much smaller
-        rounding.reshape(-1)[index] = distance.reshape(-1)[index] <= tolerance * np.maximum(1, np.abs(balanced).max((-1, -2)))
+        size = np.maximum(1, np.abs(balanced).max((-1, -2)))
+        rounding.reshape(-1)[index] = distance.reshape(-1)[index] <= tolerance * size
     return rounding
 
 
 def _sure_radius(E, radius, delta):
     """The radius, and NaN where rounding may move it."""
-    n, sure = E.shape[-1], np.array(radius).ravel()
-    E, delta = E.reshape(-1, n, n), delta.reshape(-1, n)
+    n = E.shape[-1]
+    sure = np.array(radius).ravel()
+    E = E.reshape(-1, n, n)
+    delta = delta.reshape(-1, n)
     index = np.flatnonzero(_outgrows(delta, np.abs(E).max((-1, -2), initial=0), sure).any(-1))
     if not index.size:
         return radius
-    E, delta, (balanced, units) = E[index], delta[index], balance(E[index])  # whose entries are often much smaller
+    E = E[index]
+    delta = delta[index]
+    balanced, units = balance(E)  # whose entries are often much smaller
     size = np.abs(balanced).max((-1, -2))
     matrix, eigenvalue = np.nonzero(_outgrows(delta, size, sure[index]))
-    further = sure[index[matrix]] + TELLING * np.maximum(sure[index[matrix]], 1)
-    points = further * np.exp(1j * np.abs(np.angle(1 + delta[matrix, eigenvalue]))) - 1  # E is real
+    own = sure[index[matrix]]
+    further = own + TELLING * np.maximum(own, 1)
+    angle = np.abs(np.angle(1 + delta[matrix, eigenvalue]))  # E is real
+    points = further * np.exp(1j * angle) - 1
     rounding = BACKWARD * np.finfo(float).eps * size
     if n < LARGE:
-        sure[index[matrix[_smallest(balanced[matrix], points[:, None])[:, 0] <= rounding[matrix]]]] = np.nan
+        reached = _smallest(balanced[matrix], points[:, None])[:, 0] <= rounding[matrix]
+        sure[index[matrix[reached]]] = np.nan
         return sure.reshape(np.shape(radius))
     for at in np.unique(matrix):
         w = np.unique(points[matrix == at])
@@ -231,7 +257,8 @@ def _by_eigenvectors(E, w):
     """
     values, V = np.linalg.eig(E)
     Z = inverse(V)
-    of_V, of_Z = np.linalg.norm(V), np.linalg.norm(Z)
+    of_V = np.linalg.norm(V)
+    of_Z = np.linalg.norm(Z)
     rounding = 2 * (len(E) + 4) * np.finfo(float).eps  # of a sum of that many complex products, and of a norm
     off = np.linalg.norm(np.eye(len(E)) - Z @ V) + rounding * of_Z * of_V
     EV = E @ V.real + 1j * (E @ V.imag)  # E is real, which saves half of the products
@@ -251,7 +278,9 @@ def _at_least(E, units, w):
     from wavesweep.engine.monodromy.resolvent import DelayLines
 
     lines = DelayLines.of(E)
-    k, d, w = lines.solved, lines.delayed, w[:, None, None]
+    k = lines.solved
+    d = lines.delayed
+    w = w[:, None, None]
     if k.size > d.size:
         return np.zeros(len(w))
 
@@ -259,11 +288,14 @@ def _at_least(E, units, w):
         return np.linalg.norm(block * (units[columns] / units[rows, None]), axis=(-1, -2))
 
     with np.errstate(all="ignore"):
-        into, out = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w), lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
-        bound = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
-        alone = norm(lines.along(np.eye(d.size)[None], np.abs(1 + w).min(0, keepdims=True)), d, d)
-        of_out = norm(bound @ out, k, d)
-        size = norm(bound, k, k) + of_out + norm(into @ bound, d, k) + alone + norm(into, d, k) * of_out
+        into = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w)
+        out = lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
+        remaining = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
+        lines_alone = lines.along(np.eye(d.size)[None], np.abs(1 + w).min(0, keepdims=True))
+        of_out = norm(remaining @ out, k, d)
+        size = norm(remaining, k, k) + of_out + norm(into @ remaining, d, k)
+        size += norm(lines_alone, d, d)
+        size += norm(into, d, k) * of_out
         return np.where(np.isfinite(size) & (size > 0), 1 / (2 * size), 0.0)  # half of it, since it is rounded
 
 
@@ -274,8 +306,9 @@ def _outgrows(delta, size, radius):
     relative rounding of e may move it, by the size times e^(1/m), it may move so far, as it does for a Jordan block.
     """
     n = delta.shape[-1]
+    allowed = (radius + TELLING * np.maximum(radius, 1))[:, None]
+    beyond = np.abs(1 + delta) - allowed
     move = np.asarray(size)[:, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / np.arange(2, n + 1))
-    beyond = np.abs(1 + delta) - (radius + TELLING * np.maximum(radius, 1))[:, None]
     with np.errstate(invalid="ignore"):  # a matrix that is not finite
         if not (beyond + move.max(-1, initial=0.0) > 0).any():
             return np.zeros(delta.shape, bool)
@@ -320,11 +353,14 @@ def _count_outside(E):
     """
     groups = diagonal_blocks(E)
     if groups:
-        count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
-        for index, blocks, alone in groups:
-            for block in (*blocks, alone) if alone.size else blocks:
+        count = np.zeros(len(E), int)
+        clear = np.ones(len(E), bool)
+        for group in groups:
+            blocks = [*group.blocks, group.alone] if group.alone.size else group.blocks
+            for block in blocks:
                 outside_block, clear_block = _count_outside(block)
-                count[index], clear[index] = count[index] + outside_block, clear[index] & clear_block
+                count[group.index] += outside_block
+                clear[group.index] &= clear_block
         finite = np.isfinite(E).all((-1, -2))
         return np.where(finite, count, -1), clear & finite
     delta, finite = eigenvalues(E)
@@ -342,11 +378,14 @@ def _count_outside(E):
             count[again[better]], clear[again[better]] = _count_outside(even[better])
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
     index = np.flatnonzero(clear & ~near & may_cross(delta, size))
-    near[index] = may_cross(delta[index], np.abs(balance(E[index])[0]).max((-1, -2), initial=0)) if index.size else False
+    if index.size:
+        even = np.abs(balance(E[index])[0]).max((-1, -2), initial=0)
+        near[index] = may_cross(delta[index], even)
     near = np.flatnonzero(near)
     if near.size:
         order = np.argsort(distance[near], axis=-1)
-        closest, far = (np.take_along_axis(a[near], order, axis=-1) for a in (delta, distance >= NEIGHBOURHOOD))
+        closest = np.take_along_axis(delta[near], order, axis=-1)
+        far = np.take_along_axis(distance[near] >= NEIGHBOURHOOD, order, axis=-1)
         far[:, :MEETING] = False
         most = (~far).sum(-1).max()
         balanced, _ = balance(E[near])
@@ -364,8 +403,10 @@ def may_cross(delta, size) -> np.ndarray:
     does for a Jordan block, which becomes m eigenvalues around a circle.
     """
     far = np.abs(np.abs(1 + delta) - 1)
-    m = (np.abs(delta[..., None, :] - delta[..., :, None]) <= 4 * far[..., :, None]).sum(-1)
-    return ((m > 1) & (far < np.asarray(size)[..., None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / m))).any(-1)
+    apart = np.abs(delta[..., None, :] - delta[..., :, None])
+    m = (apart <= 4 * far[..., :, None]).sum(-1)
+    moved = np.asarray(size)[..., None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / m)
+    return ((m > 1) & (far < moved)).any(-1)
 
 
 def _smallest(E, delta):

@@ -44,14 +44,16 @@ def stable_intervals(
     if along != FIRST and cut.integrates and np.any(fixed == 0):
         return _along_second(cut, along, span, fixed, radius)
     cut = cut if radius is None else cut_within(cut, radius)
-    flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    intervals = _with_uncontrolled(_by_each_method(_in_even_units(cut), owner, along, flat, span), cut, owner, span)
+    flat = fixed.reshape(-1)
+    owner = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    intervals = _by_each_method(_in_even_units(cut), owner, along, flat, span)
+    intervals = _with_uncontrolled(intervals, cut, owner, span)
     if not span[0] < 0 < span[1]:
         return intervals
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
-    return replace(
-        intervals, **{end: np.where(np.abs(v := getattr(intervals, end)) <= nothing, 0.0, v) for end in ("low", "high")}
-    )
+    low = np.where(np.abs(intervals.low) <= nothing, 0.0, intervals.low)
+    high = np.where(np.abs(intervals.high) <= nothing, 0.0, intervals.high)
+    return replace(intervals, low=low, high=high)
 
 
 def _with_uncontrolled(intervals, cut, owner, span) -> Intervals:
@@ -69,27 +71,45 @@ def _with_uncontrolled(intervals, cut, owner, span) -> Intervals:
 
 def _in_even_units(cut: LinearFractional) -> LinearFractional:
     """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
-    E, B, C = (np.broadcast_to(M, (*cut.batch, *M.shape[-2:])) for M in (cut.E, cut.B, cut.C))
+
+    def of_each(matrix):
+        return np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:]))
+
+    def largest(matrix):
+        return np.abs(of_each(matrix)).max((-1, -2), initial=0.0)
+
     with np.errstate(over="ignore", invalid="ignore"):
-        of_E, into, out = (np.abs(M).max((-1, -2), initial=0.0) for M in (E, B, C))
-        uneven = np.flatnonzero((np.maximum(of_E, into * out) > UNEVEN) & np.isfinite(of_E + into * out))
+        of_E = largest(cut.E)
+        through = largest(cut.B) * largest(cut.C)
+        uneven = np.flatnonzero((np.maximum(of_E, through) > UNEVEN) & np.isfinite(of_E + through))
     if not uneven.size:
         return cut
-    dE, dB, dC = (np.broadcast_to(M, (*cut.batch, *M.shape[-2:])).copy() for M in (cut.dE, cut.dB, cut.dC))
-    n, E, B, C = E.shape[-1], E.copy(), B.copy(), C.copy()
+    n = cut.E.shape[-1]
     sizes = np.zeros((uneven.size, n + 1, n + 1))
-    sizes[:, :n, :n], sizes[:, :n, n], sizes[:, n, :n] = E[uneven], B[uneven, :, 0], np.abs(C[uneven]).max(-2)
+    sizes[:, :n, :n] = of_each(cut.E)[uneven]
+    sizes[:, :n, n] = of_each(cut.B)[uneven, :, 0]
+    sizes[:, n, :n] = np.abs(of_each(cut.C)[uneven]).max(-2)
     units = uneven_units(sizes)
     units = (units[:, :n] / units[:, n:])[:, None, :]
     back = np.swapaxes(units, -1, -2)
-    for e, b, c in ((E, B, C), (dE, dB, dC)):
-        e[uneven], b[uneven], c[uneven] = e[uneven] * (units / back), b[uneven] / back, c[uneven] * units
-    return replace(cut, E=E, B=B, C=C, dE=dE, dB=dB, dC=dC)
+    changed = {}
+    for name in ("E", "dE"):
+        changed[name] = of_each(getattr(cut, name)).copy()
+        changed[name][uneven] *= units / back
+    for name in ("B", "dB"):
+        changed[name] = of_each(getattr(cut, name)).copy()
+        changed[name][uneven] /= back
+    for name in ("C", "dC"):
+        changed[name] = of_each(getattr(cut, name)).copy()
+        changed[name][uneven] *= units
+    return replace(cut, **changed)
 
 
 def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
-    pending, answered, done = np.arange(fixed.size), np.zeros(fixed.size, bool), []
+    pending = np.arange(fixed.size)
+    answered = np.zeros(fixed.size, bool)
+    done = []
     cut, overflown = _finite(cut)
     divided = (fixed == 0) & (cut.poles_at_one > 0)  # whose poles at z = 1 may be divided out
     methods = _methods(cut.order)
@@ -98,7 +118,9 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
         if not rows.size:
             continue
         lost = overflown[owner[rows]]
-        followed = ~lost & (_by_arcs in methods or divided[rows]) & (method is not methods[-1])
+        followed = np.zeros(rows.size, bool)
+        if method is not methods[-1]:
+            followed = ~lost & (_by_arcs in methods or divided[rows])
         labelled, doubt = method(cut, owner[rows], along, fixed[rows], span, followed)
         labelled = replace(labelled, unstable=np.where(lost[labelled.column], -1, labelled.unstable))
         doubt = np.where(lost, Doubt.OVERFLOW, doubt)
@@ -110,7 +132,8 @@ def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     pieces, columns, doubts = zip(*done, strict=True)
     doubt = np.concatenate(doubts)[np.argsort(np.concatenate(columns))]
     joined = Regions.join(pieces)
-    joined = joined if len(pieces) == 1 else joined.take(np.argsort(joined.column, kind="stable"))
+    if len(pieces) > 1:
+        joined = joined.take(np.argsort(joined.column, kind="stable"))
     return intervals_of(joined, doubt, np.broadcast_to(cut.period, cut.batch)[owner])
 
 
@@ -125,9 +148,13 @@ def _methods(order: int) -> list:
 
 def _finite(cut) -> tuple[LinearFractional, np.ndarray]:
     """Return the loops with those that overflowed replaced by zeros, and which these are."""
-    bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
+    finite = [np.isfinite(matrix).all((-1, -2)) for matrix in (cut.E, cut.B, cut.C, cut.D)]
+    bad = ~np.broadcast_to(np.logical_and.reduce(finite), cut.batch)
     if bad.any():
-        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in (*MATRICES, *ERRORS)})
+        zeros = {}
+        for name in (*MATRICES, *ERRORS):
+            zeros[name] = np.where(bad[..., None, None], 0.0, getattr(cut, name))
+        cut = replace(cut, **zeros)
     return cut, bad
 
 
@@ -164,7 +191,9 @@ def _by_arcs(cut, owner, along, fixed, span, _):
     from wavesweep.engine.stability.arcs import arc_crossings, columns_together
 
     rough = cut.remembered("rough", lambda: _is_rough(cut))[owner]  # an arc counts no errors of entries
-    parts, doubts, step = [], [], columns_together(cut.order)
+    step = columns_together(cut.order)
+    parts = []
+    doubts = []
     for first in range(0, fixed.size, step):
         some = slice(first, first + step)
         crossed = arc_crossings(cut.at(owner[some]), along, fixed[some], span)
@@ -177,7 +206,8 @@ def _by_arcs(cut, owner, along, fixed, span, _):
 
 def _is_rough(cut):
     """Whether errors of the entries of a frame, in no units of the states small, may hide a crossing that none points to."""
-    E, dE = (np.broadcast_to(M, (*cut.batch, *M.shape[-2:])) for M in (np.abs(cut.E), cut.dE))
+    E = np.broadcast_to(np.abs(cut.E), (*cut.batch, *cut.E.shape[-2:]))
+    dE = np.broadcast_to(cut.dE, (*cut.batch, *cut.dE.shape[-2:]))
     with np.errstate(all="ignore"):
         error = np.sqrt((dE * np.swapaxes(E + dE, -1, -2)).max((-1, -2), initial=0.0))
         return error > ROUGH * np.maximum(1.0, size_of(E))
@@ -188,7 +218,8 @@ def _along_second(cut, along, span, fixed, radius) -> Intervals:
 
     Nothing reads the integrator in these columns, and z = 1 is no pole.
     """
-    flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    flat = fixed.reshape(-1)
+    owner = np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
     intervals = []
     for loop, mask in ((cut, flat != 0), (replace(cut, integrates=False), flat == 0)):
         names = np.flatnonzero(mask)
