@@ -54,7 +54,8 @@ def forms_of_one(A: Polynomials) -> tuple[tuple[Centre, np.ndarray] | None, floa
     basis = np.linalg.inv(to)
     after = to @ A.terms[:, 0] @ basis
     powers = [to @ power @ basis for power in powers]
-    forms, moved = np.zeros_like(after), np.zeros_like(after)  # P and P A
+    forms = np.zeros_like(after)  # P
+    moved = np.zeros_like(after)  # P A
     forms[0] = basis.T @ P @ basis
     forms[0] = (forms[0] + forms[0].T) / 2
     moved[0] = forms[0] @ after[0]
@@ -114,9 +115,13 @@ def forms_on_average(A: Polynomials, graph: Graph, weight: np.ndarray) -> tuple[
     """
     from scipy.linalg import lu_factor, lu_solve
 
-    middle, slopes, n = A.terms[0], A.terms[1 : 1 + A.numbers], A.terms.shape[-1]
+    middle = A.terms[0]
+    slopes = A.terms[1 : 1 + A.numbers]
+    n = A.terms.shape[-1]
     operator = operator_of(middle, graph, weight)
-    lu, size, work = lu_factor(np.eye(len(operator)) - operator), np.ones(n), len(operator) ** 3 + CALLS
+    lu = lu_factor(np.eye(len(operator)) - operator)
+    work = len(operator) ** 3 + CALLS
+    size = np.ones(n)
 
     def solved(right, *, forms):
         return unpacked(lu_solve(lu, packed(right).ravel(), trans=int(forms)).reshape(graph.nodes, -1), n)
@@ -134,12 +139,17 @@ def forms_on_average(A: Polynomials, graph: Graph, weight: np.ndarray) -> tuple[
         P = solved(alike(size**-2.0), forms=True)
     if not (np.linalg.eigvalsh(P) > 0).all():
         return None, work
-    last, moved, changes = P[graph.target], middle[graph.symbol], []
+    last = P[graph.target]
+    moved = middle[graph.symbol]
+    changes = []
     for slope in slopes:
-        half, right = weight[:, None, None] * (np.swapaxes(slope[graph.symbol], -1, -2) @ last @ moved), np.zeros_like(P)
+        changed = np.swapaxes(slope[graph.symbol], -1, -2) @ last @ moved  # A_k' P_j A
+        half = weight[:, None, None] * changed
+        right = np.zeros_like(P)
         np.add.at(right, graph.source, half + np.swapaxes(half, -1, -2))
         changes.append(solved(right, forms=True))
     to = np.swapaxes(np.linalg.cholesky(P.mean(0)), -1, -2)
     basis = np.linalg.inv(to)
     P, *changes = (basis.T @ each @ basis for each in (P, *changes))
-    return (Centre((P + np.swapaxes(P, -1, -2)) / 2, graph, basis, to), np.array(changes).reshape(A.numbers, *P.shape)), work
+    centre = Centre((P + np.swapaxes(P, -1, -2)) / 2, graph, basis, to)
+    return (centre, np.array(changes).reshape(A.numbers, *P.shape)), work

@@ -63,7 +63,8 @@ def climb(growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float
     starts: members that are tried in any case, `(points, numbers)`. The same box has the same
     answer at any time.
     """
-    rng, wide = np.random.default_rng(0), np.flatnonzero(box[0] < box[1])
+    rng = np.random.default_rng(0)
+    wide = np.flatnonzero(box[0] < box[1])
     if not wide.size:
         return _ranked(starts, growth.of(starts))
     most = operations / growth.operations
@@ -72,8 +73,10 @@ def climb(growth: Growth, box: np.ndarray, starts: np.ndarray, operations: float
     found = _ranked(points, growth.of(points))
     others = np.linspace(BEST, min(len(points), NEXT) - 1, OTHERS).astype(int)
     chosen = np.unique(np.clip([*range(BEST), *others], 0, len(points) - 1))
-    points, values = found.points[chosen], found.growth[chosen]
-    step, left = np.full((len(points), 1), FIRST), most - len(found.points)
+    points = found.points[chosen]
+    values = found.growth[chosen]
+    step = np.full((len(points), 1), FIRST)
+    left = most - len(found.points)
     last = np.zeros((len(points), wide.size))
     for _ in range(STEPS):
         if left < 0:

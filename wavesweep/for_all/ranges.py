@@ -95,7 +95,10 @@ def cover(
     called with the value of the first side that the proof has reached. gain: of the first side, below which the proof ends at a
     part without norms in its middle, since it can reach no further than that middle.
     """
-    number, queue, used, word = count(), [(0.0, 0, _Part(box))], 0.0, ()
+    number = count()
+    queue = [(0.0, 0, _Part(box))]
+    used = 0.0
+    word: Word = ()
     divided = set()  # stretches of the first side in whose middle there were no norms: they are divided for all other numbers
     while queue and used < work:
         part = queue[0][-1]
@@ -124,17 +127,20 @@ def cover(
 
 def _tried(frames, part, follows, work, narrow, words):
     """The parts of a part that remain to be proved, None if it cannot be divided or a word grows; the work; and that word."""
-    box, used = part.box, 0.0
+    box = part.box
+    used = 0.0
     wide = np.flatnonzero(box[0] < box[1])
     if part.known is None:
-        A, used = frames.at(box), ENCLOSED
+        A = frames.at(box)
+        used = ENCLOSED
         if isinstance(A, int):
             narrow = box[1, A] - box[0, A] <= narrow[A]
             return None if narrow else [replace(part, box=half) for half in _halves(box, A)], used, ()
     else:
         around, A = part.known
         half = (around[1] - around[0])[wide] / 2
-        A = A.within((box.mean(0) - around.mean(0))[wide] / half, (box[1] - box[0])[wide] / 2 / half)
+        middle = (box.mean(0) - around.mean(0))[wide] / half
+        A = A.within(middle, (box[1] - box[0])[wide] / 2 / half)
     rule = (follows.graph, follows.weight) if isinstance(follows, OnAverage) else follows
     try:
         found, spent = _forms(A, rule, part.start, work, words)
@@ -150,7 +156,8 @@ def _tried(frames, part, follows, work, narrow, words):
             return None, used, words[0]
         if part.barren > HOPELESS * wide.size:
             return None, used, ()
-        moves, keep = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3)), part.known is not None
+        moves = np.abs(A.terms[1 : 1 + wide.size]).sum((1, 2, 3))
+        keep = part.known is not None
         if part.barren % 2 == 0 and wide.size and wide[0] == 0:  # norms exist further from the end of the proof
             moves[0] = np.inf
         part = replace(part, barren=part.barren + 1)
@@ -241,10 +248,12 @@ def _forms(A, follows, start, work, words=()):
     radius = max(np.abs(np.linalg.eigvals(repeated)).max(initial=0.5), *rates, 0.5)
     if not radius < 1:
         return None, 0.0
-    size = len(np.unique(follows, axis=0)) * at_middle.shape[-1] * (at_middle.shape[-1] + 1) / 2
+    n = at_middle.shape[-1]
+    size = len(np.unique(follows, axis=0)) * n * (n + 1) / 2
     most = max(SEARCH, NEWTON * (size**3 / 3 + CALLS))
     most_room, least_room = (min(MARGIN, share * (1 / radius - 1)) for share in SHARES)
-    grown, enough = (1 + most_room) * at_middle, (1 + least_room) / (1 + most_room)
+    grown = (1 + most_room) * at_middle
+    enough = (1 + least_room) / (1 + most_room)
     if start is not None and start.shrinks((1 + BACK * most_room) * at_middle):
         centre, factor = replace(start, work=0.0), 1.0
     else:
@@ -263,9 +272,12 @@ def _judged(A, found, follows):
     centre, slopes = found
     seen = A.similar(centre.basis, centre.inverse)
     P = np.zeros((len(A.terms), *centre.P.shape))
-    P[0], P[1 : 1 + len(slopes)] = centre.P, slopes
+    P[0] = centre.P
+    P[1 : 1 + len(slopes)] = slopes
     forms = Polynomials((P + np.swapaxes(P, -1, -2)) / 2, np.zeros(centre.P.shape), A.numbers, A.order)
-    edges, n, pairs = centre.graph.source.size, A.terms.shape[-1], monomials(A.numbers, A.order)[1].size
+    edges = centre.graph.source.size
+    n = A.terms.shape[-1]
+    pairs = monomials(A.numbers, A.order)[1].size
     spent = 8 * CALLS + EACH * (edges + 2 * A.terms.shape[1]) * pairs * n**2
     rule = (None, follows[1]) if isinstance(follows, tuple) else (follows,)
     proved, (terms, errors, higher) = shrink_over(forms, centre.graph, seen, *rule)
@@ -289,7 +301,8 @@ def _left_out(A, found):
     degree = A.exponents.sum(1)
     beyond = []
     for weight in (1.0, *(0.5**exponent for exponent in A.exponents.T)):
-        one, form = (np.bincount(degree, terms * weight, A.order + 1) for terms in (size, of_forms))
+        one = np.bincount(degree, size * weight, A.order + 1)
+        form = np.bincount(degree, of_forms * weight, A.order + 1)
         beyond.append(np.convolve(np.convolve(one, form), one)[A.order + 1 :].sum())
     whole, *halved = beyond
     rest = 2 * seen.rest.sum() * size.sum() * of_forms.sum()
@@ -299,6 +312,9 @@ def _left_out(A, found):
 
 
 def _halves(box, side):
-    lower, upper = box.copy(), box.copy()
-    lower[1, side] = upper[0, side] = box[:, side].mean()
+    lower = box.copy()
+    upper = box.copy()
+    middle = box[:, side].mean()
+    lower[1, side] = middle
+    upper[0, side] = middle
     return [lower, upper]
