@@ -21,6 +21,7 @@ from wavesweep.program.api import stability_region as stability_region
 from wavesweep.program.api import zwidth as zwidth
 from wavesweep.program.spec import Spec as Spec
 from wavesweep.program.spec import load as load
+from wavesweep.program.store.checkpoint import CheckpointError as CheckpointError
 from wavesweep.reports.library import report as report
 from wavesweep.sensitivity.library import LoopSensitivity
 from wavesweep.sensitivity.library import why as why
