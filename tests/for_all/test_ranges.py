@@ -200,6 +200,18 @@ def test_units_of_states_change_nothing_in_the_middle_of_a_layer():
     assert moved.terms[1] != pytest.approx(plain.terms[1], rel=1e-3)
 
 
+def test_members_that_nothing_holds_are_those_that_a_soft_spring_holds():
+    """Where the hand has no stiffness, another state tells where the loop rests."""
+    values = values_of("pmw") | {"controller.b": 10.0, "filters.lp1.order": 1, "filters.lp1.cutoff_hz": 8.57}
+    values |= {"environment.integration": "explicit", "environment.B_VE": 1.0, "device.velocity": "difference"}
+    paths = ["environment.K_VE", *HAND]
+    box = np.array([[150.0, 0.0, 0.0, 0.0], [1000.0, 0.02, 0.2, 10.0]])
+    members = plan_of_controller(values, FramesInAnyOrder((18, 22)), paths).members(paths, box)
+    free, held = (members.at(np.array([[690.0, 0.02, 0.0, stiffness]]))[:, 0] for stiffness in (0.0, 1e-6))
+    for one, other in zip(free, held, strict=True):
+        assert np.abs(np.linalg.eigvals(one)).max() == pytest.approx(np.abs(np.linalg.eigvals(other)).max(), rel=1e-6)
+
+
 @pytest.mark.slow
 def test_a_box_with_unstable_loops_is_not_proved_beyond_the_first_of_them():
     """Each length by itself is unstable from some 800 N/m on; the middle of the box is stable."""

@@ -160,13 +160,18 @@ class Plan:
         drift = self._drift(with_numbers(inside))
         rows, samples, symbols, follows = self.written(index)
 
-        def frames_at(points):
+        def counted_at(points):
             maps = []
             for step, some in groupby(picked, lambda each: each[0]):
                 ticks = ticks_at(step, points, [place for _, place in some])
                 maps += [ticks.maps[kind] for kind in ticks.kind]
             ticks, _ = drift.relative_ticks(Ticks(tuple(maps), np.arange(len(maps))))
-            return frames_of_ticks(ticks, drift, rows, samples)
+            return ticks
+
+        lead = lasting(drift, counted_at, box)
+
+        def frames_at(points):
+            return frames_of_ticks(counted_at(points), lead, rows, samples)
 
         return Members(frames_at, len(drift.remaining), symbols, follows)
 

@@ -45,7 +45,7 @@ from wavesweep.for_all.mean_square import Chances, chain_of, chances, decays, fr
 from wavesweep.for_all.norms import WORK
 from wavesweep.for_all.patterns import is_refuted
 from wavesweep.for_all.plan import Plan
-from wavesweep.for_all.sides import LeftOpen, as_sides, side_of
+from wavesweep.for_all.sides import LeftOpen, as_numbers, as_sides, side_of
 from wavesweep.for_all.worst import WORK as WORK_OVER
 from wavesweep.for_all.worst import LoopsOver, bracket_over, decide_over
 from wavesweep.haptics.controller_page import loop_drawing
@@ -252,7 +252,7 @@ def _over(rules, values, along, ranges, span=(0.0, 0.0)) -> LoopsOver:
         return rules.family({**values, **dict(zip(paths, point, strict=True))}, along)
 
     numbers = [side.path for side in sides]
-    bounds = np.column_stack([span, box]) if along else box
+    bounds = as_numbers(whole, sides)
     members = plan.members(numbers, bounds) if plan else members_with_messages(*own, numbers, bounds)
     spec_numbers = [[float(values[path]) for path in paths]]
     starts = np.concatenate([np.clip(spec_numbers, *box), corners_of(box)])

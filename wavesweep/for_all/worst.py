@@ -184,12 +184,11 @@ def _alike(loops, point, other, x):
     if loops.on_average:
         return point == other
     family = loops.family(other)
-    others = family.at(x)
-    difference = loops.family(point).at(x) - others
-    if not np.isfinite(others).all():
+    frames, others = loops.family(point).at(x), family.at(x)
+    if frames.shape != others.shape or not np.isfinite(others).all():  # a number that is 0 takes a state away
         return False
     centre, _ = first_centre(others, family.follows)  # in whose basis the frames are small
-    return bool(np.abs(centre.in_basis(difference)).max() <= ALIKE)
+    return bool(np.abs(centre.in_basis(frames - others)).max() <= ALIKE)
 
 
 def _moved(loops, point, start, best):
