@@ -158,16 +158,23 @@ def _name(spec, path):
 
 def _rows(loops, found, ends, members) -> dict:
     """The columns of some ends, and `at`: the end of each row."""
-    row, upper, p = ends.row[members], ends.upper[members], ends.value[members]
-    low, high = found["low"][row], found["high"][row]
-    size, count = np.where(p == 0, high - low, np.abs(p)), 1 + len(loops.moving)
-    varied, (period, labels) = loops.stepped(p, size), loops.about(p)
+    row = ends.row[members]
+    upper = ends.upper[members]
+    p = ends.value[members]
+    low = found["low"][row]
+    high = found["high"][row]
+    size = np.where(p == 0, high - low, np.abs(p))
+    count = 1 + len(loops.moving)
+    varied = loops.stepped(p, size)
+    period, labels = loops.about(p)
     period = np.broadcast_to(period, p.shape)
     E = loops.frames(varied, p.size * count)
     E = E.reshape(p.size, count, *E.shape[-2:])
-    by_end, by_number = E.imag[:, 0] / STEP / size[:, None, None], E.imag[:, 1:] / STEP
+    by_end = E.imag[:, 0] / STEP / size[:, None, None]
+    by_number = E.imag[:, 1:] / STEP
     crossings = crossings_of(E[:, 0].real, by_end, by_number, ends.omega[members] * period, size, upper)
-    at, certified = crossings.end, found["certified"][row][crossings.end]
+    at = crossings.end
+    certified = found["certified"][row][at]
     certain = certified & np.isfinite(crossings.error).all(-1) & ~crossings.defective
     states = [_states(share, labels) if ok else "" for share, ok in zip(crossings.share, certain, strict=True)]
     omega = np.abs(np.angle(1 + crossings.delta)) / period[at]
@@ -196,8 +203,11 @@ def _rows(loops, found, ends, members) -> dict:
             error[p[at] == 0] = np.inf
         quantities["felt"] = (felt_there, slope, error)
     value = np.stack([np.broadcast_to(loops.loops.values[path], p.shape)[at] for path in loops.numbers], -1)
-    tables = [_quantity(loops, known_columns, value, doubt, name, *quantity) for name, quantity in quantities.items()]
-    tables = [{name: column[~np.isnan(rows_of["limit_value"])] for name, column in rows_of.items()} for rows_of in tables]
+    tables = []
+    for name, quantity in quantities.items():
+        rows_of = _quantity(loops, known_columns, value, doubt, name, *quantity)
+        known = ~np.isnan(rows_of["limit_value"])
+        tables.append({name_of_column: column[known] for name_of_column, column in rows_of.items()})
     joined_columns = {name: np.concatenate([rows_of[name] for rows_of in tables]) for name in tables[0]}
     order = np.lexsort((joined_columns["crossing"], joined_columns["at"]))
     return {name: column[order] for name, column in joined_columns.items()}
@@ -208,9 +218,11 @@ def _felt(stepped, stiffness, size, crossings: EndCrossings):
 
     stepped `(crossings, 1 + numbers)`: this stiffness with a complex step in the end (of `size`), and in each number.
     """
-    by_end, direct = stepped.imag[:, :1] / STEP / size[:, None], stepped.imag[:, 1:] / STEP
+    by_end = stepped.imag[:, :1] / STEP / size[:, None]
+    direct = stepped.imag[:, 1:] / STEP
     with np.errstate(all="ignore"):
-        error = np.abs(by_end) * crossings.error / np.where(stiffness == 0, np.abs(by_end[:, 0]) * size, stiffness)[:, None]
+        relative_to = np.where(stiffness == 0, np.abs(by_end[:, 0]) * size, stiffness)
+        error = np.abs(by_end) * crossings.error / relative_to[:, None]
         error = np.where((by_end == 0) & np.isfinite(crossings.error), 0.0, np.abs(error))
     return direct + by_end * crossings.slope, error
 
@@ -237,26 +249,33 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
     value `(crossings, numbers)`: of each number. slope, error `(crossings, moving)`: change of the limit per relative change of
     each moving number, and the relative error of that. A number that is zero has the elasticity 0 and no slope.
     """
-    spec, numbers = loops.spec, loops.numbers
-    change, bound = np.zeros(value.shape), np.zeros(value.shape)
+    spec = loops.spec
+    numbers = loops.numbers
     columns = [numbers.index(path) for path in loops.moving]
-    change[:, columns], bound[:, columns] = slope, error
+    change = np.zeros(value.shape)
+    change[:, columns] = slope
+    bound = np.zeros(value.shape)
+    bound[:, columns] = error
     with np.errstate(all="ignore"):
         elasticity = np.where(value == 0, 0.0, np.where(limit[:, None] == 0, np.nan, change / limit[:, None]))
         slope = np.where(value == 0, np.nan, change / value)
     lost = ~(bound <= SLOPPY * np.fmax(1, np.abs(elasticity)))
     word = np.where((doubt == "")[:, None] & lost, "rounding", doubt[:, None])
     no_doubt = (word == "").ravel()
-    texts = {
-        "along": loops.axis.name,
-        "quantity": quantity,
-        "unit": spec.units_felt[0] if quantity == "felt" else spec.names.find(loops.axis.path).unit,
-    }
-    names = {"number": [_name(spec, path) for path in numbers], "number_unit": [spec.names.find(path).unit for path in numbers]}
-    return (
-        {name: np.repeat(column, len(numbers)) for name, column in (known | {"limit_value": limit}).items()}
-        | {name: np.full(value.size, text, object) for name, text in texts.items()}
-        | {name: np.tile(np.array(column, object), limit.size) for name, column in names.items()}
-        | {name: np.where(no_doubt, column.ravel(), np.nan) for name, column in (("elasticity", elasticity), ("slope", slope))}
-        | {"value": value.ravel(), "certified": no_doubt, "doubt": word.ravel().astype(object)}
-    )
+    rows = {}
+    of_crossings = known | {"limit_value": limit}
+    for name, column in of_crossings.items():
+        rows[name] = np.repeat(column, len(numbers))
+    unit = spec.units_felt[0] if quantity == "felt" else spec.names.find(loops.axis.path).unit
+    for name, text in (("along", loops.axis.name), ("quantity", quantity), ("unit", unit)):
+        rows[name] = np.full(value.size, text, object)
+    names = [_name(spec, path) for path in numbers]
+    units = [spec.names.find(path).unit for path in numbers]
+    rows["number"] = np.tile(np.array(names, object), limit.size)
+    rows["number_unit"] = np.tile(np.array(units, object), limit.size)
+    rows["elasticity"] = np.where(no_doubt, elasticity.ravel(), np.nan)
+    rows["slope"] = np.where(no_doubt, slope.ravel(), np.nan)
+    rows["value"] = value.ravel()
+    rows["certified"] = no_doubt
+    rows["doubt"] = word.ravel().astype(object)
+    return rows
