@@ -116,7 +116,9 @@ class TickSums:
     """
 
     def __init__(self, loop: MarchedLoop, host: Collection[str] = (), late: Collection[str] = ()) -> None:
-        self.loop, self.host, self.late = loop, host, frozenset(late)
+        self.loop = loop
+        self.host = host
+        self.late = frozenset(late)
         self.sent = {f"{name}.y" for name in loop.channels}
         self.places: dict[str, int] = {}
         self.blocks = [block for block in loop.blocks if block.name not in host]
@@ -125,9 +127,12 @@ class TickSums:
                 for name in names:
                     self.at(f"{block.name}.{name}")
         sets: dict[tuple[RunningBlock, ...], int] = {}
-        running = (tuple(block.at(k) for block in self.blocks if block.rhythm.runs(k)) for k in range(loop.frame))
-        self.kinds = [sets.setdefault(blocks_of_tick, len(sets)) for blocks_of_tick in running]
-        self.sets, self._programs = list(sets), {}
+        self.kinds = []  # of each tick of a frame, the number of the set of blocks that run in it
+        for k in range(loop.frame):
+            running = tuple(block.at(k) for block in self.blocks if block.rhythm.runs(k))
+            self.kinds.append(sets.setdefault(running, len(sets)))
+        self.sets = list(sets)
+        self._programs = {}
 
     def at(self, name: str) -> int:
         """The place of a number."""
@@ -144,15 +149,24 @@ class TickSums:
         return self._programs[key]
 
     def _made(self, kind: int, arriving: frozenset[str], touching: bool) -> Program:
-        running, wires = self.sets[kind], self.loop.wires if touching else self.loop.away
-        sums, keeps, moves, limits, stops = {}, {}, [], {}, {}
+        running = self.sets[kind]
+        wires = self.loop.wires if touching else self.loop.away
+        sums = {}
+        keeps = {}
+        moves = []
+        limits = {}
+        stops = {}
         for block in running:
             law = block.law if touching else block.away
-            for port in (f"{block.name}.{name}" for name in block.inputs):
+            for name in block.inputs:
+                port = f"{block.name}.{name}"
                 sums[port] = self._read(wires.get(port, ()), block.rhythm.slow)
-            sums |= {f"{block.name}.{name}": _named(block, terms) for name, terms in law.gives.items()}
-            keeps |= {f"{block.name}.{name}": _named(block, terms) for name, terms in law.keeps.items()}
-            limits |= {f"{block.name}.{name}": pair for name, pair in law.limits.items()}
+            for name, terms in law.gives.items():
+                sums[f"{block.name}.{name}"] = _named(block, terms)
+            for name, terms in law.keeps.items():
+                keeps[f"{block.name}.{name}"] = _named(block, terms)
+            for name, pair in law.limits.items():
+                limits[f"{block.name}.{name}"] = pair
             for name, sources in law.stops.items():
                 stops[f"{block.name}.{name}"] = [f"{block.name}.{source}" for source in sources]
             for source, names in law.moves:
@@ -163,7 +177,8 @@ class TickSums:
             sums[name] = self._read(wires[name], slow=False)
             if name in (POSITION, VELOCITY):
                 sums[name] = tuple((gain, actual(s) if s.rpartition(".")[0] in self.host else s) for gain, s in wires[name])
-        sums |= {arrived(name): ((1.0, name),) for name in sorted(arriving)}
+        for name in sorted(arriving):
+            sums[arrived(name)] = ((1.0, name),)
         sums = {name: tuple(term for term in terms if term[0]) for name, terms in sums.items()}
         first, met, second = self._ordered(running, sums, limits)
         limits = {self.at(name): pair for name, pair in limits.items()}
@@ -172,11 +187,17 @@ class TickSums:
 
     def _add_pushed_apart(self, sums, wires):
         """Let inputs of plants read what comes from outside apart from the rest."""
-        for port in (f"{block.name}.{port}" for block in self.loop.blocks if block.plant for port in block.inputs):
-            pushed = [term for term in wires.get(port, ()) if term[1] in self.loop.inputs]
-            sums[besides(port)] = self._read([term for term in wires.get(port, ()) if term not in pushed], slow=False)
-            if port in sums:
-                sums[port] = ((1.0, besides(port)), *pushed)
+        for block in self.loop.blocks:
+            if not block.plant:
+                continue
+            for name in block.inputs:
+                port = f"{block.name}.{name}"
+                terms = wires.get(port, ())
+                pushed = [term for term in terms if term[1] in self.loop.inputs]
+                rest = [term for term in terms if term not in pushed]
+                sums[besides(port)] = self._read(rest, slow=False)
+                if port in sums:
+                    sums[port] = ((1.0, besides(port)), *pushed)
 
     def _ordered(self, running, sums, limits):
         """The sums in the order in which they can be computed, before and behind the wall's force if it is computed then."""
@@ -218,7 +239,10 @@ def _torn(sums: Sums) -> tuple[list[str], list[str], dict[str, list[str]]]:
     """The numbers whose equations are to be solved, the order of all others, and what these read of each other."""
     torn: list[str] = []
     while True:
-        graph = {name: [s for _, s in terms if s in sums and s not in torn] for name, terms in sums.items() if name not in torn}
+        graph = {}
+        for name, terms in sums.items():
+            if name not in torn:
+                graph[name] = [source for _, source in terms if source in sums and source not in torn]
         try:
             return torn, list(TopologicalSorter(graph).static_order()), graph
         except CycleError as error:
@@ -245,9 +269,10 @@ def straight(sums: Sums) -> tuple[list[tuple[str, Sum]], list[str]]:
 
 def _solved(torn, once, alone) -> list[tuple[str, Sum]]:
     """The sums that solve the equations of what is torn. Errors: IllPosedLoopError if they have no solution."""
-    shares = [
-        [values.get(name, 0.0) for name, _ in alone] for values in (evaluated([*once, *alone], {name: 1.0}) for name in torn)
-    ]
+    shares = []  # of a unit of each torn number, what comes back to all of them
+    for name in torn:
+        values = evaluated([*once, *alone], {name: 1.0})
+        shares.append([values.get(back, 0.0) for back, _ in alone])
     share = np.array(shares, dtype=float).T
     rest = np.eye(len(torn)) - share
     if np.linalg.svd(rest, compute_uv=False)[-1] <= ROUNDING * (1.0 + np.abs(share).max()):
@@ -257,7 +282,8 @@ def _solved(torn, once, alone) -> list[tuple[str, Sum]]:
         )
     # A single one may be made from numbers with names.
     inverse = np.linalg.inv(rest).tolist() if len(torn) > 1 else [[1.0 / (1.0 - shares[0][0])]]
-    return [(name, tuple(zip(row, (gain for gain, _ in alone), strict=True))) for name, row in zip(torn, inverse, strict=True)]
+    sources = [source for source, _ in alone]
+    return [(name, tuple(zip(row, sources, strict=True))) for name, row in zip(torn, inverse, strict=True)]
 
 
 def _around(sums: Sums, wall: Wall):
@@ -265,10 +291,15 @@ def _around(sums: Sums, wall: Wall):
     before = _closure((DEPTH, SPEED), {name: [s for _, s in terms] for name, terms in sums.items()})
     upwards = {name: terms for name, terms in sums.items() if name in before}
     up, torn = straight(upwards)
-    gains, alone = evaluated(up, {FORCE: 1.0}), evaluated(up, {FORCE: 1.0}, torn)
-    yields, slows, open_ = gains[DEPTH], gains[SPEED], alone[DEPTH]
-    shares = 1.0, wall.K * yields, wall.B * slows
-    left, size = shares[0] - shares[1] - shares[2], sum(map(abs, shares))
+    gains = evaluated(up, {FORCE: 1.0})
+    alone = evaluated(up, {FORCE: 1.0}, torn)
+    yields = gains[DEPTH]
+    slows = gains[SPEED]
+    open_ = alone[DEPTH]
+    by_spring = wall.K * yields
+    by_damper = wall.B * slows
+    left = 1.0 - by_spring - by_damper
+    size = 1.0 + abs(by_spring) + abs(by_damper)
     if abs(yields) <= OPEN * abs(open_):
         yields = 0.0
     grazes = wall.pulls and wall.B and yields > 0.0
