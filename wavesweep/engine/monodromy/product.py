@@ -140,10 +140,13 @@ def _of_steps(steps, known):
 
 
 def _in_sequence(factors):
-    eye, before = np.eye(factors[0][0].shape[-1]), [np.zeros_like(factors[0][0])]
+    nothing = np.zeros_like(factors[0][0])
+    eye = np.eye(nothing.shape[-1])
+    before = [nothing]
     for E, _ in factors:
         before.append(before[-1] + E + E @ before[-1])
-    total, behind = 0.0, np.zeros_like(factors[0][0])
+    total = 0.0
+    behind = nothing
     for (E, error), ahead in zip(reversed(factors), reversed(before[:-1]), strict=True):
         size = np.abs(E)
         own = (error + ROUNDING * size) @ np.abs(eye + ahead) + ROUNDING * (2 * size + np.abs(ahead))
@@ -203,8 +206,10 @@ def _after(ramp, first, second):
 def _after_with_errors(ramp, over, first, second):
     """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound on their errors."""
     (P, size_P, whole_P, dP), (Q, size_Q, whole_Q, dQ) = first, second
-    both, n = _after(ramp, P, Q), size_P.shape[-2]
-    dE = whole_Q[..., :n] @ dP + dQ[..., :n] @ whole_P + ROUNDING * (size_P + size_Q + size_Q[..., :n] @ size_P)
+    both = _after(ramp, P, Q)
+    n = size_P.shape[-2]
+    rounding = ROUNDING * (size_P + size_Q + size_Q[..., :n] @ size_P)
+    dE = whole_Q[..., :n] @ dP + dQ[..., :n] @ whole_P + rounding
     dE[..., n:] += dQ[..., n:]
     if ramp:
         dE[..., -1] += P[1] * (dQ[..., -2] + ROUNDING * size_Q[..., -2])
@@ -213,7 +218,9 @@ def _after_with_errors(ramp, over, first, second):
 
 def _largest(over, E):
     """The sizes of the entries of E and of I + E, of each loop or the largest of a batch."""
-    size, index = over(np.abs(E)), np.arange(E.shape[-2])
+    size = over(np.abs(E))
+    index = np.arange(E.shape[-2])
+    diagonal = over(np.abs(1 + E[..., index, index])[..., None, :])
     with_identity = size.copy()
-    with_identity[..., index, index] = over(np.abs(1 + E[..., index, index])[..., None, :])[..., 0, :]
+    with_identity[..., index, index] = diagonal[..., 0, :]
     return size, with_identity

@@ -10,12 +10,14 @@ from wavesweep.engine.monodromy.rounding import ROUNDING
 
 def within(E: np.ndarray, radius) -> np.ndarray:
     """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity; radius: `(...)`, up to 1."""
-    r, at = np.asarray(radius)[..., None], np.arange(E.shape[-1])
+    r = np.asarray(radius)[..., None]
+    at = np.arange(E.shape[-1])
+    diagonal = np.diagonal(E, axis1=-2, axis2=-1)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        scaled, diagonal = E / r[..., None], np.diagonal(E, axis1=-2, axis2=-1)
-        scaled[..., at, at] = np.where(
-            diagonal.real < -0.5, (1 + diagonal) / r - 1, (diagonal + (1 - r)) / r
-        )  # each without cancellation
+        scaled = E / r[..., None]
+        small = (1 + diagonal) / r - 1  # each without cancellation where it is taken
+        near_one = (diagonal + (1 - r)) / r
+        scaled[..., at, at] = np.where(diagonal.real < -0.5, small, near_one)
     return scaled
 
 
