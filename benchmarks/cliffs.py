@@ -25,9 +25,9 @@ from panel_speed import chain
 import wavesweep
 from bench.problems import SPECS, Bundle
 from bench.rivals import _crossings, _labelled
-from wavesweep.engine.drawing.drawing import path_of
+from wavesweep.engine._drawing.drawing import path_of
+from wavesweep.engine._search.open_loops import open_loops
 from wavesweep.engine.loop_sources import loop_from_drawing
-from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.program.sweep.grid import own_loop
 
 STUDY = SPECS.parent / "design-study.toml"

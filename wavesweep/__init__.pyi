@@ -2,11 +2,11 @@ from typing import overload
 
 from wavesweep.check.library import verdict as verdict
 from wavesweep.designs.library import design as design
+from wavesweep.engine.blocks import MultirateLoop
 from wavesweep.engine.errors import IllPosedLoopError as IllPosedLoopError
 from wavesweep.engine.errors import SpecError as SpecError
 from wavesweep.engine.errors import UsageError as UsageError
 from wavesweep.engine.errors import WavesweepError as WavesweepError
-from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.identification.library import identify as identify
 from wavesweep.margins.library import LoopMargins
 from wavesweep.passive.library import LoopPassive

@@ -235,7 +235,7 @@ def of_library(name: str, known: Iterable[str] = ()) -> Any:
         if name in capability.library:
             library = capability.module("library")
             return getattr(getattr(library, capability.class_for(kind)) if kind else library, last)
-    from wavesweep.engine.keys.checking import nearest
+    from wavesweep.engine.keys import nearest
 
     meant = nearest(last, [word for word in (*known, *library_names(kind)) if word[0] != "_"]) if last[0] != "_" else ""
     hint = f"did you mean {meant}?" if meant else f"dir({kind.lower() or 'wavesweep'}) lists what there is"

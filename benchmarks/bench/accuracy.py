@@ -13,7 +13,7 @@ from bench.measuring import Row
 from bench.problems import references, score
 from bench.this_tool import answer_of
 from wavesweep import Spec, load
-from wavesweep.engine.response.steady import respond
+from wavesweep.engine._response.steady import respond
 from wavesweep.program.analyses.spec_loops import loop_at_hand
 
 _EXPLICIT = {"environment": {"integration": "explicit"}}

@@ -12,8 +12,8 @@ import wavesweep
 from bench.measuring import Patience, Row, at_first_too
 from bench.problems import checked, digest, load_paper, references
 from wavesweep import Spec
-from wavesweep.engine.response import steady
-from wavesweep.engine.response.lifted import over_frame
+from wavesweep.engine._response import steady
+from wavesweep.engine._response.lifted import over_frame
 from wavesweep.program.analyses.spec_loops import loop_at_hand
 
 PART = "response"

@@ -18,7 +18,7 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec, WavesweepError
-from wavesweep.engine.monodromy.cut import LinearFractional
+from wavesweep.engine._monodromy.cut import LinearFractional
 from wavesweep.engine.rows import distinct_rows, selected
 from wavesweep.haptics.controller_page import keys_of_page, wall_cut
 from wavesweep.program.spec import sweep_axes

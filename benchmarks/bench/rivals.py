@@ -12,8 +12,8 @@ import numpy as np
 
 from bench.problems import Bundle, Intervals, bundles
 from wavesweep import Spec
-from wavesweep.engine.monodromy.cut import ADVANCE, FIRST, OFFSET, SECOND, VELOCITY, LinearFractional
-from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.engine._monodromy.cut import ADVANCE, FIRST, OFFSET, SECOND, VELOCITY, LinearFractional
+from wavesweep.engine._monodromy.unit_circle import on_circle
 
 _STEPS = 30  # of the secant at the most; six or seven are usual
 _CLOSE = 1e-11  # relative: a step this short leaves nothing to do for another

@@ -20,12 +20,12 @@ import wavesweep
 from bench.measuring import Row, forget
 from bench.problems import COLUMNS, PROBLEMS, SPECS, Intervals, Problem
 from wavesweep import Spec
-from wavesweep.engine.monodromy.open_frame import cut_of
-from wavesweep.engine.search.open_loops import open_loops
-from wavesweep.engine.stability.boundary import polish
-from wavesweep.engine.stability.crossings import sampled_polynomial
-from wavesweep.engine.stability.real_roots import isolate
-from wavesweep.engine.stability.regions import regions
+from wavesweep.engine._monodromy.open_frame import cut_of
+from wavesweep.engine._search.open_loops import open_loops
+from wavesweep.engine._stability.boundary import polish
+from wavesweep.engine._stability.crossings import sampled_polynomial
+from wavesweep.engine._stability.real_roots import isolate
+from wavesweep.engine._stability.regions import regions
 from wavesweep.program import results
 
 STAGES = {  # function -> the stage that it is; together they are the whole call

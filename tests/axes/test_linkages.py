@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from wavesweep.engine.drawing.mass_matrix import at_axes
-from wavesweep.engine.loops.values import keys_with, numbers_of, values_of
+from wavesweep.engine._drawing.mass_matrix import at_axes
+from wavesweep.engine._loops.values import keys_with, numbers_of, values_of
 from wavesweep.program.spec import load
 
 STEP = 1e-5  # m, of central differences of second order: a relative error of about 1e-7

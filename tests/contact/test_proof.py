@@ -12,7 +12,7 @@ from wavesweep.contact.circle_check import Multiplier, open_angles
 from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
-from wavesweep.engine.search.open_loops import open_loops
+from wavesweep.engine._search.open_loops import open_loops
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 

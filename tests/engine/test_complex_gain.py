@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from wavesweep import load
-from wavesweep.engine.drawing.complex_gain import TWIN, with_complex_factor
-from wavesweep.engine.drawing.drawing import path_of
-from wavesweep.engine.drawing.gain_at_signal import GAIN, with_gain
+from wavesweep.engine._drawing.complex_gain import TWIN, with_complex_factor
+from wavesweep.engine._drawing.drawing import path_of
+from wavesweep.engine._drawing.gain_at_signal import GAIN, with_gain
+from wavesweep.engine._loops.dead_time import structure
+from wavesweep.engine._stability.spectrum import eigenvalues
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.dead_time import structure
-from wavesweep.engine.stability.spectrum import eigenvalues
 
 LOOP = {
     "rates": {"tick_hz": 100},

@@ -5,10 +5,10 @@ import pytest
 from panel_speed import chain
 
 from wavesweep.engine import loop_from_drawing
-from wavesweep.engine.energy import long_frames, norms
-from wavesweep.engine.energy.lifted_map import TickMaps
-from wavesweep.engine.energy.long_frames import is_above, largest_gains
-from wavesweep.engine.energy.norms import squared_norm
+from wavesweep.engine._energy import long_frames, norms
+from wavesweep.engine._energy.lifted_map import TickMaps
+from wavesweep.engine._energy.long_frames import is_above, largest_gains
+from wavesweep.engine._energy.norms import squared_norm
 
 
 def random_ticks(seed, ticks=12):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.monodromy.cut import FIRST, SECOND
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine._monodromy.cut import FIRST, SECOND
+from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.explore.plane import plane_curve, plane_lines, quick_columns, refined_curve
 from wavesweep.haptics.controller_page import wall_cut
 from wavesweep.program.spec import load

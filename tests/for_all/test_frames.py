@@ -8,11 +8,11 @@ from support.frames import frames_of_controller, frames_of_drawing
 from support.specs import INTEGRATIONS, values_of
 
 import wavesweep
+from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.for_all.frame_families import FRAME, LOST, FramesInAnyOrder
 from wavesweep.for_all.joint import bracket, nearest_refuted
 from wavesweep.for_all.loop_frames import Symbol

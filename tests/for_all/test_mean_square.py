@@ -7,8 +7,8 @@ import pytest
 from support.messages import marched, random_loop, spec_of
 
 import wavesweep
+from wavesweep.engine._sets.taylor_models import Polynomials
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.sets.taylor_models import Polynomials
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import brackets_on_average, chances, decays
 from wavesweep.for_all.norm_check import Norms, shrink_on_average, shrink_over

@@ -8,9 +8,9 @@ from support.messages import marched, random_blocks, random_loop, spec_of, spec_
 from support.missing import needed
 
 import wavesweep
-from wavesweep.engine.drawing.drawing import path_of
+from wavesweep.engine._drawing.drawing import path_of
+from wavesweep.engine._sets.enclosed_loop import Side
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.sets.enclosed_loop import Side
 from wavesweep.for_all.channel_families import Sent, frames_with_messages, messages_over
 from wavesweep.for_all.joint import bracket, decide
 from wavesweep.for_all.patterns import growth

@@ -10,8 +10,8 @@ from scipy.signal import butter
 from support.frames import plan_of_controller
 from support.specs import values_of
 
-from wavesweep.engine.sets.enclosed_loop import Side
-from wavesweep.engine.sets.taylor_models import Polynomials, monomials
+from wavesweep.engine._sets.enclosed_loop import Side
+from wavesweep.engine._sets.taylor_models import Polynomials, monomials
 from wavesweep.for_all import ranges
 from wavesweep.for_all.frame_families import FramesInAnyOrder, SlowFrames, plan_of
 from wavesweep.for_all.graph import Graph

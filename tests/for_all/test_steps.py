@@ -16,9 +16,9 @@ from support.frames import frames_of_controller, frames_of_drawing
 from support.missing import needed
 
 import wavesweep
-from wavesweep.engine.drawing.block_types import TYPES, BlockType
+from wavesweep.engine._drawing.block_types import TYPES, BlockType
+from wavesweep.engine._loops import blocks
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops import blocks
 from wavesweep.for_all.frame_families import FramesInAnyOrder
 from wavesweep.for_all.joint import PROVED, REFUTED, decide
 from wavesweep.for_all.patterns import growth

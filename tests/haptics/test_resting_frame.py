@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.search import open_loops
+from wavesweep.engine._search import open_loops
 from wavesweep.haptics import felt as haptics
 from wavesweep.program.sweep.grid import own_loop
 

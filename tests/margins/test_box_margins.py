@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete
 
 pytest.importorskip("wavesweep.for_all", reason="margins for all of [for_all] are proved by it")
 from wavesweep import UsageError, load
-from wavesweep.engine.stability.sampled_frames import Frames
+from wavesweep.engine._stability.sampled_frames import Frames
 from wavesweep.for_all import boxes
 from wavesweep.margins import box_margins
 from wavesweep.margins.box_margins import Arc, margins_for_all

@@ -11,7 +11,7 @@ from support.drawn import random_tables
 
 import wavesweep
 from wavesweep import UsageError, load
-from wavesweep.engine.drawing.drawing import path_of
+from wavesweep.engine._drawing.drawing import path_of
 from wavesweep.margins.broken_loops import GAIN, broken_at
 from wavesweep.margins.command import margins as command
 from wavesweep.margins.lifted_margins import LiftedLoop, lifted_margins, margins_of

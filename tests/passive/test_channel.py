@@ -5,8 +5,8 @@ import pytest
 from support.held import channel_norm
 
 import wavesweep
-from wavesweep.engine.energy import hinf
-from wavesweep.engine.energy.hinf import hinf_norm
+from wavesweep.engine._energy import hinf
+from wavesweep.engine._energy.hinf import hinf_norm
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.passive.channel import channel_of

@@ -7,7 +7,7 @@ from support.held import held, more_damping, port_margin, scan
 from support.specs import values_of
 
 import wavesweep
-from wavesweep.engine.energy.lifted_map import TickMaps
+from wavesweep.engine._energy.lifted_map import TickMaps
 from wavesweep.passive.margin import TOLERANCE
 
 

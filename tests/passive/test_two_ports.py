@@ -8,7 +8,7 @@ import pytest
 from support.teleoperator import FREE, radius, termination
 
 import wavesweep
-from wavesweep.engine.stability.positive import Cover
+from wavesweep.engine._stability.positive import Cover
 from wavesweep.haptics.held_loop import held_loop
 from wavesweep.passive import two_ports
 from wavesweep.passive.port_rows import index, pair_margin

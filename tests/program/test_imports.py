@@ -1,6 +1,7 @@
 """The order of the layers, and what an import may cost."""
 
 import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -21,20 +22,25 @@ ENGINE = (
     "errors",
     "arguments",
     "rows",
-    "state_space",
+    "_state_space",
     "doubts",
-    "keys",
-    "drawing",
-    "loops",
-    "monodromy",
-    "stability",
+    "_keys",
+    "_drawing",
+    "_loops",
+    "_monodromy",
+    "_stability",
     "loop",
-    "response",
-    "energy",
-    "search",
+    "_response",
+    "_energy",
+    "_sets",
+    "_search",
     "closed_loop",
     "loop_sources",
 )
+# Modules of the engine with names of its rooms for everybody outside, which load what is asked for.
+DOORS = ("blocks", "drawing", "expressions", "frames", "intervals", "keys", "norms", "poles", "response", "sets")
+OPEN = (*DOORS, *(room for room in ENGINE if not room.startswith("_")))
+NAMES_THROUGH = 236  # names of the engine that are imported from outside: a new one asks for a place in one of its modules
 PROGRAM = (
     "bundled",
     "platform_compat",
@@ -61,7 +67,7 @@ HAPTICS = (
     "resting",
     "felt",
 )
-HOUSES = {"engine": ENGINE, "haptics": HAPTICS, "program": PROGRAM}
+HOUSES = {"engine": (*ENGINE, *DOORS), "haptics": HAPTICS, "program": PROGRAM}
 LAYERS = tuple(f"{house}.{room}" for house, rooms in HOUSES.items() for room in rooms)
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
@@ -162,10 +168,99 @@ def test_a_capability_imports_the_three_houses_alone_and_these_no_capability():
     assert sorted(edges) == []
 
 
+def imported_names(source):
+    """Pairs of a module of the engine and a name that a file has of it, by import or as an attribute of the module."""
+    tree, found, modules = ast.parse(source.read_text(encoding="utf-8")), set(), {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("wavesweep.engine"):
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                if any(full == dotted(each) for each in SOURCES):
+                    modules[alias.asname or alias.name] = full
+                else:
+                    found.add((node.module, alias.name))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
+            found.add((modules[node.value.id], node.attr))
+    return found
+
+
+def outside():
+    """The files of the package outside of the engine, and the names of it that they ask for."""
+    sources = [source for source in SOURCES if not dotted(source).startswith("wavesweep.engine")]
+    return {source: imported_names(source) for source in sources}
+
+
+def offered_by(room):
+    """Pairs of a module and a name of it that a door of the engine has, as type checkers read it."""
+    tree = ast.parse((PACKAGE / "engine" / f"{room}.py").read_text(encoding="utf-8"))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and "._" in node.module]
+    return {(node.module, alias.name) for node in nodes for alias in node.names}
+
+
+def test_everybody_outside_goes_through_the_public_modules_of_the_engine():
+    """Modules with an underscore are for the engine alone."""
+    asked = outside()
+    for source, names in asked.items():
+        rooms = {f"{module}.{name}".split(".")[2] for module, name in names if module != "wavesweep.engine"}
+        assert rooms <= set(OPEN), source
+    assert len(set().union(*asked.values())) <= NAMES_THROUGH
+
+
+@pytest.mark.whole
+def test_doors_have_no_name_that_nobody_asks_for():
+    asked = set().union(*outside().values())
+    for room in DOORS:
+        expected = {name for module, name in asked if module == f"wavesweep.engine.{room}"}
+        assert {name for _, name in offered_by(room)} == expected, room
+
+
+def defined(module, name):
+    """The function or class of that name in a module, as a syntax tree; None if it is neither."""
+    path = PACKAGE.parent.joinpath(*module.split(".")).with_suffix(".py")
+    kinds = ast.FunctionDef, ast.ClassDef
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return next((node for node in tree.body if isinstance(node, kinds) and node.name == name), None)
+
+
+@pytest.mark.parametrize("room", DOORS)
+def test_what_goes_through_a_door_is_documented_and_typed(room):
+    for module, name in offered_by(room):
+        node = defined(module, name)
+        if isinstance(node, ast.FunctionDef):
+            functions = [node]
+        else:
+            functions = [each for each in (node.body if node else ()) if isinstance(each, ast.FunctionDef)]
+        for function in functions:
+            if function.name.startswith("_"):
+                continue
+            parameters = [*function.args.args, *function.args.kwonlyargs]
+            bare = [each.arg for each in parameters if each.annotation is None and each.arg not in ("self", "cls")]
+            assert bare == [], (module, name, function.name)
+            assert function.returns is not None, (module, name, function.name)
+            assert ast.get_docstring(function), (module, name, function.name)
+        assert node is None or ast.get_docstring(node), (module, name)
+
+
+@pytest.mark.parametrize("room", DOORS)
+def test_a_door_has_the_names_that_it_says(room):
+    """What type checkers read and what is loaded on demand are the same names of the same modules."""
+    listed = offered_by(room)
+    tree = ast.parse((PACKAGE / "engine" / f"{room}.py").read_text(encoding="utf-8"))
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == "on_demand"]
+    sources = ast.literal_eval(calls[0].args[0])
+    assert {(f"wavesweep.engine.{source}", name) for source, names in sources.items() for name in names} == listed
+    door = importlib.import_module(f"wavesweep.engine.{room}")
+    for module, name in listed:
+        assert getattr(door, name) is getattr(importlib.import_module(module), name)
+    with pytest.raises(AttributeError, match="is none of the names"):
+        door.no_such_name  # noqa: B018
+
+
 def test_a_search_for_intervals_loads_no_response():
     """What is felt at rest is loaded where it is asked for."""
-    loaded = loaded_by("import wavesweep.engine.search.interval_search")
-    assert not {name for name in loaded if name.startswith(("wavesweep.engine.response.", "wavesweep.engine.energy."))}
+    loaded = loaded_by("import wavesweep.engine._search.interval_search")
+    assert not {name for name in loaded if name.startswith(("wavesweep.engine._response.", "wavesweep.engine._energy."))}
 
 
 def test_no_modules_import_each_other_in_a_circle():
@@ -192,7 +287,10 @@ def test_the_simulator_knows_nothing_of_blocks_and_lifting():
     beside = {"experiment.py", "table.py", "figure.py", "command.py", "library.py"}  # which show the linear loop beside it
     sources = {source for source in (PACKAGE / "simulation").rglob("*.py") if source.name not in beside}
     names = {name for source in sources for name in imports_of(source)}
-    rooms = [LAYERS.index(f"engine.{room}") for room in ("loops", "monodromy", "stability", "response")]
+    rooms = [
+        LAYERS.index(f"engine.{room}")
+        for room in ("_loops", "_monodromy", "_stability", "_response", "blocks", "frames", "poles", "response")
+    ]
     known = {name for name in names if layer_of(name) in rooms}
     assert known <= {
         "wavesweep.haptics.controllers",

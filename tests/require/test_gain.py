@@ -8,8 +8,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, minimize_scalar
 
 import wavesweep
+from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.monodromy.periodic import in_a_row
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM
 from wavesweep.require.long_gain import of_tick, then
 from wavesweep.require.sines import Panel

@@ -11,8 +11,8 @@ from support.drawn import random_feedback, random_tables
 from support.specs import KINDS, nested, random_values
 
 import wavesweep
+from wavesweep.engine._monodromy.radius import errors_within, within
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.monodromy.radius import errors_within, within
 from wavesweep.program.analyses.own_design import own_design, own_lines
 from wavesweep.program.spec import load
 from wavesweep.program.tables import kind_named

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.stability.spectrum import damping_ratio, least_damping
+from wavesweep.engine._stability.spectrum import damping_ratio, least_damping
 from wavesweep.sensitivity.sensitivity import crossings_of, tracked_eigenvalue
 
 

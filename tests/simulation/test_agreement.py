@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.responses import loop_of
 
-from wavesweep.engine.response.steady import respond
+from wavesweep.engine._response.steady import respond
 from wavesweep.simulation.inputs import stepped_sine
 from wavesweep.simulation.march import simulate
 from wavesweep.simulation.record import estimate

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from support.drawings import pmw, random_drawing
 
+from wavesweep.engine._loops.from_drawing import Ports
+from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.periodic import Ticks
+from wavesweep.engine._response.lifted import Lifted
+from wavesweep.engine._response.port import port_of
+from wavesweep.engine._response.steady import respond
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.from_drawing import Ports
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.port import port_of
-from wavesweep.engine.response.steady import respond
 from wavesweep.simulation.inputs import Tone
 from wavesweep.simulation.march import run_drawn
 from wavesweep.simulation.record import components

@@ -6,8 +6,8 @@ import scipy.linalg
 from support.plants import bodies, joint
 
 import wavesweep
+from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.program.spec import load
 
 

@@ -7,11 +7,11 @@ import numpy as np
 from support import certified
 from support.intervals import cut_of
 
+from wavesweep.engine._search.interval_search import intervals_of
+from wavesweep.engine._search.open_loops import Opened
+from wavesweep.engine._search.question import Question, Slices
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.interval_search import intervals_of
-from wavesweep.engine.search.open_loops import Opened
-from wavesweep.engine.search.question import Question, Slices
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.haptics.controllers import WALL
 

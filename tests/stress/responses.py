@@ -10,8 +10,8 @@ from stress.specs import FAMILIES, maybe, spread, usual
 from support import balls
 from support.responses import loop_of
 
+from wavesweep.engine._response.steady import respond
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.response.steady import respond
 from wavesweep.program.columns import SPARED
 
 BITS = (256, 512, 1024, 2048, 4096)

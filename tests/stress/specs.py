@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from support.specs import INTEGRATIONS, random_values
 
-from wavesweep.engine.keys.key import LARGEST, SMALLEST
+from wavesweep.engine._keys.key import LARGEST, SMALLEST
 
 
 @dataclass(frozen=True)

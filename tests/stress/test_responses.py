@@ -5,7 +5,7 @@ import pytest
 from stress import responses
 from support.responses import loop_of
 
-from wavesweep.engine.response.gain import gain_of
+from wavesweep.engine._response.gain import gain_of
 
 pytestmark = pytest.mark.slow
 

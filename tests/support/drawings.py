@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.engine.loops import blocks
-from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.engine._loops import blocks
+from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 
 T = 1e-3
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from wavesweep.engine._monodromy.cut import FIRST, SECOND
+from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.monodromy.cut import FIRST, SECOND
-from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.haptics.controller_page import wall_cut
 
 NUMBER = {"K_VE": FIRST, "B_VE": SECOND}  # those of a wall, as a cut names them

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from wavesweep.engine._response.at_hand import ports_of_batch
+from wavesweep.engine._response.lifted import Lifted
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response.at_hand import ports_of_batch
-from wavesweep.engine.response.lifted import Lifted
 from wavesweep.haptics.controller_page import loop_drawing
 
 

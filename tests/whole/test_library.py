@@ -14,8 +14,8 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import wavesweep
 from wavesweep.capabilities import CAPABILITIES, of_library
+from wavesweep.engine._loops.multirate import MultirateLoop
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.program import api
 from wavesweep.program.platform_compat import one_thread
 from wavesweep.program.spec import load

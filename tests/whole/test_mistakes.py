@@ -15,9 +15,9 @@ import pytest
 from support.drawn import ARM, DRIVE, PD, WALL
 
 from wavesweep.designs.wish_keys import WISHES
-from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._keys.checking import show
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import show
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.spec import KEYS, load
 from wavesweep.program.spec.shipped_classes import shipped_classes

@@ -8,11 +8,11 @@ from operator import attrgetter
 import numpy as np
 
 from wavesweep.capabilities import asked, home_of
-from wavesweep.engine.drawing.drawing import scalars
-from wavesweep.engine.drawing.expressions import sum_of, value_of
+from wavesweep.engine.drawing import scalars
 from wavesweep.engine.errors import SpecError, UsageError
+from wavesweep.engine.expressions import sum_of, value_of
+from wavesweep.engine.frames import open_loops
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.open_loops import open_loops
 from wavesweep.haptics.controller_page import keys_of_page, steps_of
 from wavesweep.program.analyses.interval_jobs import job_of, method
 from wavesweep.program.analyses.plane_columns import seconds_of_curves

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.keys import Key
 from wavesweep.program.reading.tables import SpecTable, TableValue
 
 if TYPE_CHECKING:

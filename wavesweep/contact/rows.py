@@ -11,13 +11,11 @@ from wavesweep.contact.motions import motion_beyond
 from wavesweep.contact.stretches import NEAR, Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
+from wavesweep.engine.frames import FIRST, SECOND, LinearFractional, open_loops
+from wavesweep.engine.intervals import blank_records, record_type, stable_intervals
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.cut import FIRST, SECOND, LinearFractional
-from wavesweep.engine.search.interval_records import blank_records, record_type
-from wavesweep.engine.search.open_loops import open_loops
-from wavesweep.engine.stability.stable import stable_intervals
 from wavesweep.haptics.felt import FELT
 from wavesweep.program.analyses.interval_jobs import Guarantee
 from wavesweep.program.spec import Spec

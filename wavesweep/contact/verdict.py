@@ -6,12 +6,10 @@ from wavesweep.contact.motions import motion_at
 from wavesweep.contact.rows import FREE, LINEAR, wall_cut
 from wavesweep.contact.stretches import Line
 from wavesweep.contact.wall_loop import WallLoop, WallsAlong
-from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.drawing.gain_at_signal import GAIN
+from wavesweep.engine.drawing import GAIN, Drawing
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
-from wavesweep.engine.monodromy.cut import LinearFractional
-from wavesweep.engine.search.open_loops import open_loops
-from wavesweep.engine.stability.spectrum import radius_of
+from wavesweep.engine.frames import LinearFractional, open_loops
+from wavesweep.engine.poles import radius_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY, LinearFractional
-from wavesweep.engine.monodromy.rounding import balance
-from wavesweep.engine.stability.spectrum import count_outside
+from wavesweep.engine.frames import ADVANCE, OFFSET, VELOCITY, LinearFractional, balance
+from wavesweep.engine.poles import count_outside
 
 ROUNDING = 2.0**-52  # of an operation, twice what it can be
 SURELY = 4.0  # times the bounds: they are computed in doubles as well

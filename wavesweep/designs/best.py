@@ -11,7 +11,7 @@ import numpy as np
 from wavesweep.designs.family import Scenario, described
 from wavesweep.designs.keys import Design
 from wavesweep.designs.table import wish_units
-from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.drawing import name_of
 from wavesweep.program.analyses.hardware_limits import GIVEN
 from wavesweep.program.reading.keys import BAND_EDGES
 from wavesweep.program.results.folder import BEST, HEADER

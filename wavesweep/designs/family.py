@@ -8,7 +8,7 @@ from math import prod
 import numpy as np
 
 from wavesweep.designs.keys import HAND, in_order
-from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.program.spec import Spec
 

@@ -167,7 +167,7 @@ def _draw_values(axes: Any, name: str, values: Sequence[float | None], looks: Se
 
 def _draw_admittances(axes: Any, spec: Any, designs: Mapping[str, Mapping[str, Any]], varied: list[str], looks: Any) -> None:
     """The admittances of the spec with the numbers of each design, its own first."""
-    from wavesweep.engine.response.steady import respond
+    from wavesweep.engine.response import respond
     from wavesweep.program.analyses.spec_loops import loop_at_hand
     from wavesweep.program.sweep.grid import own_loop
 

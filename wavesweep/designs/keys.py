@@ -9,10 +9,9 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.designs.wish_keys import OF_DEVICE, WISHES, Wish
-from wavesweep.engine.drawing.drawing import Drawing, path_of
+from wavesweep.engine.drawing import Drawing, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import Mistakes, Rejected, check, show
-from wavesweep.engine.keys.key import Key, Leaf, Names, Place
+from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, Rejected, check, show
 from wavesweep.haptics.controllers import WALL
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, KEYS, MOST_SEED, VALUE_PATHS

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.keys.key import Key, Place
+from wavesweep.engine.keys import Key, Place
 from wavesweep.program.reading.keys import ALL_MODES, HARDWARE_KEYS, KEYS, MODES
 
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]

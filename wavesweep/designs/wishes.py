@@ -12,12 +12,9 @@ from wavesweep.designs.family import OF_ALL, Points, Scenario, points_of
 from wavesweep.designs.wish_keys import Wish
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response.at_hand import ports_of_batch
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.static import Response
-from wavesweep.engine.response.steady import respond
+from wavesweep.engine.poles import eigenvalues, least_damping, radius_of, size_gone
+from wavesweep.engine.response import Lifted, Response, ports_of_batch, respond
 from wavesweep.engine.rows import Rows, distinct_rows
-from wavesweep.engine.stability.spectrum import eigenvalues, least_damping, radius_of, size_gone
 from wavesweep.haptics.controller_page import keys_of_page
 from wavesweep.haptics.felt import felt_of
 from wavesweep.program.analyses.hardware_limits import peaks_of

@@ -8,27 +8,27 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.engine._drawing.drawing import Drawing
+from wavesweep.engine._drawing.expressions import Terms, text_of
+from wavesweep.engine._energy.lifted_map import TickMaps, damping_peak
+from wavesweep.engine._energy.norms import squared_norm
+from wavesweep.engine._keys.checking import Rejected, check, computable, nearest
+from wavesweep.engine._keys.key import Key, Names
+from wavesweep.engine._loops.from_drawing import OUTPUT
+from wavesweep.engine._monodromy.periodic import Ticks
+from wavesweep.engine._response.at_hand import ports_of_batch
+from wavesweep.engine._response.lifted import Lifted
+from wavesweep.engine._response.port import Port
+from wavesweep.engine._response.steady import transfer
+from wavesweep.engine._search.interval_search import Search, Searches
+from wavesweep.engine._search.question import Prover
+from wavesweep.engine._stability.modes import certain_modes, named_modes
+from wavesweep.engine._stability.spectrum import count_outside, damping_ratio, is_stable
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.doubts import words
-from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.drawing.expressions import Terms, text_of
-from wavesweep.engine.energy.lifted_map import TickMaps, damping_peak
-from wavesweep.engine.energy.norms import squared_norm
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import Rejected, check, computable, nearest
-from wavesweep.engine.keys.key import Key, Names
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import OUTPUT
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.response.at_hand import ports_of_batch
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.port import Port
-from wavesweep.engine.response.steady import transfer
 from wavesweep.engine.rows import distinct
-from wavesweep.engine.search.interval_search import Search, Searches
-from wavesweep.engine.search.question import Prover
-from wavesweep.engine.stability.modes import certain_modes, named_modes
-from wavesweep.engine.stability.spectrum import count_outside, damping_ratio, is_stable
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -221,7 +221,7 @@ class ClosedLoop:
         numbers : dict, optional
             Other values of other numbers: name -> number or array.
         prover : callable, optional
-            Is asked about stretches that doubles leave in doubt; see `wavesweep.engine.search.question.Prover`.
+            Is asked about stretches that doubles leave in doubt; see `wavesweep.engine._search.question.Prover`.
 
         Returns
         -------

@@ -6,17 +6,17 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from wavesweep.engine.drawing import gain_at_signal
-from wavesweep.engine.drawing.drawing import Drawing, path_of
+from wavesweep.engine._drawing import gain_at_signal
+from wavesweep.engine._drawing.drawing import Drawing, path_of
+from wavesweep.engine._loops import dead_time, domain, from_drawing
+from wavesweep.engine._loops.common_tick import with_common_tick
+from wavesweep.engine._loops.from_drawing import hand_of
+from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.periodic import Ticks
+from wavesweep.engine._stability.spectrum import radius_of
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops import dead_time, domain, from_drawing
-from wavesweep.engine.loops.common_tick import with_common_tick
-from wavesweep.engine.loops.from_drawing import hand_of
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.engine.rows import distinct, items_of, selected
-from wavesweep.engine.stability.spectrum import radius_of
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 Bools = np.ndarray[Any, np.dtype[np.bool_]]

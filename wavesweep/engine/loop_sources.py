@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from wavesweep.engine._drawing.block_classes import expanded
+from wavesweep.engine._drawing.drawing_keys import is_name
+from wavesweep.engine._drawing.drawing_tables import TABLES, read_drawing
+from wavesweep.engine._keys.checking import Mistakes
+from wavesweep.engine._keys.key import Place, leaves_of, read_dict, split_names
 from wavesweep.engine.closed_loop import ClosedLoop
-from wavesweep.engine.drawing.block_classes import expanded
-from wavesweep.engine.drawing.drawing_keys import is_name
-from wavesweep.engine.drawing.drawing_tables import TABLES, read_drawing
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.keys.checking import Mistakes
-from wavesweep.engine.keys.key import Place, leaves_of, read_dict, split_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

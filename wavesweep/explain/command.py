@@ -10,9 +10,9 @@ from typing import NamedTuple
 import click
 from click.shell_completion import CompletionItem
 
-from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing import TYPES
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest
+from wavesweep.engine.keys import nearest
 from wavesweep.explain.words import MESSAGES, TERMS
 from wavesweep.program.cli.entry import COMMANDS, verbosity
 from wavesweep.program.cli.messages import width

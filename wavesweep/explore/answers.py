@@ -11,9 +11,8 @@ import numpy as np
 
 from wavesweep.capabilities import asked
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.monodromy.cut import LinearFractional
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.steady import respond
+from wavesweep.engine.frames import LinearFractional
+from wavesweep.engine.response import Lifted, respond
 from wavesweep.explore.plane import quick_columns, refined_curve
 from wavesweep.explore.sliders import taken
 from wavesweep.haptics.controller_page import wall_cut

@@ -10,10 +10,9 @@ At z = 1 and z = -1 all three terms are real, and the boundary is a straight lin
 
 import numpy as np
 
-from wavesweep.engine.monodromy.cut import LinearFractional
-from wavesweep.engine.monodromy.unit_circle import on_circle, solve
-from wavesweep.engine.stability.boundary import terms_of, times
-from wavesweep.engine.stability.spectrum import is_stable
+from wavesweep.engine.frames import LinearFractional, on_circle, solve
+from wavesweep.engine.intervals import terms_of, times
+from wavesweep.engine.poles import is_stable
 
 
 def plane_curve(cut: LinearFractional, theta) -> np.ndarray:

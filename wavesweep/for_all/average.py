@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.engine.sets.taylor_models import Polynomials, monomials
+from wavesweep.engine.sets import Polynomials, monomials
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.mean_square import SIZING, operator_of
 from wavesweep.for_all.norms import CALLS, Centre, packed, unpacked

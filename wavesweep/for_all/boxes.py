@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets.enclosed_loop import Side
+from wavesweep.engine.sets import Side
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frames_over import constant_frames
 from wavesweep.for_all.ranges import cover

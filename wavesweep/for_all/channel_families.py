@@ -13,16 +13,13 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of, scalars
-from wavesweep.engine.drawing.expressions import value_of
+from wavesweep.engine.blocks import FACTOR, PRODUCT, Block, MultirateLoop, ScheduledBlock, scalar_place
+from wavesweep.engine.drawing import Drawing, name_of, path_of, scalars
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import value_of
+from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
-from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
+from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import ORDER, FramesOver, TickPlace, inside_of
 from wavesweep.for_all.loop_frames import LoopFrames

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.rounding import balance
+from wavesweep.engine.frames import balance
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.norms import Centre, find_norms, hessian_of, packed, unpacked
 

@@ -11,11 +11,11 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing, name_of
-from wavesweep.engine.drawing.expressions import degree
+from wavesweep.engine.blocks import scalar_place
+from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import degree
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import scalar_place
 from wavesweep.for_all.joint import PROVED, decide
 from wavesweep.for_all.members import claims_hold
 from wavesweep.for_all.rows import FOR_ALL_RECORD, Row, all_of, cases_of, is_near, recorded, text_of_part

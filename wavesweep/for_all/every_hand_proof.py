@@ -21,12 +21,11 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.drawing.drawn_block import DrawnBlock
-from wavesweep.engine.energy.lifted_map import TickMaps, closure, damping_peak
+from wavesweep.engine.drawing import Drawing, DrawnBlock
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.stability.spectrum import is_stable
+from wavesweep.engine.norms import TickMaps, closure, damping_peak
+from wavesweep.engine.poles import is_stable
 from wavesweep.for_all.dissipation import automaton, least_damping
 from wavesweep.for_all.graph import Graph
 from wavesweep.for_all.loop_frames import Symbol, alive

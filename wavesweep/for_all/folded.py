@@ -10,9 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.monodromy.drift import MarginalModes, consistent_solution
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.sets.taylor_models import UNIT
+from wavesweep.engine.frames import MarginalModes, Ticks, consistent_solution
+from wavesweep.engine.sets import UNIT
 
 
 def lasting(drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: np.ndarray) -> MarginalModes:

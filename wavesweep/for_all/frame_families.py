@@ -10,12 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from wavesweep.engine.drawing.block_types import without_rule
-from wavesweep.engine.drawing.conditions import finite_value
-from wavesweep.engine.drawing.drawing import Drawing, name_of, scalars
-from wavesweep.engine.drawing.drawn_block import DrawnBlock
-from wavesweep.engine.drawing.expressions import names_in, text_of
+from wavesweep.engine.drawing import Drawing, DrawnBlock, finite_value, name_of, scalars, without_rule
 from wavesweep.engine.errors import Mistake, SpecError
+from wavesweep.engine.expressions import names_in, text_of
 from wavesweep.for_all.loop_frames import Symbol
 from wavesweep.for_all.plan import Plan, Schedule
 from wavesweep.haptics.controller_page import loop_drawing

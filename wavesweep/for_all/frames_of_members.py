@@ -6,8 +6,7 @@ from functools import reduce
 
 import numpy as np
 
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.periodic import Ticks
+from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.for_all.folded import counted_from_rest, shift_of
 from wavesweep.for_all.loop_frames import Symbol
 

@@ -11,12 +11,10 @@ from itertools import groupby
 
 import numpy as np
 
+from wavesweep.engine.blocks import MultirateLoop
+from wavesweep.engine.frames import MarginalModes, Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
-from wavesweep.engine.sets.taylor_models import UNIT, Polynomials, TaylorModel, UnresolvedError, monomials
+from wavesweep.engine.sets import UNIT, EnclosedLoop, Polynomials, Side, TaylorModel, UnresolvedError, monomials
 from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.loop_frames import Symbol, alive
 

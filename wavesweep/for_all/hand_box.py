@@ -8,8 +8,8 @@ import numpy as np
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.intervals import blank_records
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.interval_records import blank_records
 from wavesweep.for_all.unknown import Case, Part, Proved, proofs
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.felt import RECORD

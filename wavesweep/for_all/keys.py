@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.engine.keys.checking import show
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.keys import Key, show
 from wavesweep.for_all.asked_ranges import DELAY, ForAllRanges, values_of_range
 from wavesweep.program.reading.axes import axis_place, build_axis
 from wavesweep.program.reading.tables import Section, SpecTable

@@ -7,12 +7,8 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.open_ticks import OpenTicks
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.monodromy.product import pattern_of, product_with_errors
-from wavesweep.engine.monodromy.rounding import ENTRIES, both
-from wavesweep.engine.sets.taylor_models import Polynomials
+from wavesweep.engine.frames import ENTRIES, MarginalModes, OpenTicks, Ticks, both, pattern_of, product_with_errors
+from wavesweep.engine.sets import Polynomials
 from wavesweep.for_all.folded import counted_from_rest, shift_of
 
 SOLVABLE = 1e-6  # least size of 1 - d x, relative to its terms, for which the loop through the number is solved

@@ -21,11 +21,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev, chebpts2
 
-from wavesweep.engine.drawing.drawing import Drawing, name_of, scalars
-from wavesweep.engine.drawing.expressions import degree, names_in
+from wavesweep.engine.blocks import values_of
+from wavesweep.engine.drawing import Drawing, name_of, scalars
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.values import values_of
-from wavesweep.engine.stability.spectrum import count_outside
+from wavesweep.engine.expressions import degree, names_in
+from wavesweep.engine.poles import count_outside
 from wavesweep.for_all.channel_families import LOST, channels_of, frames_with_messages
 from wavesweep.for_all.frame_families import LOST as LOST_RESULT
 from wavesweep.for_all.graph import Graph

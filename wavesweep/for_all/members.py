@@ -9,8 +9,8 @@ from itertools import product
 
 import numpy as np
 
+from wavesweep.engine.intervals import Search
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.interval_search import Search
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.unknown import Case

@@ -11,7 +11,7 @@ from math import comb
 
 import numpy as np
 
-from wavesweep.engine.sets.taylor_models import UNIT, Polynomials, monomials
+from wavesweep.engine.sets import UNIT, Polynomials, monomials
 from wavesweep.for_all.graph import Graph
 
 SURELY = 4.0  # times the bounds: what is computed in doubles of bounds is known to far better than that

@@ -5,8 +5,8 @@ from heapq import nlargest
 
 import numpy as np
 
-from wavesweep.engine.monodromy.rounding import both
-from wavesweep.engine.stability.spectrum import count_outside
+from wavesweep.engine.frames import both
+from wavesweep.engine.poles import count_outside
 from wavesweep.for_all.graph import Family, Graph
 from wavesweep.for_all.norm_check import Norms
 

@@ -6,15 +6,12 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing, name_of, path_of
+from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop, scalar_place
+from wavesweep.engine.drawing import Drawing, name_of, path_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.frames import MarginalModes, OpenTicks, Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, scalar_place
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.open_ticks import OpenTicks
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
+from wavesweep.engine.sets import EnclosedLoop, Side
 from wavesweep.for_all.folded import lasting
 from wavesweep.for_all.frames_of_members import Members, frames_of_ticks
 from wavesweep.for_all.frames_over import ORDER, FramesOver, TickPlace, inside_of

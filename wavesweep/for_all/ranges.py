@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wavesweep.engine.sets.taylor_models import LEAST, Polynomials, monomials
+from wavesweep.engine.sets import LEAST, Polynomials, monomials
 from wavesweep.for_all.average import OnAverage, forms_of_one, forms_on_average
 from wavesweep.for_all.norm_check import shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped

@@ -7,13 +7,13 @@ from textwrap import shorten
 
 import numpy as np
 
+from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.drawing.drawing import SHARES, name_of, path_of
-from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.drawing import SHARES, name_of, path_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import names_in
+from wavesweep.engine.intervals import blank_records, record_type
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.search.interval_records import blank_records, record_type
 from wavesweep.for_all.asked_ranges import values_of_range
 from wavesweep.for_all.frame_families import DELAY, RATIO
 from wavesweep.for_all.joint import UNKNOWN

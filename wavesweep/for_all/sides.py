@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.sets.enclosed_loop import Side
+from wavesweep.engine.sets import Side
 from wavesweep.for_all.ranges import Covering
 
 WIDE = 1.5  # ratio of the ends of a range above which a side is its logarithm

@@ -9,15 +9,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.drawing import name_of
+from wavesweep.engine.frames import TINY, frames_where_solvable
+from wavesweep.engine.intervals import Resolution, Search
+from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.resolution import Resolution
-from wavesweep.engine.loops.resolution import Side as Expressed
 from wavesweep.engine.rows import distinct
-from wavesweep.engine.search.frames_along import frames_where_solvable
-from wavesweep.engine.search.interval_search import Search
-from wavesweep.engine.search.open_loops import TINY
-from wavesweep.engine.sets.enclosed_loop import Side
+from wavesweep.engine.sets import Side
 from wavesweep.for_all.average import ALONE, OnAverage
 from wavesweep.for_all.climb import climb, constant_growth, corners_of
 from wavesweep.for_all.frames_over import constant_frames

@@ -10,13 +10,12 @@ from itertools import groupby
 
 import numpy as np
 
-from wavesweep.engine.drawing.block_types import without_rule
-from wavesweep.engine.drawing.drawing import Drawing, name_of
-from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.drawing import Drawing, name_of, without_rule
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.loops.resolution import Resolution
-from wavesweep.engine.loops.resolution import Side as Expressed
-from wavesweep.engine.sets.enclosed_loop import Side
+from wavesweep.engine.expressions import names_in
+from wavesweep.engine.intervals import Resolution
+from wavesweep.engine.intervals import Side as Expressed
+from wavesweep.engine.sets import Side
 from wavesweep.for_all.asked_ranges import ForAllRanges, values_of_range
 from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.channel_families import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.sets.enclosed_loop import Side
+from wavesweep.engine.sets import Side
 from wavesweep.for_all.average import OnAverage
 from wavesweep.for_all.climb import Growth, climb
 from wavesweep.for_all.frames_over import FramesOver

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest
+from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import read_csv
 
 MOST_BYTES = 1_000_000_000

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import name_of, scalars
-from wavesweep.engine.drawing.expressions import names_in, text_of, value_of
+from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.frame_times.times import MeasuredFrames, read_run
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.program.sweep.grid import own_loop

@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controllers import CONTROLLERS, WALL
 
 if TYPE_CHECKING:
-    from wavesweep.engine.monodromy.cut import LinearFractional
+    from wavesweep.engine.frames import LinearFractional
 
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import ceil, floor
 
-from wavesweep.engine.drawing.block_types import TYPES
-from wavesweep.engine.drawing.drawn_block import DrawnBlock
-from wavesweep.engine.drawing.expressions import Tree, linear
-from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine.drawing import TYPES, DrawnBlock
+from wavesweep.engine.expressions import Tree, linear, parse
 from wavesweep.haptics.controllers import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
@@ -183,8 +181,8 @@ def wall_cut(values: Mapping[str, object]) -> LinearFractional | None:
 
     values: flat keys, with numbers or arrays over the loops.
     """
+    from wavesweep.engine.frames import open_loops
     from wavesweep.engine.loop import Loops
-    from wavesweep.engine.search.open_loops import open_loops
 
     loops = Loops(loop_drawing(values), values).read
     opened = open_loops(loops, *WALL, per_loop=True)

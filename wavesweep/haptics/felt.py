@@ -5,17 +5,13 @@ from contextlib import suppress
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing, name_of
+from wavesweep.engine.blocks import FACTOR, PRODUCT, MultirateLoop, Ports, hand_of, scalar_place, seen_by_hand, timing
+from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
+from wavesweep.engine.frames import Opened, by_zeros
+from wavesweep.engine.intervals import AtPort, Question, buildable, record_type
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT, Ports, hand_of, scalar_place, seen_by_hand
-from wavesweep.engine.loops.multirate import MultirateLoop
 from wavesweep.engine.rows import different, distinct_rows
-from wavesweep.engine.search.at_ends import AtPort, buildable
-from wavesweep.engine.search.interval_records import record_type
-from wavesweep.engine.search.open_loops import Opened, by_zeros
-from wavesweep.engine.search.question import Question
 from wavesweep.haptics.resting import DcGain, frame_dcgain, shows_at_rest, tick_dcgain
 
 FELT = ("felt_low", "felt_high")
@@ -59,7 +55,7 @@ def _fill_felt(felt, loops):
     unknown = np.flatnonzero(np.isnan(felt))
     if not unknown.size:
         return
-    from wavesweep.engine.response.at_hand import varied_rates
+    from wavesweep.engine.response import varied_rates
 
     rates = varied_rates(loops)
     if drift.varying and rates:  # what drifts may depend on the rate: the loops of each one by themselves
@@ -70,9 +66,7 @@ def _fill_felt(felt, loops):
             values = {path: rate[at].item() for path, rate in rates.items()}
             felt[members] = felt_of(loops.some(members).changed(values), members.size)
         return
-    from wavesweep.engine.response.lifted import Lifted
-    from wavesweep.engine.response.port import port_of
-    from wavesweep.engine.response.steady import static_response
+    from wavesweep.engine.response import Lifted, port_of, static_response
 
     if unknown.size < size:
         drawn = loops.some(unknown).drawn()

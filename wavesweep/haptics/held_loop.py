@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
-from wavesweep.engine.drawing.expressions import ONE
+from wavesweep.engine.blocks import MultirateLoop, axes_of, built, shares, values_of
+from wavesweep.engine.drawing import AT, Drawing, scalars
+from wavesweep.engine.expressions import ONE
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.dead_time import built, shares
-from wavesweep.engine.loops.from_drawing import axes_of
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.loops.values import values_of
-from wavesweep.engine.response.port import Port, port_of
+from wavesweep.engine.response import Port, port_of
 from wavesweep.haptics.controllers import HAND
 
 

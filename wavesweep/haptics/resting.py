@@ -13,14 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.loops.from_drawing import Ports
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes, relative_row
-from wavesweep.engine.monodromy.interconnect import all_sums, connect
-from wavesweep.engine.monodromy.open_frame import OpenFrame
-from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
-from wavesweep.engine.response.bounded_sums import ordered_products
-from wavesweep.engine.response.linear_systems import solved
+from wavesweep.engine.blocks import MultirateLoop, Ports, all_sums, connect
+from wavesweep.engine.frames import ENTRIES, ROUNDING, MarginalModes, OpenFrame, relative_row
+from wavesweep.engine.response import ordered_products, solved
 
 SURE = 1e-9  # relative error up to which a stiffness is known; as a share of a rigid wall's, what counts as nothing felt
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.drawing.block_types import LONGEST_DELAY
+from wavesweep.engine.drawing import LONGEST_DELAY
 from wavesweep.program.spec.writing import as_toml
 
 PATHS = {"mass": "device.mass", "damping": "device.damping", "stiffness": "operator.stiffness"}

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import name_of
-from wavesweep.engine.response.steady import respond
+from wavesweep.engine.drawing import name_of
+from wavesweep.engine.response import respond
 from wavesweep.identification.points import FrequencyResponse, MeasuredWalls, response_of, walls_of
 from wavesweep.program.analyses.asked import axes_asked, axis_along
 from wavesweep.program.analyses.interval_jobs import job_over

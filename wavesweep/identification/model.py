@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from wavesweep.engine.loops.device import impulse_and_step, motion
+from wavesweep.engine.blocks import impulse_and_step, motion
 
 TWIST = ("twist", "slip")  # of two masses at the first row: x_1 - x_2 and v_1 - v_2
 OWN = ("start", "velocity", "offset", "bias", *TWIST)  # numbers of the log alone

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest
+from wavesweep.engine.keys import nearest
 from wavesweep.program.csv_files import SHOWN, read_csv
 from wavesweep.program.reading.reading import read_bytes
 

@@ -12,7 +12,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.key import TURNED
+from wavesweep.engine.keys import TURNED
 from wavesweep.identification.columns import COLUMNS
 from wavesweep.identification.device_spec import PATHS, negative, spoken
 from wavesweep.program.analyses.assumptions import USUAL

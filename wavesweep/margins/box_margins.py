@@ -14,21 +14,15 @@ from itertools import chain, product
 
 import numpy as np
 
+from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.drawing.complex_gain import TWIN, with_complex_factor
-from wavesweep.engine.drawing.drawing import name_of, path_of
-from wavesweep.engine.drawing.expressions import with_trees
-from wavesweep.engine.drawing.gain_at_signal import GAIN
-from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine.drawing import GAIN, TWIN, name_of, path_of, with_complex_factor
+from wavesweep.engine.expressions import parse, with_trees
+from wavesweep.engine.frames import Frames, balance, inverse, on_circle
+from wavesweep.engine.intervals import Cover, FunctionValues, Resolution, any_positive
+from wavesweep.engine.intervals import Side as Expressed
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.loops.resolution import Resolution
-from wavesweep.engine.loops.resolution import Side as Expressed
-from wavesweep.engine.monodromy.rounding import balance
-from wavesweep.engine.monodromy.unit_circle import inverse, on_circle
-from wavesweep.engine.sets.enclosed_loop import Side
-from wavesweep.engine.stability.positive import Cover, FunctionValues, any_positive
-from wavesweep.engine.stability.sampled_frames import Frames
+from wavesweep.engine.sets import Side
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.margins.broken_loops import broken_at, with_block
 from wavesweep.margins.lifted_margins import margins_of

@@ -6,15 +6,13 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import path_of
-from wavesweep.engine.drawing.gain_at_signal import BLOCK, GAIN
+from wavesweep.engine.blocks import FACTOR, PRODUCT
+from wavesweep.engine.drawing import BLOCK, GAIN, path_of
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest
+from wavesweep.engine.frames import OpenTicks, open_loops
+from wavesweep.engine.keys import nearest
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
-from wavesweep.engine.monodromy.open_ticks import OpenTicks
-from wavesweep.engine.search.lines_of_loops import lines_in_loops
-from wavesweep.engine.search.open_loops import open_loops
+from wavesweep.engine.poles import lines_in_loops
 from wavesweep.margins.lifted_margins import LiftedLoop
 from wavesweep.margins.loop_margins import BESIDE, MOST, BrokenLoop, Margin
 from wavesweep.program.spec import Spec, load

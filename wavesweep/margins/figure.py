@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.response.step import Step
+from wavesweep.engine.response import Step
 from wavesweep.margins.marked_steps import MARK, draw_others, draw_step
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.figure_layout import MOST_MEMBERS

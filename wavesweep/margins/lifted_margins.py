@@ -15,14 +15,9 @@ from functools import cached_property
 import numpy as np
 
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.energy.hinf import SOFT, START
-from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, reached, read
-from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.open_ticks import OpenTicks
-from wavesweep.engine.monodromy.unit_circle import on_circle, solve
-from wavesweep.engine.stability.along_any import stable_along_any
-from wavesweep.engine.stability.sampled_frames import Frames
+from wavesweep.engine.frames import Frames, MarginalModes, OpenTicks, on_circle, solve
+from wavesweep.engine.intervals import stable_along_any
+from wavesweep.engine.norms import SOFT, START, TOLERANCE, LiftedMap, TickMaps, reached, read, squared_norm
 from wavesweep.margins.loop_margins import (
     BESIDE,
     SPANS,

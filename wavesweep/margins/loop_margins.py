@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.energy.hinf import SOFT, START, Peak, angles, with_middles
-from wavesweep.engine.energy.lifted_map import TickMaps
-from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
-from wavesweep.engine.monodromy.cut import FIRST, LinearFractional
-from wavesweep.engine.monodromy.unit_circle import on_circle, solve
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine.frames import FIRST, LinearFractional, on_circle, solve
+from wavesweep.engine.intervals import stable_intervals
+from wavesweep.engine.norms import SOFT, START, TOLERANCE, Peak, TickMaps, angles, squared_norm, with_middles
 
 MOST = 1e6  # times more or less gain, up to which a limit is looked for
 SPANS = 16.0, 1e3, MOST  # of the gain; a short span is known better

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.response.step import BAND, Step
+from wavesweep.engine.response import BAND, Step
 from wavesweep.program.plots.sampling import extremes
 from wavesweep.program.plots.style import GRID, Look, distinct_colour
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.engine.doubts import words
 from wavesweep.engine.errors import UsageError, WavesweepError
-from wavesweep.engine.response.step import Step
+from wavesweep.engine.response import Step
 from wavesweep.margins.broken_loops import broken_at, cuts_of, lines_at
 from wavesweep.margins.figure import decibels_and_degrees, marks_of, response_of
 from wavesweep.margins.lifted_margins import margins_of

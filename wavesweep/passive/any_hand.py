@@ -4,13 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps, damping_peak, read
-from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.monodromy.unit_circle import solve
-from wavesweep.engine.response.linear_systems import solved
-from wavesweep.engine.stability.spectrum import is_stable
+from wavesweep.engine.blocks import Block, MultirateLoop
+from wavesweep.engine.frames import Ticks, solve
+from wavesweep.engine.norms import LiftedMap, TickMaps, damping_peak, read
+from wavesweep.engine.poles import is_stable
+from wavesweep.engine.response import solved
 from wavesweep.haptics.held_loop import HeldLoop
 
 LOWEST = 1e-3  # rad per frame; loops that do not settle are examined from here on

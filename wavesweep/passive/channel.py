@@ -5,15 +5,13 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import WAVE_ENDS, Drawing, path_of
-from wavesweep.engine.drawing.expressions import names_in
-from wavesweep.engine.energy.lifted_map import TickMaps, reached, read
-from wavesweep.engine.energy.norms import TOLERANCE, squared_norm
+from wavesweep.engine.blocks import Block, MultirateLoop, ScheduledBlock
+from wavesweep.engine.drawing import WAVE_ENDS, Drawing, path_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import names_in
+from wavesweep.engine.frames import Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.block import Block
-from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.periodic import Ticks
+from wavesweep.engine.norms import TOLERANCE, TickMaps, reached, read, squared_norm
 from wavesweep.haptics.controller_page import loop_drawing
 
 MOST_ENTRIES = 100_000  # of a channel's matrix: its norm takes a second; it grows with their power of 1.5

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.engine.doubts import Doubt
+from wavesweep.engine.intervals import blank_records
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.interval_records import blank_records
 from wavesweep.haptics.felt import RECORD
 from wavesweep.haptics.held_loop import HeldLoop, held_loop
 from wavesweep.passive.port_ranges import channel_ranges, hand_ranges, pair_ranges, port_ranges

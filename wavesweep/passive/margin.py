@@ -4,11 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.energy.hinf import SOFT, angles, hinf_norm
-from wavesweep.engine.energy.lifted_map import TickMaps
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.monodromy.unit_circle import solve
-from wavesweep.engine.stability.spectrum import count_outside, eigenvalues, is_stable
+from wavesweep.engine.frames import solve
+from wavesweep.engine.norms import SOFT, TickMaps, angles, hinf_norm
+from wavesweep.engine.poles import count_outside, eigenvalues, is_stable
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
 

@@ -16,15 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.energy.hinf import SOFT, Peak, angles, hinf_norm, tick
-from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
-from wavesweep.engine.loops.from_drawing import axes_of
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.monodromy.rounding import balance
-from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
-from wavesweep.engine.response.port import port_of
-from wavesweep.engine.stability.positive import FunctionValues
+from wavesweep.engine.blocks import MultirateLoop, axes_of
+from wavesweep.engine.frames import Ticks, balance, inverse, on_circle, solve
+from wavesweep.engine.intervals import FunctionValues
+from wavesweep.engine.norms import SOFT, LiftedMap, Peak, TickMaps, angles, hinf_norm, tick
+from wavesweep.engine.response import port_of
 from wavesweep.haptics.held_loop import HeldLoop, device_keys
 from wavesweep.passive.any_hand import reaction, settled
 from wavesweep.passive.channel import channel_of

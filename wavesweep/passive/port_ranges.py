@@ -1,7 +1,7 @@
 """Intervals of a number with a passive port, with every passive hand, or with a passive channel: searched, then checked.
 
 A finder looks at values of the number. An interval that it finds is checked by the sign of a determinant over the number and
-the angle, interpolated with bounds that are sampled (see `engine.stability.positive`). What lies outside is refuted by angles
+the angle, interpolated with bounds that are sampled (see `engine._stability.positive`). What lies outside is refuted by angles
 at which energy is taken out (see `passive.over_ranges`), or because the loop is unstable.
 """
 
@@ -12,11 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.intervals import Resolution, Search, Side, positive
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.resolution import Resolution, Side
-from wavesweep.engine.search.interval_search import Search
-from wavesweep.engine.stability.positive import positive
-from wavesweep.engine.stability.spectrum import is_stable
+from wavesweep.engine.poles import is_stable
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop
 from wavesweep.passive.any_hand import runs_of

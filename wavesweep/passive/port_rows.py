@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.stability.spectrum import eigenvalues
+from wavesweep.engine.poles import eigenvalues
 from wavesweep.haptics.controllers import HAND
 from wavesweep.haptics.held_loop import HeldLoop, device_of, with_hand
 from wavesweep.passive.port_ranges import cover_of

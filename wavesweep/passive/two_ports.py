@@ -20,14 +20,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import ENVIRONMENT
-from wavesweep.engine.energy.lifted_map import LiftedMap, TickMaps
+from wavesweep.engine.blocks import OUTPUT, POSITION, Ports
+from wavesweep.engine.drawing import ENVIRONMENT
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.from_drawing import OUTPUT, POSITION, Ports
-from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
-from wavesweep.engine.response.port import port_of
-from wavesweep.engine.stability.positive import FunctionValues
-from wavesweep.engine.stability.spectrum import eigenvalues, is_stable
+from wavesweep.engine.frames import inverse, on_circle, solve
+from wavesweep.engine.intervals import FunctionValues
+from wavesweep.engine.norms import LiftedMap, TickMaps
+from wavesweep.engine.poles import eigenvalues, is_stable
+from wavesweep.engine.response import port_of
 from wavesweep.haptics.held_loop import HeldLoop
 from wavesweep.passive.over_ranges import ANGLES, TERMS, Covering, away_from_0, inner_numbers, pivots_of, remembered, with_sizes
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import lcm
 
-from wavesweep.engine.drawing.drawing import Drawing, scalars
-from wavesweep.engine.drawing.expressions import ONE, evaluate, text_of
+from wavesweep.engine.drawing import Drawing, scalars
+from wavesweep.engine.expressions import ONE, evaluate, text_of
 
 # Begin the gains of terms of a plant that read plants: of one that is held, and of one that acts continuously.
 HELD, CONTINUOUS = "held ", "continuous "

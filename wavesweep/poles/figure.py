@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.stability.spectrum import GONE
+from wavesweep.engine.poles import GONE
 from wavesweep.poles.table import modes
 from wavesweep.program.columns import Columns
 from wavesweep.program.plots.labels import assumption, label, symbol, unit

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal, Self, Unpack, overload
 import numpy as np
 
 from wavesweep.capabilities import library_names, of_library
+from wavesweep.engine.blocks import OUTPUT, MultirateLoop
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.loops.from_drawing import OUTPUT
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes
+from wavesweep.engine.frames import MarginalModes
 from wavesweep.program.analyses.asked import Numbers, axes_asked, axis_along, frequencies_asked, key_named
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
@@ -368,7 +367,7 @@ class Loop:
         """
         import control
 
-        from wavesweep.engine.response.lifted import over_frame
+        from wavesweep.engine.response import over_frame
         from wavesweep.program.analyses.spec_loops import loop_at_hand
 
         drawing = self.spec.drawing
@@ -388,7 +387,7 @@ class Loop:
         """The system from the inputs to the outputs of [ports]."""
         import control
 
-        from wavesweep.engine.response.lifted import held_over_frame
+        from wavesweep.engine.response import held_over_frame
 
         drawing = self.spec.drawing
         if not (drawing and drawing.inputs and drawing.outputs):

@@ -9,14 +9,11 @@ import numpy as np
 
 from wavesweep.capabilities import library_names, of_library
 from wavesweep.engine.arguments import real_numbers
+from wavesweep.engine.blocks import MultirateLoop, Ports
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops.from_drawing import Ports
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.port import port_of
-from wavesweep.engine.response.steady import respond
-from wavesweep.engine.stability.spectrum import radius_of
+from wavesweep.engine.frames import MarginalModes
+from wavesweep.engine.poles import radius_of
+from wavesweep.engine.response import Lifted, port_of, respond
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

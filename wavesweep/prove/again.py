@@ -11,7 +11,7 @@ from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.program.tables.kind import ProvedAgain
 
 if TYPE_CHECKING:
-    from wavesweep.engine.search.interval_search import Search
+    from wavesweep.engine.intervals import Search
 
 OPERATIONS = 1e8  # of ball arithmetic for a slice, at most: up to some twenty seconds
 CLOSE = 1e-9  # relative difference that two proofs of an end may have

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from flint import acb_mat, arb, arb_mat
 
-from wavesweep.engine.drawing.drawn_block import DELTA
-from wavesweep.engine.loops.definitions import Rows, running
-from wavesweep.engine.loops.definitions import continuous as definition
+from wavesweep.engine.blocks import Rows, running
+from wavesweep.engine.blocks import continuous as definition
+from wavesweep.engine.drawing import DELTA
 
 
 class BallMatrices(NamedTuple):

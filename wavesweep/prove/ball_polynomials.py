@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from flint import acb, arb, arb_mat, arb_poly, ctx
 
-from wavesweep.engine.drawing.drawn_block import Plant
-from wavesweep.engine.drawing.expressions import Tree, degree, evaluate, is_constant
-from wavesweep.engine.monodromy.product import blocks_of
+from wavesweep.engine.drawing import Plant
+from wavesweep.engine.expressions import Tree, degree, evaluate, is_constant
+from wavesweep.engine.frames import blocks_of
 from wavesweep.prove.ticks import BallLoop, UndecidedError, reads
 
 ELLIPSE = 4  # sum of the semi-axes of the ellipse, in half widths of the part

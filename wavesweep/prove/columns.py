@@ -10,7 +10,7 @@ from typing import Any
 
 from flint import arb, ctx
 
-from wavesweep.engine.drawing.drawing import Drawing, name_of
+from wavesweep.engine.drawing import Drawing, name_of
 from wavesweep.prove.ball_crossings import Crossing, CrowdedError, count_outside, crossings, is_unstable
 from wavesweep.prove.ball_polynomials import BallFamily, Budget
 from wavesweep.prove.ticks import BallLoop, UndecidedError

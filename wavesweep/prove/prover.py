@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine.drawing import name_of
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
 from wavesweep.prove.again import prove_again

@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 from flint import acb, acb_mat, arb, arb_mat, ctx
 
-from wavesweep.engine.drawing.block_types import TYPES
-from wavesweep.engine.drawing.drawing import Drawing, scalars
-from wavesweep.engine.drawing.drawn_block import DrawnBlock, Plant
-from wavesweep.engine.drawing.expressions import FUNCTIONS, Tree, constants_of, evaluate, named, names_in, value_of
+from wavesweep.engine.drawing import TYPES, Drawing, DrawnBlock, Plant, scalars
+from wavesweep.engine.expressions import FUNCTIONS, Tree, constants_of, evaluate, named, names_in, value_of
 from wavesweep.prove.ball_blocks import continuous, held, matrices
 
 # Balls of roots and logarithms that meet a cut are not finite.

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.stability.intervals import Intervals
-from wavesweep.engine.stability.spectrum import GONE
+from wavesweep.engine.intervals import Intervals
+from wavesweep.engine.poles import GONE
 from wavesweep.program.reading.keys import ALL_MODES
 from wavesweep.require.damped import Damped
 from wavesweep.require.discs import RequiredCircle
@@ -26,7 +26,7 @@ class Bound:
     SETTLED, and how it is `damped`, None if that is not required; or that a loop which conserves is `bounded`. gain: what a
     gain stays below; None if none is required.
 
-    The protocol is that of `engine.search.question`.
+    The protocol is that of `engine._search.question`.
     """
 
     radius: float = 1.0

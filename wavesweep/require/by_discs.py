@@ -4,11 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.engine.monodromy.product import blocks_of
-from wavesweep.engine.stability.along_any import EXACT
-from wavesweep.engine.stability.intervals import Intervals
-from wavesweep.engine.stability.regions import NEAR_ZERO
-from wavesweep.engine.stability.sampled_frames import level, pole_inside
+from wavesweep.engine.frames import blocks_of, level, pole_inside
+from wavesweep.engine.intervals import EXACT, NEAR_ZERO, Intervals
 from wavesweep.require.disc_panels import OPEN, PANELS, RIM, Accuracy, along_panels
 from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
 

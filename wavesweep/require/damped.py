@@ -21,7 +21,7 @@ class Damped(NamedTuple):
 
     def gone(self, period: np.ndarray) -> np.ndarray:
         """The size of an eigenvalue below which a mode needs no damping ratio, by the frame's period (s)."""
-        from wavesweep.engine.stability.spectrum import size_gone
+        from wavesweep.engine.poles import size_gone
 
         return size_gone(period, self.slower_than)
 

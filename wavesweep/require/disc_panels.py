@@ -5,8 +5,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.stability.intervals import Intervals
-from wavesweep.engine.stability.regions import NEAR_ZERO
+from wavesweep.engine.intervals import NEAR_ZERO, Intervals
 
 PANELS = 16  # of a column to begin with
 OFTEN = 16  # times so many, in all

@@ -6,9 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.monodromy.rounding import ROUNDING, balance
-from wavesweep.engine.monodromy.unit_circle import inverse
-from wavesweep.engine.stability.spectrum import GONE
+from wavesweep.engine.frames import ROUNDING, balance, inverse
+from wavesweep.engine.poles import GONE
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 SMALL = 1e-3  # up to which eigenvalues may be 0 but for rounding

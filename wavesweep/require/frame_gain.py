@@ -26,18 +26,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.engine.energy.hinf import NEAR, START, with_middles
 from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.frames import ROUNDING, MarginalModes, Ticks, inverse, on_circle, pole_inside, solve
+from wavesweep.engine.frames import level as level_of
+from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.monodromy.rounding import ROUNDING
-from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
-from wavesweep.engine.response.bounded_sums import plus, times
-from wavesweep.engine.response.port import port_between
-from wavesweep.engine.stability.intervals import Intervals
-from wavesweep.engine.stability.sampled_frames import level as level_of
-from wavesweep.engine.stability.sampled_frames import pole_inside
+from wavesweep.engine.norms import NEAR, START, with_middles
+from wavesweep.engine.response import plus, port_between, times
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM, SAFE
 from wavesweep.require.maps import minus, over_frame, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_circle

@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.engine.energy.lifted_map import reached, read
+from wavesweep.engine.blocks import OUTPUT
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.intervals import NEAR_ZERO, Intervals
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import OUTPUT
-from wavesweep.engine.stability.intervals import Intervals
-from wavesweep.engine.stability.regions import NEAR_ZERO
+from wavesweep.engine.norms import reached, read
 from wavesweep.require.disc_panels import Accuracy, along_panels
 from wavesweep.require.frame_gain import BoundedGain, Sine, loops_between
 from wavesweep.require.gain_bound import BASE_BAND, GainBound

@@ -7,8 +7,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import show
-from wavesweep.engine.keys.key import Key, Leaf
+from wavesweep.engine.keys import Key, Leaf, show
 from wavesweep.program.reading.keys import ALL_MODES, MODES
 from wavesweep.program.reading.tables import SpecTable, TableValue
 from wavesweep.require.damped import Damped

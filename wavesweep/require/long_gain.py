@@ -21,12 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.energy.hinf import NEAR, with_middles
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.monodromy.periodic import Change, in_a_row
-from wavesweep.engine.monodromy.rounding import ROUNDING, balance
-from wavesweep.engine.monodromy.unit_circle import inverse, on_circle, solve
-from wavesweep.engine.response.bounded_sums import plus, times
+from wavesweep.engine.frames import ROUNDING, Change, balance, in_a_row, inverse, on_circle, solve
+from wavesweep.engine.norms import NEAR, with_middles
+from wavesweep.engine.response import plus, times
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM
 from wavesweep.require.frame_gain import BoundedGain, loops_between, poles_inside
 from wavesweep.require.maps import Pair, minus, of_ticks, scaled, transposed

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wavesweep.engine.monodromy.rounding import ENTRIES, ROUNDING
-from wavesweep.engine.response.bounded_sums import joined, plus, times
-from wavesweep.engine.response.port import Port
+from wavesweep.engine.frames import ENTRIES, ROUNDING
+from wavesweep.engine.response import Port, joined, plus, times
 
 Pair = tuple[np.ndarray, np.ndarray]
 

@@ -10,8 +10,7 @@ An arc is that from one angle of z to another in [0, pi], and its mirror image.
 
 import numpy as np
 
-from wavesweep.engine.monodromy.rounding import ROUNDING, balance
-from wavesweep.engine.monodromy.unit_circle import inverse, solve
+from wavesweep.engine.frames import ROUNDING, balance, inverse, solve
 from wavesweep.require.disc_panels import SAFE
 from wavesweep.require.discs import SMALL
 

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.drawing.expressions import ONE
+from wavesweep.engine.blocks import OUTPUT
+from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest, show
-from wavesweep.engine.loops.from_drawing import OUTPUT
+from wavesweep.engine.expressions import ONE
+from wavesweep.engine.keys import nearest, show
 
 # What simulate has in columns: names of signals, and of what is there of them the first one.
 COLUMNS = {

@@ -20,8 +20,7 @@ halved.
 
 import numpy as np
 
-from wavesweep.engine.monodromy.rounding import ROUNDING
-from wavesweep.engine.monodromy.unit_circle import on_circle, solve
+from wavesweep.engine.frames import ROUNDING, on_circle, solve
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 POINTS = 16  # of a circle of theta

@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import decides, path_of
-from wavesweep.engine.drawing.expressions import names_in
+from wavesweep.engine.drawing import decides, path_of
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import names_in
+from wavesweep.engine.frames import TINY
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.lines_of_loops import lines_in_loops
-from wavesweep.engine.search.open_loops import TINY
-from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
+from wavesweep.engine.poles import damping_ratio, eigenvalues, lines_in_loops
 from wavesweep.haptics.felt import feels, felt_of
 from wavesweep.program.columns import Columns
 from wavesweep.program.spec import Axis, Spec

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.engine.monodromy.rounding import balance
+from wavesweep.engine.frames import balance
+from wavesweep.engine.poles import eigenvalues, excess
 from wavesweep.engine.rows import Rows
-from wavesweep.engine.stability.spectrum import eigenvalues, excess
 
 STEP = 1e-30  # relative, of a complex step: its square is below all rounding, and nothing is subtracted
 CORNER = 1e-6  # of an end; a further crossing so near makes it a corner

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.response.at_hand import ports_of_batch
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.steady import respond, transfer
+from wavesweep.engine.response import Lifted, ports_of_batch, respond, transfer
 from wavesweep.program.analyses.response_jobs import doubt_of
 from wavesweep.program.analyses.spec_loops import loop_at_hand, port_at_hand, refuse_singular
 from wavesweep.program.columns import complex_columns

@@ -270,7 +270,7 @@ def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     The line is computed between the frequencies of the table and an octave beyond them; without the spec, or of an unstable
     loop, there are marks at these frequencies alone.
     """
-    from wavesweep.engine.response.steady import respond
+    from wavesweep.engine.response import respond
     from wavesweep.program.analyses.spec_loops import loop_at_hand
     from wavesweep.program.plots.response_figures import Curve, at_both_ports, draw_curves
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.drawing.drawing import name_of, scalars
-from wavesweep.engine.drawing.expressions import names_in, value_of
+from wavesweep.engine.drawing import name_of, scalars
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import names_in, value_of
 from wavesweep.program.analyses.assumptions import IN_TIME, RunWords
 from wavesweep.program.spec import Axis, Spec
 from wavesweep.simulation import inputs

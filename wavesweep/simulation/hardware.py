@@ -12,7 +12,7 @@ from itertools import accumulate
 import numpy as np
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import Rejected, check
+from wavesweep.engine.keys import Rejected, check
 from wavesweep.simulation.keys import KEYS
 
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one

@@ -14,11 +14,9 @@ from itertools import groupby
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from wavesweep.engine.drawing.block_types import MOST_LATE
-from wavesweep.engine.drawing.drawing import RATE, Drawing
+from wavesweep.engine.drawing import MOST_LATE, RATE, Drawing
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import Mistakes, nearest, show
-from wavesweep.engine.keys.key import LONGEST_FRAME, Key, Leaf, Place
+from wavesweep.engine.keys import LONGEST_FRAME, Key, Leaf, Mistakes, Place, nearest, show
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis, linear
 from wavesweep.program.reading.keys import HARDWARE_KEYS, HIGHEST_RATIO, MOST_SEED, HapticDevice
 from wavesweep.program.reading.sorting import Sorted, names_in_list

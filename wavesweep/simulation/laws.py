@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine.drawing import TYPES
 from wavesweep.simulation.body import exponential_minus_one, zero_order_hold
 from wavesweep.simulation.named import root
 

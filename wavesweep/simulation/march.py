@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import AT, Drawing
+from wavesweep.engine.drawing import AT, Drawing
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.simulation.body import Body, slide, zero_order_hold

@@ -11,10 +11,9 @@ from itertools import accumulate
 from math import lcm
 from typing import Any
 
-from wavesweep.engine.drawing.block_types import TYPES, without_rule
-from wavesweep.engine.drawing.drawing import AT, Drawing, scalars
-from wavesweep.engine.drawing.expressions import degree, names_in, value_of
+from wavesweep.engine.drawing import AT, TYPES, Drawing, scalars, without_rule
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import degree, names_in, value_of
 from wavesweep.program.columns import run_column
 from wavesweep.simulation.laws import LAWS, Law, Sum, continuous, dead_time, in_delta_form, local_model_away
 

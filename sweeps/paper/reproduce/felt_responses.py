@@ -12,11 +12,11 @@ import numpy as np
 
 import wavesweep
 from wavesweep import Spec
-from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine._drawing.drawing import Drawing
+from wavesweep.engine._response.at_hand import ports_of_batch
+from wavesweep.engine._response.lifted import Lifted
+from wavesweep.engine._response.steady import respond as respond_at
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response.at_hand import ports_of_batch
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.steady import respond as respond_at
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.columns import Columns
 

@@ -11,8 +11,8 @@ from reproduce.felt_responses import CONTROLLERS, FeltResponse, estimated, respo
 from reproduce.readings import Reading
 from reproduce.specs import load_paper
 from wavesweep import Spec
-from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.haptics.controller_page import keys_of_page, loop_drawing, wall_cut
 from wavesweep.passive.channel import ChannelNorm, channel_norm
 from wavesweep.program.spec import find_key

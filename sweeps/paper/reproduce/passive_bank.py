@@ -23,9 +23,9 @@ from reproduce.drawing import Line, Panel, draw_magnitudes
 from reproduce.felt_responses import HIGH, LOW, FeltResponse, deviation, respond, respond_to
 from reproduce.resolvent import alias_angles, solved_response
 from reproduce.specs import load_paper
+from wavesweep.engine._loops.block import Block
+from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.block import Block
-from wavesweep.engine.monodromy.unit_circle import on_circle
 from wavesweep.haptics.controller_page import BlockDiagram, drawing_of_page
 from wavesweep.haptics.pmw import pmw, pmw_lm
 from wavesweep.program.results import Field

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.engine.loops.block import Block
-from wavesweep.engine.monodromy.unit_circle import solve
+from wavesweep.engine._loops.block import Block
+from wavesweep.engine._monodromy.unit_circle import solve
 
 
 def alias_angles(theta, ratio: int):

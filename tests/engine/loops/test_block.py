@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.loops.block import Block, matrix
+from wavesweep.engine._loops.block import Block, matrix
 
 
 def test_a_wrong_shape_names_block_matrix_expected_and_found():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.loops.common_tick import with_common_tick
-from wavesweep.engine.loops.from_drawing import assembled
+from wavesweep.engine._loops.common_tick import with_common_tick
+from wavesweep.engine._loops.from_drawing import assembled
 from wavesweep.program.spec import load
 
 LAG = {"type": "tf", "num": [1], "den": [0.2, 1]}

@@ -7,10 +7,10 @@ from support import exact
 from support.specs import values_of
 
 import wavesweep
+from wavesweep.engine._keys.key import LARGEST, SMALLEST
+from wavesweep.engine._loops.blocks import held
+from wavesweep.engine._loops.blocks import mass as mass_block
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.key import LARGEST, SMALLEST
-from wavesweep.engine.loops.blocks import held
-from wavesweep.engine.loops.blocks import mass as mass_block
 
 # mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
 # spring in the hand; stiff and overdamped; heavy and slow.

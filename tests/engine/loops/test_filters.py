@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 from support import exact
 
-from wavesweep.engine.loops.filters import butterworth
+from wavesweep.engine._loops.filters import butterworth
 
 
 def response(block, z):

@@ -7,8 +7,8 @@ import scipy.linalg
 from support.plants import WAYS, bodies
 
 import wavesweep
+from wavesweep.engine._loops.from_drawing import assembled
 from wavesweep.engine.errors import IllPosedLoopError, SpecError
-from wavesweep.engine.loops.from_drawing import assembled
 from wavesweep.program.spec import load
 
 ENTRIES = 4 * np.finfo(float).eps  # of its terms, the error of an entry (see `rounding`)

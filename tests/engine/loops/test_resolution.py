@@ -7,7 +7,7 @@ import pytest
 from support import expressions
 
 import wavesweep
-from wavesweep.engine.loops.resolution import DEGREE, Resolution, Side, halves, to_divide
+from wavesweep.engine._loops.resolution import DEGREE, Resolution, Side, halves, to_divide
 from wavesweep.program.spec import load
 
 SEEDS = range(15)

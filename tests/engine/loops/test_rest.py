@@ -10,12 +10,12 @@ from support.drawn import as_blocks, random_tables
 from support.specs import KINDS
 
 import wavesweep
-from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine._drawing.parsing import parse
+from wavesweep.engine._loops import blocks
+from wavesweep.engine._loops.integrator_modes import decimal, shifts, value_in_fractions
+from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.engine._monodromy.periodic import Ticks, frame_of
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops import blocks
-from wavesweep.engine.loops.integrator_modes import decimal, shifts, value_in_fractions
-from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.periodic import Ticks, frame_of
 from wavesweep.program.spec import load
 
 

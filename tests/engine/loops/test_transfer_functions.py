@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import wavesweep
-from wavesweep.engine.loops.blocks import tf
+from wavesweep.engine._loops.blocks import tf
 
 mp = mpmath.mp.clone()
 mp.prec = 333

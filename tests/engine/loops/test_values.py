@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.drawing.expressions import SharedParts, value_of
-from wavesweep.engine.drawing.parsing import parse
-from wavesweep.engine.loops.values import values_of
+from wavesweep.engine._drawing.expressions import SharedParts, value_of
+from wavesweep.engine._drawing.parsing import parse
+from wavesweep.engine._loops.values import values_of
 
 CANCELS = "1 - sqrt(1 - a*a)"  # for a = 1e-9 all digits of it are lost in doubles: 5e-19
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.specs import INTEGRATIONS, random_values
 
+from wavesweep.engine._loops.blocks import defined
+from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.blocks import defined
-from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.haptics.controller_page import loop_drawing
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.monodromy import batches
-from wavesweep.engine.monodromy.batches import CACHED, MANY, in_parts, product, sparse
+from wavesweep.engine._monodromy import batches
+from wavesweep.engine._monodromy.batches import CACHED, MANY, in_parts, product, sparse
 
 
 def chain(n, kind=float):

@@ -5,7 +5,7 @@ import pytest
 from support.intervals import intervals_of, pairs
 from support.specs import INTEGRATIONS, nested, random_values, values_of
 
-from wavesweep.engine.monodromy.periodic import Ticks
+from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.haptics.controller_page import wall_cut
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of

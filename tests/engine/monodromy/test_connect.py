@@ -6,9 +6,9 @@ import pytest
 from support.responses import loop_of
 from support.specs import values_of
 
+from wavesweep.engine._loops.block import Block
+from wavesweep.engine._monodromy.interconnect import connect
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.loops.block import Block
-from wavesweep.engine.monodromy.interconnect import connect
 
 
 def transfer(block, w):

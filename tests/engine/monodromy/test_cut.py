@@ -5,7 +5,7 @@ import pytest
 from support import exact
 from support.specs import KINDS, random_values, values_of
 
-from wavesweep.engine.monodromy.cut import ADVANCE, OFFSET, VELOCITY
+from wavesweep.engine._monodromy.cut import ADVANCE, OFFSET, VELOCITY
 from wavesweep.haptics.controller_page import wall_cut
 
 SPECS = [(kind, seed) for kind in KINDS for seed in (range(2) if kind == "dc" else range(5))]

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.monodromy.resolvent import DelayLines
-from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.engine._monodromy.resolvent import DelayLines
+from wavesweep.engine._monodromy.unit_circle import on_circle
 
 
 def random_system(seed):

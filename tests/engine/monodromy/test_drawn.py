@@ -9,21 +9,21 @@ from support.drawings import T, pmw, random_drawing
 from support.specs import nested, values_of
 
 import wavesweep
+from wavesweep.engine._loops import blocks
+from wavesweep.engine._loops.from_drawing import Ports
+from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.open_frame import cut_of, open_frame
+from wavesweep.engine._monodromy.periodic import Ticks, frame_of, in_a_row, then
+from wavesweep.engine._monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
+from wavesweep.engine._monodromy.rounding import ENTRIES
+from wavesweep.engine._response.lifted import Lifted
+from wavesweep.engine._response.port import port_of
+from wavesweep.engine._response.steady import respond
+from wavesweep.engine._stability.along_any import stable_along_any
+from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.loops import blocks
-from wavesweep.engine.loops.from_drawing import Ports
-from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
-from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.monodromy.drift import MarginalModes
-from wavesweep.engine.monodromy.open_frame import cut_of, open_frame
-from wavesweep.engine.monodromy.periodic import Ticks, frame_of, in_a_row, then
-from wavesweep.engine.monodromy.product import product_with_errors, product_with_norm_of_errors, product_with_tight_errors
-from wavesweep.engine.monodromy.rounding import ENTRIES
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.port import port_of
-from wavesweep.engine.response.steady import respond
-from wavesweep.engine.stability.along_any import stable_along_any
-from wavesweep.engine.stability.stable import stable_intervals
 
 
 def along_any(draw, span):

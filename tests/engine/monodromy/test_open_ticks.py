@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from wavesweep.engine._loops.from_drawing import FACTOR, PRODUCT
+from wavesweep.engine._monodromy import open_ticks
+from wavesweep.engine._monodromy.open_ticks import OpenTicks
+from wavesweep.engine._monodromy.periodic import frame_of
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
-from wavesweep.engine.monodromy import open_ticks
-from wavesweep.engine.monodromy.open_ticks import OpenTicks
-from wavesweep.engine.monodromy.periodic import frame_of
 from wavesweep.program.spec import load
 
 

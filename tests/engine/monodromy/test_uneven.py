@@ -8,9 +8,9 @@ from scipy.linalg import expm
 from scipy.signal import butter, tf2ss
 
 import wavesweep
+from wavesweep.engine._loops.from_drawing import FACTOR, PRODUCT
+from wavesweep.engine._monodromy.open_ticks import OpenTicks
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.loops.from_drawing import FACTOR, PRODUCT
-from wavesweep.engine.monodromy.open_ticks import OpenTicks
 from wavesweep.haptics.controllers import CONTROLLERS, WALL
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop

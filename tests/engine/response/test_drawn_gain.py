@@ -6,7 +6,7 @@ import pytest
 from support.drawn import random_tables
 
 import wavesweep
-from wavesweep.engine.response.steady import respond
+from wavesweep.engine._response.steady import respond
 from wavesweep.program.analyses.spec_loops import loop_at_hand
 from wavesweep.program.spec import load
 

@@ -6,8 +6,8 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.engine.response.circle import Circle
-from wavesweep.engine.response.gain import gain_of
+from wavesweep.engine._response.circle import Circle
+from wavesweep.engine._response.gain import gain_of
 
 
 def gain(values, frequency_hz):

@@ -7,9 +7,9 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.engine.response import steady
-from wavesweep.engine.response.static import relative_response
-from wavesweep.engine.response.steady import static_response
+from wavesweep.engine._response import steady
+from wavesweep.engine._response.static import relative_response
+from wavesweep.engine._response.steady import static_response
 
 
 def static(values):

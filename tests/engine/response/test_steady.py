@@ -6,7 +6,7 @@ from support import exact
 from support.responses import loop_of
 from support.specs import INTEGRATIONS, KINDS, random_values, values_of
 
-from wavesweep.engine.response.steady import respond
+from wavesweep.engine._response.steady import respond
 
 
 def response(values, frequency_hz):

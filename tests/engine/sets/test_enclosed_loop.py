@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep.engine.drawing.drawing import name_of
+from wavesweep.engine._drawing.drawing import name_of
+from wavesweep.engine._loops import dead_time
+from wavesweep.engine._monodromy.periodic import Ticks
+from wavesweep.engine._sets.enclosed_loop import EnclosedLoop, Side
+from wavesweep.engine._sets.taylor_models import UnresolvedError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops import dead_time
-from wavesweep.engine.monodromy.periodic import Ticks
-from wavesweep.engine.sets.enclosed_loop import EnclosedLoop, Side
-from wavesweep.engine.sets.taylor_models import UnresolvedError
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 

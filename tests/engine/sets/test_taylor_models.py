@@ -9,8 +9,8 @@ import pytest
 from flint import arb
 from scipy.linalg import expm
 
-from wavesweep.engine.sets import taylor_models
-from wavesweep.engine.sets.taylor_models import Polynomials, TaylorModel, UnresolvedError, monomials
+from wavesweep.engine._sets import taylor_models
+from wavesweep.engine._sets.taylor_models import Polynomials, TaylorModel, UnresolvedError, monomials
 
 FUNCTIONS = {
     "inverse": lambda x: 1 / x,

@@ -7,9 +7,9 @@ import pytest
 from support.intervals import NUMBER, cut_of
 from support.specs import random_values
 
-from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.stability import regions, stable
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._stability import regions, stable
+from wavesweep.engine._stability.stable import stable_intervals
 
 K_FIXED = np.concatenate([[0], np.random.default_rng(5).uniform(0, 15, 11)])
 B_FIXED = np.exp(np.linspace(0, 9, 12))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from wavesweep.engine.stability import along_any, covering
-from wavesweep.engine.stability.along_any import stable_along_any
-from wavesweep.engine.stability.dominance import DominanceTests
-from wavesweep.engine.stability.entries import panels_of
+from wavesweep.engine._stability import along_any, covering
+from wavesweep.engine._stability.along_any import stable_along_any
+from wavesweep.engine._stability.dominance import DominanceTests
+from wavesweep.engine._stability.entries import panels_of
 
 SPAN = (-1.0, 1.0)
 KINDS = "touches", "crosses", "meets", "wild"

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.drawing.expressions import degree
-from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine._drawing.expressions import degree
+from wavesweep.engine._drawing.parsing import parse
+from wavesweep.engine._stability.along_any import BENT, stable_along_any
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.stability.along_any import BENT, stable_along_any
 
 T, M = 0.005, 0.1
 

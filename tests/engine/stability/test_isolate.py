@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from support import sturm
 
-from wavesweep.engine.stability import bernstein
-from wavesweep.engine.stability.bernstein import change_of_basis, largest_bernstein, roots_by_sign
-from wavesweep.engine.stability.real_roots import EDGE, by_discs, isolate
+from wavesweep.engine._stability import bernstein
+from wavesweep.engine._stability.bernstein import change_of_basis, largest_bernstein, roots_by_sign
+from wavesweep.engine._stability.real_roots import EDGE, by_discs, isolate
 
 METHODS = [isolate, by_discs]
 

@@ -8,9 +8,9 @@ from support.intervals import intervals_of, pairs
 from support.specs import KINDS, values_of
 
 import wavesweep
-from wavesweep.engine.monodromy.cut import FIRST, SECOND
-from wavesweep.engine.stability.crossings import poles_at_one
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine._monodromy.cut import FIRST, SECOND
+from wavesweep.engine._stability.crossings import poles_at_one
+from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.haptics.controller_page import wall_cut
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.stability import covering
-from wavesweep.engine.stability.along_any import stable_along_any
-from wavesweep.engine.stability.entries import EPS
+from wavesweep.engine._stability import covering
+from wavesweep.engine._stability.along_any import stable_along_any
+from wavesweep.engine._stability.entries import EPS
 
 OFF = 1e-11  # of the entries at 0, what they may be off by
 

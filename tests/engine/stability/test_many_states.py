@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine._monodromy import resolvent
+from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._monodromy.resolvent import ManyStates, TriangularForm
+from wavesweep.engine._monodromy.unit_circle import on_circle
+from wavesweep.engine._search.open_loops import open_loops
+from wavesweep.engine._stability import arcs
+from wavesweep.engine._stability.arcs import arc_crossings
+from wavesweep.engine._stability.boundary import polish, polish_of_many_states
+from wavesweep.engine._state_space import StateSpace
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy import resolvent
-from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.monodromy.resolvent import ManyStates, TriangularForm
-from wavesweep.engine.monodromy.unit_circle import on_circle
-from wavesweep.engine.search.open_loops import open_loops
-from wavesweep.engine.stability import arcs
-from wavesweep.engine.stability.arcs import arc_crossings
-from wavesweep.engine.stability.boundary import polish, polish_of_many_states
-from wavesweep.engine.state_space import StateSpace
 from wavesweep.program.sweep.grid import own_loop
 
 

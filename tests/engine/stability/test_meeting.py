@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.stability.along_any import stable_along_any
+from wavesweep.engine._stability.along_any import stable_along_any
 
 
 def line(every, **numbers):

@@ -11,7 +11,7 @@ from support.intervals import cut_of, intervals_of, mislabelled, pairs
 from support.specs import nested, random_values, values_of
 
 import wavesweep
-from wavesweep.engine.stability import stable
+from wavesweep.engine._stability import stable
 
 pytestmark = pytest.mark.slow
 

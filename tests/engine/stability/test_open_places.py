@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine._stability import along_any
+from wavesweep.engine._stability.intervals import common, in_rows, intervals_of, joined, without_seams
+from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.stability import along_any
-from wavesweep.engine.stability.intervals import common, in_rows, intervals_of, joined, without_seams
-from wavesweep.engine.stability.regions import Regions
 from wavesweep.program import plots, results
 from wavesweep.program.cli.entry import main
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine._stability.entries import RIM
+from wavesweep.engine._stability.sampled_frames import level, pole_inside
 from wavesweep.engine.errors import UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.stability.entries import RIM
-from wavesweep.engine.stability.sampled_frames import level, pole_inside
 from wavesweep.program.spec.loading import naming
 from wavesweep.program.sweep.grid import own_loop
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine._stability import along_any, reduced_equation
+from wavesweep.engine._stability.sampled_frames import Frames
 from wavesweep.engine.doubts import Doubt
-from wavesweep.engine.stability import along_any, reduced_equation
-from wavesweep.engine.stability.sampled_frames import Frames
 
 STATES = 30  # of the delay
 

@@ -6,8 +6,8 @@ import pytest
 from panel_speed import chain
 
 import wavesweep
-from wavesweep.engine.monodromy.cut import FIRST, SECOND, LinearFractional
-from wavesweep.engine.stability.crossings import sampled_polynomial
+from wavesweep.engine._monodromy.cut import FIRST, SECOND, LinearFractional
+from wavesweep.engine._stability.crossings import sampled_polynomial
 
 SPREAD = 1e-6  # of entries
 

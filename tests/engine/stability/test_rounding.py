@@ -7,9 +7,9 @@ import pytest
 from support.intervals import NUMBER, cut_of, intervals_of
 from support.specs import values_of
 
-from wavesweep.engine.monodromy.unit_circle import on_circle
-from wavesweep.engine.stability.boundary import end_errors
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine._monodromy.unit_circle import on_circle
+from wavesweep.engine._stability.boundary import end_errors
+from wavesweep.engine._stability.stable import stable_intervals
 
 # Two crossings that nearly merge in front of z = 1; the truth is from 512-bit ball arithmetic.
 GRAZING = {

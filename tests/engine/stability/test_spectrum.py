@@ -7,10 +7,10 @@ from flint import arb_mat, ctx
 from support import certified
 
 import wavesweep
-from wavesweep.engine.monodromy.rounding import balance
-from wavesweep.engine.stability import modes, spectrum
-from wavesweep.engine.stability.modes import modes_of
-from wavesweep.engine.stability.spectrum import count_outside, eigenvalues, is_stable, radius_of
+from wavesweep.engine._monodromy.rounding import balance
+from wavesweep.engine._stability import modes, spectrum
+from wavesweep.engine._stability.modes import modes_of
+from wavesweep.engine._stability.spectrum import count_outside, eigenvalues, is_stable, radius_of
 from wavesweep.program.analyses.own_design import own_lines
 
 

@@ -8,9 +8,9 @@ from support.intervals import cut_of
 from support.specs import values_of
 
 import wavesweep
-from wavesweep.engine.monodromy.cut import SECOND
-from wavesweep.engine.stability.spectrum import count_outside
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine._monodromy.cut import SECOND
+from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine._stability.stable import stable_intervals
 
 
 @pytest.mark.slow

@@ -7,9 +7,9 @@ from support.intervals import NUMBER, cut_of, excess, intervals_of, mislabelled,
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.engine.monodromy.cut import FIRST
-from wavesweep.engine.search.open_loops import Opened
-from wavesweep.engine.stability.stable import stable_intervals
+from wavesweep.engine._monodromy.cut import FIRST
+from wavesweep.engine._search.open_loops import Opened
+from wavesweep.engine._stability.stable import stable_intervals
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ from support.responses import loop_of
 from support.specs import nested, values_of
 
 import wavesweep
-from wavesweep.engine.response.steady import static_response
+from wavesweep.engine._response.steady import static_response
 from wavesweep.program.analyses.feel import outweighed_in_words
 from wavesweep.program.tables.interval_table import intervals
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.engine.search.lines_of_loops import lines_of
+from wavesweep.engine._search.lines_of_loops import lines_of
 from wavesweep.program.analyses.poles import poles
 
 RATES = {"drive": 8000.0, "wall": 1000.0}

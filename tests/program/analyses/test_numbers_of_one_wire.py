@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine._search import one_gain, open_loops
 from wavesweep.engine.errors import IllPosedLoopError
-from wavesweep.engine.search import one_gain, open_loops
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import own_loop
 

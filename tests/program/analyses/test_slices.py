@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wavesweep.engine.search import interval_search
+from wavesweep.engine._search import interval_search
 from wavesweep.program.spec import load
 from wavesweep.program.tables.interval_table import intervals
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.engine._search.subloops import subloops
+from wavesweep.engine._stability.intervals import Intervals, common
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.search.subloops import subloops
-from wavesweep.engine.stability.intervals import Intervals, common
 from wavesweep.program.spec import load
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.cli import main
 from wavesweep.program.reading.keys import AXIS_KEYS, DEVICES

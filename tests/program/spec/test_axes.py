@@ -6,8 +6,8 @@ import random
 import numpy as np
 import pytest
 
+from wavesweep.engine._keys.checking import nearest
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import nearest
 from wavesweep.program.reading.axes import linear, logarithmic
 from wavesweep.program.spec import load
 

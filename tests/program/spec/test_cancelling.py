@@ -6,9 +6,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.engine.drawing.expressions import evaluate, value_of
-from wavesweep.engine.drawing.parsing import parse
-from wavesweep.engine.loops.values import values_of
+from wavesweep.engine._drawing.expressions import evaluate, value_of
+from wavesweep.engine._drawing.parsing import parse
+from wavesweep.engine._loops.values import values_of
 
 mp = mpmath.mp.clone()
 mp.dps = 80

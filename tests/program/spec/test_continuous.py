@@ -2,9 +2,9 @@
 
 import pytest
 
-from wavesweep.engine.drawing.continuous import parted
-from wavesweep.engine.drawing.expressions import evaluate
-from wavesweep.engine.drawing.parsing import parse
+from wavesweep.engine._drawing.continuous import parted
+from wavesweep.engine._drawing.expressions import evaluate
+from wavesweep.engine._drawing.parsing import parse
 from wavesweep.program.spec import load
 
 PLANTS = {"a": "mass", "b": "mass", "c": "mass", "s": "spring", "g": "tf"}

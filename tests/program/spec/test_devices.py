@@ -2,8 +2,8 @@
 
 import pytest
 
+from wavesweep.engine._keys.checking import check
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import check
 from wavesweep.program.reading.keys import DEVICES, HARDWARE_KEYS
 from wavesweep.program.spec import KEYS, load
 

@@ -7,7 +7,7 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 
 import wavesweep
-from wavesweep.engine.drawing.expressions import value_of
+from wavesweep.engine._drawing.expressions import value_of
 from wavesweep.engine.errors import SpecError
 from wavesweep.program.columns import TAKEN
 from wavesweep.program.spec import load, sweep_axes

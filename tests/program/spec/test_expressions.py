@@ -8,9 +8,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.engine.drawing.expressions import FUNCTIONS, Fault, evaluate, exactly, linear, singular, text_of, value_of
-from wavesweep.engine.drawing.parsing import LONGEST, parse
-from wavesweep.engine.loops.values import values_of
+from wavesweep.engine._drawing.expressions import FUNCTIONS, Fault, evaluate, exactly, linear, singular, text_of, value_of
+from wavesweep.engine._drawing.parsing import LONGEST, parse
+from wavesweep.engine._loops.values import values_of
 
 NUMBERS = {"a": 1.5, "b": -0.7, "kp": 3.25}
 NAMES = {"__builtins__": {}, "pi": math.pi} | {name: getattr(math, name) for name in FUNCTIONS}

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from wavesweep.engine.keys.checking import Rejected, check, nearest, show
+from wavesweep.engine._keys.checking import Rejected, check, nearest, show
 from wavesweep.program.reading.keys import KEYS, SYMBOLS, VALUE_PATHS, find_key
 from wavesweep.program.reading.tables import study_keys
 

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 from support.specs import shipped
 
-from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine._drawing.block_types import TYPES
 from wavesweep.engine.errors import SpecError
 from wavesweep.program.cli import main
 from wavesweep.program.spec import KEYS, load

@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 import wavesweep
 from wavesweep import SpecError, UsageError
+from wavesweep.engine._monodromy.periodic import Ticks
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.periodic import Ticks
 from wavesweep.program.spec import load
 from wavesweep.program.sweep.grid import loops_of
 from wavesweep.simulation.export.source import exported

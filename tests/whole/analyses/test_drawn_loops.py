@@ -12,10 +12,10 @@ from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep.check.planning import plan
+from wavesweep.engine._loops import blocks
+from wavesweep.engine._loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.engine.errors import SpecError, UsageError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops import blocks
-from wavesweep.engine.loops.multirate import MultirateLoop, ScheduledBlock
 from wavesweep.program.analyses.interval_jobs import Way, job_of, job_over
 from wavesweep.program.columns import joined
 from wavesweep.program.spec import load, sweep_axes

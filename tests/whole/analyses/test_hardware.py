@@ -5,8 +5,8 @@ import pytest
 from support.specs import nested, values_of
 
 import wavesweep
+from wavesweep.engine._loops.from_drawing import REACTION
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.loops.from_drawing import REACTION
 from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.analyses.hardware_limits import (
     ROUNDING,

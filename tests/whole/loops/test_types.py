@@ -9,9 +9,9 @@ from support.exports import made, present, written
 
 import wavesweep
 from wavesweep import UsageError, load
-from wavesweep.engine.drawing.block_types import TYPES
+from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._monodromy.periodic import Ticks, frame_of
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.periodic import Ticks, frame_of
 from wavesweep.simulation.from_spec import simulated
 
 METHODS = "explicit", "implicit", "trapezoidal"

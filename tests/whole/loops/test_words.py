@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lfilter
 
 import wavesweep
+from wavesweep.engine._loops.from_drawing import scalar_place
+from wavesweep.engine._loops.integrator_modes import equations_of
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import scalar_place
-from wavesweep.engine.loops.integrator_modes import equations_of
 from wavesweep.program.spec import load
 from wavesweep.simulation.running_blocks import loop_of
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support import together
 
-from wavesweep.engine.sets.taylor_models import TaylorModel
+from wavesweep.engine._sets.taylor_models import TaylorModel
 from wavesweep.for_all.frames_over import FramesOver, constant_frames
 from wavesweep.for_all.rows import cases_of
 from wavesweep.for_all.sides import as_numbers, as_sides, side_of

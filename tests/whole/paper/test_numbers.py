@@ -8,7 +8,7 @@ from reproduce.felt_responses import natural_frequency, peak, respond
 from reproduce.paper_loops import BASE
 from reproduce.specs import load_paper
 from reproduce.statements.aliasing import _gain_of_a_constant
-from wavesweep.engine.loops.filters import butterworth
+from wavesweep.engine._loops.filters import butterworth
 
 
 def test_both_sets_of_inferred_values_render_about_800(paper):

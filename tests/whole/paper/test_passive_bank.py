@@ -19,8 +19,8 @@ from reproduce.passive_bank import (
     passive_bank,
 )
 from reproduce.specs import load_paper
+from wavesweep.engine._monodromy.interconnect import connect
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.monodromy.interconnect import connect
 from wavesweep.haptics.controller_page import drawing_of_page
 from wavesweep.haptics.pmw import pmw_lm
 

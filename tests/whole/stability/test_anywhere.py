@@ -9,9 +9,9 @@ import pytest
 from support.specs import values_of
 
 import wavesweep
+from wavesweep.engine._stability.along_any import BENT, stable_along_any
+from wavesweep.engine._stability.stable import stable_intervals
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.stability.along_any import BENT, stable_along_any
-from wavesweep.engine.stability.stable import stable_intervals
 
 RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
@@ -103,7 +103,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 @pytest.mark.parametrize("low", [0.0, 3.0])
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
-    from wavesweep.engine.monodromy.cut import FIRST
+    from wavesweep.engine._monodromy.cut import FIRST
     from wavesweep.haptics.controller_page import wall_cut
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}

@@ -8,8 +8,7 @@ import numpy as np
 
 from wavesweep.engine.arguments import real_numbers
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import computable, nearest
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.keys import Key, computable, nearest
 from wavesweep.program.spec import SYMBOLS, Axis, Spec
 from wavesweep.program.spec.resolving import LIMITS
 

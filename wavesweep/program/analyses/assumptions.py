@@ -8,9 +8,9 @@ from math import ceil, floor
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.drawing.drawing import name_of, path_of, scalars
-from wavesweep.engine.drawing.expressions import names_in, text_of, value_of
+from wavesweep.engine.drawing import name_of, path_of, scalars
 from wavesweep.engine.errors import WavesweepError
+from wavesweep.engine.expressions import names_in, text_of, value_of
 from wavesweep.engine.loop import Loops
 from wavesweep.haptics.controller_page import assumption_of_page, keys_of_page
 from wavesweep.program.reading.keys import DEVICES

@@ -8,8 +8,7 @@ from functools import cache, partial
 import numpy as np
 
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.steady import respond, static_response
+from wavesweep.engine.response import Lifted, respond, static_response
 from wavesweep.program.analyses.spec_loops import loop_at_hand
 from wavesweep.program.spec import Spec
 

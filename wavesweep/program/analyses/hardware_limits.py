@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.engine.blocks import POSITION, REACTION, MultirateLoop
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import POSITION, REACTION
-from wavesweep.engine.loops.multirate import MultirateLoop
-from wavesweep.engine.response.port import port_between
+from wavesweep.engine.response import port_between
 from wavesweep.haptics.held_loop import device_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 
 if TYPE_CHECKING:
-    from wavesweep.engine.response.peak import PeakGain
+    from wavesweep.engine.response import PeakGain
 
 GIVEN = ("resolution", "friction", "max_force")  # of `Spec.hardware`
 TICKS = 10  # of a limit cycle, below which its force is no square wave that is late by half a tick
@@ -41,7 +40,7 @@ def peak_of_encoder(loop: Loops, signal: str = REACTION) -> PeakGain | None:
 
     None without a device that the hand holds and a force against it, and as for `l1_norm`.
     """
-    from wavesweep.engine.response.peak import l1_norm
+    from wavesweep.engine.response import l1_norm
 
     device = device_of(loop.drawing)
     if device is None or loop.drawing.hand[2] is None:

@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import offered
+from wavesweep.engine.blocks import timing
 from wavesweep.engine.doubts import words
-from wavesweep.engine.drawing.drawing import name_of, path_of
+from wavesweep.engine.drawing import name_of, path_of
 from wavesweep.engine.errors import IllPosedLoopError, UsageError
+from wavesweep.engine.frames import FEW, open_loops
+from wavesweep.engine.intervals import FAILURES, Prover, Search, Searches, unanswered
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.dead_time import timing
-from wavesweep.engine.search.interval_records import FAILURES, unanswered
-from wavesweep.engine.search.interval_search import Search, Searches
-from wavesweep.engine.search.open_loops import FEW, open_loops
-from wavesweep.engine.search.question import Prover
 from wavesweep.haptics.felt import FELT, FELT_AT_ENDS, RECORD, feels, felt_along, felt_at_ends
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, columns_of_ends

@@ -8,8 +8,7 @@ import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.stability.modes import named_modes
-from wavesweep.engine.stability.spectrum import damping_ratio, eigenvalues
+from wavesweep.engine.poles import damping_ratio, eigenvalues, named_modes
 from wavesweep.program.analyses.poles import ON_CIRCLE, leading
 
 PLACES = 33  # of the span, at which the modes are looked at

@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.keys.key import LARGEST
-from wavesweep.engine.search.lines_of_loops import lines_in_loops
-from wavesweep.engine.stability.modes import named_modes
-from wavesweep.engine.stability.spectrum import GONE, damping_ratio, radius_of
+from wavesweep.engine.keys import LARGEST
+from wavesweep.engine.poles import GONE, damping_ratio, lines_in_loops, named_modes, radius_of
 from wavesweep.program.analyses.assumptions import FAVOURABLE, assumes
 from wavesweep.program.analyses.feel import felt_at_rest
 from wavesweep.program.analyses.mode_in_the_way import STAYS, only_oscillates, stays_in_words

@@ -5,9 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.search.lines_of_loops import lines_of_each
-from wavesweep.engine.stability.modes import certain_modes, named_modes
-from wavesweep.engine.stability.spectrum import count_outside, damping_ratio
+from wavesweep.engine.poles import certain_modes, count_outside, damping_ratio, lines_of_each, named_modes
 from wavesweep.program.analyses.spec_loops import refuse_singular
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.spec import Axis, Spec

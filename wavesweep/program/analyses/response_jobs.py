@@ -8,12 +8,9 @@ import numpy as np
 
 from wavesweep.engine.doubts import Doubt, words
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import Mistakes
+from wavesweep.engine.keys import Mistakes
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response.at_hand import Route, ports_of_batch
-from wavesweep.engine.response.gain import gain_of
-from wavesweep.engine.response.lifted import Lifted
-from wavesweep.engine.response.steady import respond, transfer
+from wavesweep.engine.response import Lifted, Route, gain_of, ports_of_batch, respond, transfer
 from wavesweep.haptics.controller_page import RATIO, steps_of
 from wavesweep.program.analyses.spec_loops import port_at_hand
 from wavesweep.program.columns import SPARED, Columns, complex_columns

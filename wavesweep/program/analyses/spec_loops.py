@@ -6,16 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.blocks import POSITION
+from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import show
+from wavesweep.engine.keys import show
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.loops.from_drawing import POSITION
 from wavesweep.program.sweep.grid import drawn_groups, frames_per_spec, make_grid, own_loop
 
 if TYPE_CHECKING:
-    from wavesweep.engine.response.lifted import Lifted
-    from wavesweep.engine.response.port import Port
+    from wavesweep.engine.response import Lifted, Port
 
 
 def refuse_singular(spec, drawing: Drawing) -> None:
@@ -44,8 +43,7 @@ def radius_over(spec, axes) -> np.ndarray:
 
 def port_at_hand(spec) -> Port:
     """The port of the spec's own loop. Errors: SpecError if it names no hand, or a position that no plant has in every tick."""
-    from wavesweep.engine.response.at_hand import port_of_loops
-    from wavesweep.engine.response.port import NoPositionError
+    from wavesweep.engine.response import NoPositionError, port_of_loops
 
     if missing := spec.without_hand():
         raise SpecError(missing)
@@ -54,7 +52,7 @@ def port_at_hand(spec) -> Port:
         loop.refuse_unsuitable()
         return port_of_loops(loop.one(0))
     except NoPositionError:
-        from wavesweep.engine.drawing.conditions import OF_PLANT
+        from wavesweep.engine.drawing import OF_PLANT
 
         displacement = spec.tables()["ports"]["hand"]["displacement"]
         raise SpecError([spec.mistake(POSITION, OF_PLANT, show(displacement))]) from None
@@ -62,6 +60,6 @@ def port_at_hand(spec) -> Port:
 
 def loop_at_hand(spec) -> Lifted:
     """The spec's own loop over a frame as its hand feels it. Errors: as for `port_at_hand`."""
-    from wavesweep.engine.response.lifted import Lifted
+    from wavesweep.engine.response import Lifted
 
     return Lifted.of(port_at_hand(spec))

@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 from wavesweep.engine.loop import Loops
-from wavesweep.engine.response.at_hand import Route, ports_of_batch
-from wavesweep.engine.response.port import port_between
-from wavesweep.engine.response.step import MOST, Step, step_of
+from wavesweep.engine.response import MOST, Route, Step, port_between, ports_of_batch, step_of
 from wavesweep.program.spec import Spec
 from wavesweep.program.sweep.grid import own_loop
 

@@ -10,10 +10,9 @@ from textwrap import shorten, wrap
 
 import click
 
-from wavesweep.engine.drawing.drawing import RATE
+from wavesweep.engine.drawing import RATE
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest, show
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.keys import Key, nearest, show
 from wavesweep.haptics.controllers import CONTROLLERS
 from wavesweep.program.bundled import bundled
 from wavesweep.program.cli.file_places import write_whole

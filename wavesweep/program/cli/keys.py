@@ -9,7 +9,7 @@ from textwrap import wrap
 import click
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import show
+from wavesweep.engine.keys import show
 from wavesweep.program.cli import completions
 from wavesweep.program.cli.entry import verbosity
 from wavesweep.program.columns import TAKEN

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest
+from wavesweep.engine.keys import nearest
 from wavesweep.program.plots import refuse_settings
 
 LEAST, MOST = 2.0, 20.0  # inches

@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from wavesweep.engine.keys.checking import Mistakes, Rejected, check, show
-from wavesweep.engine.keys.key import Key, Leaf, Names, Place
+from wavesweep.engine.keys import Key, Leaf, Mistakes, Names, Place, Rejected, check, show
 from wavesweep.program.reading.keys import AXIS_KEYS, BUILT_IN
 from wavesweep.program.reading.tables import study_keys
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from wavesweep.engine.keys.key import HIGHEST_ORDER, INTEGRATIONS, Key, Names
+from wavesweep.engine.keys import HIGHEST_ORDER, INTEGRATIONS, Key, Names
 from wavesweep.haptics.controllers import CONTROLLERS
 
 PAPER = "the paper's section 2, for its analysis (it tests on an Omni)"

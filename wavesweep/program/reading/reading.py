@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 from wavesweep.engine.errors import Mistake, SpecError, UsageError
-from wavesweep.engine.keys.key import FORMULA, VALUE_WORDS, Place
+from wavesweep.engine.keys import FORMULA, VALUE_WORDS, Place
 from wavesweep.program.platform_compat import READ
 from wavesweep.program.reading.keys import SYMBOLS
 from wavesweep.program.reading.toml_errors import syntax_mistake

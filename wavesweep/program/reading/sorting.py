@@ -4,8 +4,7 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from functools import partial
 
-from wavesweep.engine.keys.checking import Mistakes, nearest, show
-from wavesweep.engine.keys.key import Leaf, Names, Path, split_names
+from wavesweep.engine.keys import Leaf, Mistakes, Names, Path, nearest, show, split_names
 from wavesweep.program.reading.keys import BUILT_IN, KEYS
 from wavesweep.program.reading.tables import Section, flat_keys, section_of, sections, study_tables, tables, top_tables
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from wavesweep.capabilities import TABLES, modules
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, HapticDevice
 
 

@@ -1,6 +1,6 @@
 """The user's request as values with units; all mistakes of a spec are reported at once."""
 
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.keys import Key
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import KEYS, SYMBOLS, find_key
 from wavesweep.program.spec.loading import load

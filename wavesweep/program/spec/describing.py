@@ -5,10 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wavesweep.engine.drawing.block_types import TICK_HZ, TYPES
-from wavesweep.engine.drawing.drawn_block import keys_of_block
-from wavesweep.engine.keys.checking import expectation, nearest, show
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.drawing import TICK_HZ, TYPES, keys_of_block
+from wavesweep.engine.keys import Key, expectation, nearest, show
 from wavesweep.program.reading.keys import AXIS_KEYS, DEVICES, HARDWARE_KEYS, KEYS, SYMBOLS, HapticDevice, find_key
 from wavesweep.program.reading.tables import study_keys, study_tables, tables
 from wavesweep.program.spec.shipped_classes import shipped_classes

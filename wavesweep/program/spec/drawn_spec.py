@@ -2,9 +2,8 @@
 
 from collections.abc import Iterable, Mapping
 
-from wavesweep.engine.drawing.drawing_tables import TABLES, Surroundings
-from wavesweep.engine.keys.checking import Mistakes, nearest
-from wavesweep.engine.keys.key import Leaf, Path
+from wavesweep.engine.drawing import TABLES, Surroundings
+from wavesweep.engine.keys import Leaf, Mistakes, Path, nearest
 from wavesweep.program.columns import FREE, TAKEN
 from wavesweep.program.reading.sorting import names_in_list, normal_path
 from wavesweep.program.reading.tables import section_of, study_tables, tables

@@ -6,10 +6,9 @@ from dataclasses import fields, replace
 from functools import lru_cache
 from itertools import islice
 
-from wavesweep.engine.drawing.drawing import RATE, path_of
+from wavesweep.engine.drawing import RATE, path_of
 from wavesweep.engine.errors import SpecError, UsageError
-from wavesweep.engine.keys.checking import Mistakes
-from wavesweep.engine.keys.key import Leaf, Path, Place, leaves_of, read_dict
+from wavesweep.engine.keys import Leaf, Mistakes, Path, Place, leaves_of, read_dict
 from wavesweep.program.reading.keys import BUILT_IN, KEYS, SYMBOLS
 from wavesweep.program.reading.reading import file_stem, read_file, read_override
 from wavesweep.program.reading.sorting import normal_path, sort_leaves
@@ -102,7 +101,7 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str], mistakes: Mis
         leaves[path] = leaf
     symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
     if any(path[0] == "block" for path in leaves):
-        from wavesweep.engine.drawing.block_classes import numbers_of_blocks
+        from wavesweep.engine.drawing import numbers_of_blocks
         from wavesweep.program.spec.shipped_classes import with_classes
 
         leaves = with_classes(leaves)
@@ -170,8 +169,7 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     names, drawing, wrong = BUILT_IN, None, True
     leaves = _without_missing_tables(leaves, mistakes)
     if drawn:
-        from wavesweep.engine.drawing.block_classes import expanded
-        from wavesweep.engine.drawing.drawing_tables import read_drawing
+        from wavesweep.engine.drawing import expanded, read_drawing
         from wavesweep.program.spec.drawn_spec import beside_drawing, with_corrected_names
 
         leaves = expanded(with_corrected_names(leaves, mistakes), mistakes)

@@ -6,10 +6,8 @@ import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
-from wavesweep.engine.drawing.block_types import LONGEST_DELAY
-from wavesweep.engine.drawing.drawing import Drawing
-from wavesweep.engine.keys.checking import Mistakes, expectation, show
-from wavesweep.engine.keys.key import HIGHEST_ORDER, LONGEST_FRAME, Leaf, Place
+from wavesweep.engine.drawing import LONGEST_DELAY, Drawing
+from wavesweep.engine.keys import HIGHEST_ORDER, LONGEST_FRAME, Leaf, Mistakes, Place, expectation, show
 from wavesweep.haptics.controllers import CONTROLLERS, MOST_SLOW_STEPS
 from wavesweep.program.reading.keys import BAND_EDGES, DEVICES, FILTERS, HIGHEST_RATIO, KEYS, VALUE_PATHS, HapticDevice
 
@@ -91,7 +89,7 @@ def _refuse_beyond_limits(given: Given, values: Mapping, wrong: set[str], mistak
 
 def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given: Given) -> tuple[dict[str, float], Mistakes]:
     """Return the values of a drawing's numbers as they are given now, and all mistakes."""
-    from wavesweep.engine.drawing.conditions import faults
+    from wavesweep.engine.drawing import faults
 
     values, mistakes = dict(before), Mistakes()
     for path, key in drawing.names.keys.items():

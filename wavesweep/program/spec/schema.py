@@ -10,13 +10,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from wavesweep.engine.drawing.block_classes import PARTS as OF_CLASS
-from wavesweep.engine.drawing.block_types import TICK_HZ, TYPES
-from wavesweep.engine.drawing.drawing_ports import NAMED, OPTIONAL
-from wavesweep.engine.drawing.drawing_ports import PORTS as OF_PORTS
-from wavesweep.engine.drawing.drawing_tables import NUMBER_PARTS
-from wavesweep.engine.drawing.drawn_block import keys_of_block
-from wavesweep.engine.keys.key import Key
+from wavesweep.engine.drawing import NAMED, NUMBER_PARTS, OPTIONAL, TICK_HZ, TYPES, keys_of_block
+from wavesweep.engine.drawing import PARTS as OF_CLASS
+from wavesweep.engine.drawing import PORTS as OF_PORTS
+from wavesweep.engine.keys import Key
 from wavesweep.program.reading.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS
 from wavesweep.program.reading.tables import tables
 from wavesweep.program.spec.shipped_classes import shipped_classes

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path as File
 
 from wavesweep.capabilities import offered
-from wavesweep.engine.drawing.block_types import TYPES
-from wavesweep.engine.keys.key import Leaf, Path, Place, leaves_of
+from wavesweep.engine.drawing import TYPES
+from wavesweep.engine.keys import Leaf, Path, Place, leaves_of
 
 
 def with_classes(leaves: Mapping[Path, Leaf]) -> Mapping[Path, Leaf]:

@@ -8,10 +8,9 @@ from itertools import product
 from pathlib import Path
 from types import MappingProxyType
 
-from wavesweep.engine.drawing.drawing import RATE, Drawing, path_of
+from wavesweep.engine.drawing import RATE, Drawing, path_of
 from wavesweep.engine.errors import Mistake, SpecError, UsageError
-from wavesweep.engine.keys.checking import Mistakes, nearest
-from wavesweep.engine.keys.key import TURNED, Leaf, Names, Place, plain
+from wavesweep.engine.keys import TURNED, Leaf, Mistakes, Names, Place, nearest, plain
 from wavesweep.program.columns import RATIO
 from wavesweep.program.reading.axes import Axis
 from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from wavesweep.engine.drawing.drawing import RATE, Drawing
+from wavesweep.engine.drawing import RATE, Drawing
 from wavesweep.engine.errors import SpecError
-from wavesweep.engine.keys.checking import Mistakes, nearest, show
-from wavesweep.engine.keys.key import Leaf, Names, Place
+from wavesweep.engine.keys import Leaf, Mistakes, Names, Place, nearest, show
 from wavesweep.program.reading.axes import Axis, axis_place, build_axis, logarithmic
 from wavesweep.program.reading.keys import BAND_EDGES, BUILT_IN, HARDWARE_KEYS, STUDY_KEYS, HapticDevice
 from wavesweep.program.reading.sorting import Sorted

@@ -4,10 +4,9 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 
-from wavesweep.engine.drawing.drawing import RATE, Drawing, path_of, path_of_port
-from wavesweep.engine.drawing.drawn_block import keys_of_block
-from wavesweep.engine.drawing.expressions import sum_of
-from wavesweep.engine.keys.key import Path
+from wavesweep.engine.drawing import RATE, Drawing, keys_of_block, path_of, path_of_port
+from wavesweep.engine.expressions import sum_of
+from wavesweep.engine.keys import Path
 
 NUMBER_WORDS = (".unit", ".description")
 _BARE = re.compile(r"[A-Za-z0-9_-]+")

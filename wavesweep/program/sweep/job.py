@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.engine.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.engine.keys.checking import show
+from wavesweep.engine.keys import show
 from wavesweep.engine.loop import Loops
 from wavesweep.program.sweep.grid import Grid, groups, is_plain, own_loop
 from wavesweep.program.sweep.pools import Task

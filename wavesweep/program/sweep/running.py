@@ -15,7 +15,7 @@ import numpy as np
 
 from wavesweep.engine.arguments import boolean
 from wavesweep.engine.errors import UsageError
-from wavesweep.engine.keys.checking import nearest
+from wavesweep.engine.keys import nearest
 from wavesweep.program.columns import Columns, joined
 from wavesweep.program.platform_compat import one_thread, versions
 from wavesweep.program.store.checkpoint import DamagedError, FileCheckpoint, MemoryCheckpoint

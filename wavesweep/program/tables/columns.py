@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.capabilities import home_of
-from wavesweep.engine.drawing.drawn_block import keys_of_block
+from wavesweep.engine.drawing import keys_of_block
 from wavesweep.engine.errors import WavesweepError
-from wavesweep.engine.keys.key import TURNED
+from wavesweep.engine.keys import TURNED
 from wavesweep.program.columns import Columns, run_column, whose_column
 from wavesweep.program.row_kinds import row_kinds
 from wavesweep.program.spec import KEYS, SYMBOLS

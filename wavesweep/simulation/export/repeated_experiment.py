@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.engine.drawing.drawing import Drawing
+from wavesweep.engine.drawing import Drawing
 from wavesweep.engine.errors import UsageError
 from wavesweep.haptics.controller_page import loop_drawing
 from wavesweep.program.spec import Spec

@@ -12,10 +12,9 @@ from textwrap import fill
 from typing import Any, NamedTuple
 
 from wavesweep import __version__
-from wavesweep.engine.drawing.drawing import AT, scalars
-from wavesweep.engine.drawing.drawn_block import PORT
-from wavesweep.engine.drawing.expressions import sum_of, text_of, value_of
+from wavesweep.engine.drawing import AT, PORT, scalars
 from wavesweep.engine.errors import UsageError
+from wavesweep.engine.expressions import sum_of, text_of, value_of
 from wavesweep.program.spec import Spec
 from wavesweep.simulation.experiment import refuse_what_makes_no_loop
 from wavesweep.simulation.export.gains import CoefficientTable, Gains, gains_of, named

@@ -11,8 +11,8 @@ from reproduce.paper_loops import BASE, PaperLoops
 from reproduce.readings import ANTI_ALIASING, FILTERS, Reading, readings, under
 from reproduce.resolvent import solved_response
 from reproduce.verdicts import Answer, Finding, Statement, over
-from wavesweep.engine.loops.filters import butterworth
-from wavesweep.engine.monodromy.unit_circle import on_circle
+from wavesweep.engine._loops.filters import butterworth
+from wavesweep.engine._monodromy.unit_circle import on_circle
 from wavesweep.passive.channel import TOLERANCE, ChannelNorm
 
 HIGHEST_HZ = 24.0

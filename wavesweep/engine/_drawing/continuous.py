@@ -1,0 +1,143 @@
+"""Which terms of a wire act continuously: those by which plants act on each other."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import reduce
+
+from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._drawing.expressions import Fault, Terms, Tree, evaluate, linear, names_in, text_of
+
+Wires = tuple[tuple[str, Terms], ...]
+SAME = 1e-12  # relative, of gains that add up to 0
+
+
+def _multiplied_out(terms: Terms) -> list[tuple[str, Tree]]:
+    """Return terms with a summand of their gain each."""
+    return [(signal, factor) for signal, gain in terms for factor in _summands(gain, products=True)]
+
+
+def parted(tree: Tree, signals: set[str], own: str, plants: Mapping[str, str]) -> tuple[Terms, Terms]:
+    """Return the terms of the wire of a plant that are held over a tick, and those that act continuously.
+
+    own: name of the plant. plants: name and type of each one.
+
+    A wire is a sum. A summand that reads another plant acts continuously, as a spring `ks*(link.x - motor.x)` does, and so does
+    the other half of one that is multiplied out, `ks*link.x - (ks + kp)*motor.x`. What else reads the plant alone is what a
+    controller computes from samples, `-kp*motor.x`. Signals of other blocks and the hand's force are held.
+    Errors: Fault as for `linear`, and if terms in both positions, or both velocities, are left that form no spring or damper.
+    """
+    wire = linear(tree, signals)
+    held: list[tuple[str, Tree]] = []
+    continuous: list[tuple[str, Tree]] = []
+    halves: list[tuple[str, Tree]] = []
+    alone: list[tuple[str, Tree]] = []
+    for summand in _summands(tree):
+        blocks = {name.rpartition(".")[0] for name, _ in names_in(summand) if name in signals}
+        far_plants, terms = plants.keys() & blocks - {own}, linear(summand, signals)
+        if far_plants and own in blocks:
+            continuous += terms
+        else:
+            kind = halves if far_plants else alone if blocks == {own} else held
+            kind += _multiplied_out(terms)
+    if not (continuous or halves):
+        return wire, ()
+    continuous += _opposite_pairs(alone, halves)
+    springs = _springs(tree, own, plants, alone, halves)
+    continuous += springs
+    alone = [term for term in alone if term not in springs]
+    sampled = [term for term in (*continuous, *halves) if term[0].rpartition(".")[0] not in plants]
+    return _added([*held, *alone, *sampled]), _added(term for term in (*continuous, *halves) if term not in sampled)
+
+
+def _opposite_pairs(alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]) -> list[tuple[str, Tree]]:
+    """Take the terms in another plant whose gains are those of terms in this one with the other sign out of both lists."""
+    pairs = []
+    for half in list(halves):
+        twin = next((term for term in alone if _opposite(half[1], term[1])), None)
+        if twin:
+            alone.remove(twin)
+            halves.remove(half)
+            pairs += [half, twin]
+    return pairs
+
+
+def _springs(
+    tree: Tree, own: str, plants: Mapping[str, str], alone: list[tuple[str, Tree]], halves: list[tuple[str, Tree]]
+) -> list[tuple[str, Tree]]:
+    """Return the terms in a plant alone that are the near ends of springs and dampers, whose far ends are halves.
+
+    Errors: Fault if the gains of both ends do not add up to 0.
+    """
+    springs = []
+    for port in (f".{port}" for port in ("x", "v") if TYPES[plants[own]].body):
+        of_bodies = {f"{name}{port}" for name, kind in plants.items() if TYPES[kind].body}
+        near_ends, far_ends = ([term for term in terms if term[0] in of_bodies] for terms in (alone, halves))
+        if near_ends and far_ends and not _balance([*near_ends, *far_ends]):
+            (signal, gain), (far, _) = near_ends[0], far_ends[0]
+            raise Fault(
+                min(at for name, at in names_in(tree) if name == signal),
+                f"a number times ({far} - {signal}), as of a spring or a damper, or a block hold for what a program computes",
+                f"{text_of(gain)} times {signal}, which may be either",
+            )
+        springs += near_ends if far_ends else []
+    return springs
+
+
+def _blocks_read(wires: Wires, couplings: Wires, seen: Terms) -> set[str]:
+    """Return the blocks that the hand's port reads, by itself or through other blocks."""
+    read, before = {port.rpartition(".")[0] for port, _ in wires}, None
+    while read != before:
+        before, read = read, {signal.rpartition(".")[0] for signal, _ in seen}
+        for port, terms in (*wires, *couplings):
+            if (block := port.rpartition(".")[0]) in before:
+                read |= {signal.rpartition(".")[0] for signal, _ in terms} - {block}
+    return read
+
+
+def watching_held(wires: Wires, couplings: Wires, seen: Terms) -> tuple[Wires, Wires]:
+    """Return wires and couplings in which terms that act on a plant that nothing reads are wires: nothing shows how they act.
+
+    A block that nothing reads itself does not count as a reader. What such a plant does to itself stays a coupling. seen:
+    signals at the hand's port.
+    """
+    read, held, continuous = _blocks_read(wires, couplings, seen), {}, []
+    for port, terms in couplings:
+        block = port.rpartition(".")[0]
+        inside = tuple(term for term in terms if block in read or term[0].rpartition(".")[0] == block)
+        held[port] = [term for term in terms if term not in inside]
+        continuous += [(port, inside)] if inside else []
+    return tuple((port, _added([*terms, *held.get(port, ())])) for port, terms in wires), tuple(continuous)
+
+
+def _summands(tree: Tree, products: bool = False) -> Iterator[Tree]:
+    """Yield the trees that a tree is the sum of; products: multiplied out."""
+    operation, at = tree[0], tree[-1]
+    if operation in ("+", "-", "negative"):
+        *first, last = tree[1:-1]
+        yield from (summand for tree in first for summand in _summands(tree, products))
+        yield from (summand if operation == "+" else ("negative", summand, at) for summand in _summands(last, products))
+    elif products and operation in ("*", "/"):
+        seconds = list(_summands(tree[2], products)) if operation == "*" else [tree[2]]
+        yield from ((operation, factor, second, at) for factor in _summands(tree[1], products) for second in seconds)
+    else:
+        yield tree
+
+
+def _opposite(one: Tree, other: Tree) -> bool:
+    """Whether two gains differ in their signs alone."""
+    return text_of(("negative", one, 0)) == text_of(other) or text_of(one) == text_of(("negative", other, 0))
+
+
+def _balance(terms: Iterable[tuple[str, Tree]]) -> bool:
+    """Whether gains are plain numbers that add up to 0: the force does not change if all moves together."""
+    gains = [gain for _, gain in terms]
+    if any(True for gain in gains for _ in names_in(gain)):
+        return False
+    values = [evaluate(gain, {}) for gain in gains]
+    return bool(abs(sum(values)) <= SAME * sum(map(abs, values)))
+
+
+def _added(terms: Iterable[tuple[str, Tree]]) -> Terms:
+    gains_of: dict[str, list[Tree]] = {}
+    for signal, gain in terms:
+        gains_of.setdefault(signal, []).append(gain)
+    return tuple((signal, reduce(lambda a, b: ("+", a, b, b[-1]), gains)) for signal, gains in gains_of.items())

@@ -1,0 +1,214 @@
+"""Reading [ports] of a drawn loop: the hand, the wall, inputs and outputs, each mistake at its place."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
+
+from wavesweep.engine._drawing.drawing import ENVIRONMENT, path_of_port
+from wavesweep.engine._drawing.drawing_keys import NAME, KeyReader, is_dotted, is_name
+from wavesweep.engine._drawing.drawn_block import DrawnBlock
+from wavesweep.engine._drawing.expressions import ONE, RESERVED, Terms
+from wavesweep.engine._keys.checking import nearest, show
+from wavesweep.engine._keys.key import TURNED, Key, Leaf
+
+# The parts of a port; of inputs and outputs each has a name.
+PORTS = MappingProxyType(
+    {
+        "hand": ("force", "displacement", "reaction", "turns"),
+        "environment": ("force", "displacement"),
+        "wall": ("stiffness", "damping"),
+        "inputs": ("signal", "unit"),
+        "outputs": ("signal", "unit"),
+    }
+)
+OPTIONAL = ("reaction", "turns", "unit")
+TURNS = Key("ports.hand.turns", "boolean", False, "", "whether force and displacement of the hand are a torque and an angle")
+NAMED = MappingProxyType({"inputs": "a signal from outside", "outputs": "an expression linear in signals"})
+WITHOUT = " (of a wall without one a number that is 0 and multiplies the velocity in the wall's wire, K*x + B*v)"
+
+Path = tuple[str, ...]
+Parts = dict[str, Leaf]
+Ports = dict[str, dict]  # the parts of hand and wall, and of each input and output by its name
+
+
+class PortReader(KeyReader):
+    """A reading of [ports]."""
+
+    def complete_ports(self, table: Mapping[Path, Leaf]) -> Ports:
+        """Sort the leaves of [ports]; inputs and outputs without a signal are left out."""
+        ports = self.sorted_ports(table)
+        for side in ("hand", "environment", "wall"):
+            missing = [key for key in PORTS[side] if key not in ports[side] and key not in OPTIONAL]
+            if missing and ports[side]:
+                expected = f"both {' and '.join(PORTS[side][:2])}{WITHOUT * (missing == ['damping'])}"
+                table = next(iter(ports[side].values())).place.parent()
+                self.refuse(table, f"ports.{side}", expected, f"no {' and no '.join(missing)}")
+        complete = {side: self.named(side, keys) if side in NAMED else keys for side, keys in ports.items()}
+        return self.with_further(self.with_environment(complete))
+
+    def sorted_ports(self, table: Mapping[Path, Leaf]) -> Ports:
+        """Sort the leaves of [ports]; unknown ports and keys are mistakes."""
+        ports: Ports = {side: {} for side in PORTS}
+        for (side, *rest), leaf in table.items():
+            path, named = f"ports.{side}", side in NAMED
+            if side not in PORTS:
+                place = leaf.place.under(leaf.place.path[:2])
+                self.refuse(place, path, "hand, environment, wall, inputs or outputs", "an unknown port", nearest(side, PORTS))
+            elif not rest:
+                if leaf.value != {} or not named:
+                    self.refuse(leaf, path, expected_table(side), show(leaf.value))
+            elif named:
+                key = ".".join(rest[1:]) or "signal"
+                if self.mistakes.is_known(key, PORTS[side], leaf, f"{path}.{rest[0]}.{key}"):
+                    ports[side].setdefault(rest[0], {})[key] = leaf
+            elif self.mistakes.is_known(rest[0], PORTS[side], leaf, f"{path}.{rest[0]}"):
+                ports[side][rest[0]] = leaf if len(rest) == 1 else Leaf({}, leaf.place.parent())
+        return ports
+
+    def _refuse_unpaired(self, listed: list[tuple[str, Leaf]], ports: Ports) -> None:
+        """Refuse lists of the hand that do not pair forces and displacements, or that stand beside other ports."""
+        texts = [leaf.value for _, leaf in listed if leaf.value and all(isinstance(text, str) for text in leaf.value)]
+        if len(texts) < 2 or len(texts[0]) != len(texts[1]) or ports["environment"] or "reaction" in ports["hand"]:
+            expected = "as many names of forces as displacements, in two lists, without reaction and environment"
+            self.refuse(listed[0][1], f"ports.hand.{listed[0][0]}", expected, show(listed[0][1].value), of_key=False)
+
+    def with_further(self, ports: Ports) -> Ports:
+        """Add the axes of the hand but the first, of lists of forces and displacements, to the inputs and outputs."""
+        hand = ports["hand"]
+        pairs = [(key, hand[key]) for key in PORTS["hand"][:2] if key in hand]
+        listed = [(key, leaf) for key, leaf in pairs if isinstance(leaf.value, list)]
+        if not listed:
+            return ports
+        self._refuse_unpaired(listed, ports)
+        for key, leaf in listed:
+            values = leaf.value or [""]
+            self.lists[f"ports.hand.{key}"] = leaf
+            hand[key] = Leaf(values[0], leaf.place)
+            for number, value in enumerate(values[1:], 2):
+                side = "inputs" if key == "force" else "outputs"
+                ports[side][f"hand.{key}.{number}"] = {"signal": Leaf(value, leaf.place)}
+        return ports
+
+    def with_environment(self, ports: Ports) -> Ports:
+        """Add the environment's force to the inputs and its displacement to the outputs."""
+        for side, name in zip(NAMED, ENVIRONMENT, strict=True):
+            if leaf := ports["environment"].get(name.partition(".")[2]):
+                ports[side][name], self.leaves[f"ports.{name}"] = {"signal": leaf}, leaf
+        return ports
+
+    def named(self, side: str, ports: dict[str, Parts]) -> dict[str, Parts]:
+        """Check the names of inputs or outputs; return those that have a signal."""
+        for name, keys in ports.items():
+            path, first = f"ports.{side}.{name}", next(iter(keys.values()))
+            self.leaves |= {path if key == "signal" else f"{path}.unit": leaf for key, leaf in keys.items()}
+            if not (is_dotted if side == "outputs" else is_name)(name) or name in (*RESERVED, *self.numbers):
+                self.refuse(first, path, f"{NAME}, and neither pi nor a function nor a number", show(name))
+            if "signal" not in keys:
+                self.refuse(first.place.parent(), path, f"the key signal, {NAMED[side]}", "none")
+        return {name: keys for name, keys in ports.items() if "signal" in keys}
+
+    def read_inputs(self, ports: Ports) -> tuple[tuple[str, str, str], ...]:
+        """Read the name, signal and unit of each input."""
+        inputs: list[tuple[str, str, str]] = []
+        for name, keys in ports["inputs"].items():
+            path, leaf = path_of_port("inputs", name), keys["signal"]
+            fault = self.fault_from_outside(leaf.value)
+            if fault and name in self.read:
+                fault = (f'{fault[0]}, as {name} = "{name}"', fault[1])
+            if fault or leaf.value in [signal for _, signal, _ in inputs]:
+                self.refuse(
+                    leaf, path, *(fault or ("a signal that no other port has", f"{show(leaf.value)} again")), of_key=False
+                )
+            else:
+                inputs.append((name, leaf.value, self.word(f"{path}.unit", keys.get("unit"))))
+        return tuple(inputs)
+
+    def read_outputs(self, ports: Ports) -> tuple[tuple[str, Terms, str], ...]:
+        """Read the name, terms and unit of each output."""
+        outputs = []
+        for name, keys in ports["outputs"].items():
+            path = path_of_port("outputs", name)
+            if name in ports["inputs"]:
+                self.refuse(keys["signal"], path, "another name than that of an input", show(name))
+            terms = self.read_terms(path, keys["signal"])
+            if terms is not None:
+                outputs.append((name, terms, self.word(f"{path}.unit", keys.get("unit"))))
+        self.leaves |= self.lists
+        return tuple(outputs)
+
+    def fault_from_outside(self, signal: object, what: str = "a signal from outside") -> tuple[str, str] | None:
+        """Return expected and found text of a value that is not a signal from outside that a wire reads. what: it should be."""
+        if not (isinstance(signal, str) and is_name(signal) and signal not in RESERVED):
+            return f"{NAME}, for {what}", show(signal)
+        if signal in self.numbers:
+            return "a name that is no number", show(signal)
+        return None if signal in self.read else ("a signal that a wire reads", f"{show(signal)}, which no wire reads")
+
+    def read_asked(
+        self, blocks: Iterable[DrawnBlock], wires: Mapping[str, Leaf], numbers: Iterable[tuple], given: Mapping[str, dict]
+    ) -> Iterator[tuple[str, Terms, str]]:
+        """Yield an output for each signal that a table names and [ports] does not declare; see `Drawing.signals`.
+
+        Its unit is that of a port with the same signal. Names of no signal are left to `Request.refuse_unknown_ends`.
+        """
+        ports = {f"{block.name}.{port}": block for block in blocks for side in block.ports for port in side}
+        units = {name: unit for name, unit, _ in numbers}
+        declared = (keys for side in NAMED for keys in given[side].values() if "unit" in keys)
+        units |= {str(keys["signal"].value): str(keys["unit"].value) for keys in declared}
+        for name, leaf in self.asked.items():
+            block = ports.get(name)
+            terms = None if name in given["outputs"] else self.terms_of_signal(name, leaf, block, wires)
+            if terms is not None:
+                yield name, terms, units.get(name) or _unit_of(name, block, units)
+
+    def terms_of_signal(self, name: str, leaf: Leaf, block: DrawnBlock | None, wires: Mapping[str, Leaf]) -> Terms | None:
+        """Return the terms of a port or of a name in [signals]; None if it is neither. block: whose port it is."""
+        if block and name in wires:
+            self.period = self.periods[block.name]
+            terms = self.read_terms(f"wire.{name}", wires[name])
+            self.period = None
+            return terms
+        if block and name in self.signals:
+            return ((name, ONE),)
+        if name in self.meanings and name in self.signals:
+            self.read.add(name)
+            return self.terms_of(f"signals.{name}", leaf, self.meanings[name])
+        return None
+
+    def read_hand(self, keys: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
+        force = keys.get("force")
+        if force:
+            self.leaves["ports.hand.force"] = force
+            if fault := self.fault_from_outside(force.value, "the hand's force"):
+                self.refuse(force, "ports.hand.force", *fault, of_key=False)
+        position, reaction = (
+            self.read_terms(f"ports.hand.{key}", keys[key]) if key in keys else None for key in PORTS["hand"][1:3]
+        )
+        return (force.value, position, reaction) if force and isinstance(force.value, str) and position is not None else None
+
+    def read_wall(self, keys: Mapping[str, Leaf]) -> tuple[str, ...] | None:
+        numbers = []
+        for key, leaf in ((key, keys[key]) for key in PORTS["wall"] if key in keys):
+            path, name = f"ports.wall.{key}", leaf.value
+            self.leaves[path] = leaf
+            if name not in self.numbers or name in self.meanings:
+                hint = nearest(name, self.numbers) if isinstance(name, str) else ""
+                self.refuse(leaf, path, "the name of a number in [numbers]", show(name), hint, of_key=False)
+            elif name in numbers:
+                self.refuse(leaf, path, "another number than the stiffness", show(name), of_key=False)
+            numbers.append(str(name))
+        return tuple(numbers) or None
+
+
+def _unit_of(signal: str, block: DrawnBlock | None, units: Mapping[str, str]) -> str:
+    """Return the unit of a port of a body, empty if it is not known: a `mass` may turn, which the unit of its number shows."""
+    if block is None:
+        return ""
+    mass = dict(block.keys).get("mass", ONE)
+    unit_of_mass = "kg*m^2" if block.type == "inertia" else units.get(mass[1]) if mass[0] == "name" else ""
+    unit = {"f": "N", "x": "m", "v": "m/s"}.get(signal.rpartition(".")[2], "") if unit_of_mass in ("kg", "kg*m^2") else ""
+    return TURNED[unit] if unit and unit_of_mass == "kg*m^2" else unit
+
+
+def expected_table(side: str) -> str:
+    """Return what a table of [ports] has to be."""
+    return f"a table, NAME = {NAMED[side]}" if side in NAMED else f"{{ {', '.join(PORTS[side])} }}"

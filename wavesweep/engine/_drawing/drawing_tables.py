@@ -1,0 +1,347 @@
+"""Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
+
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import NamedTuple
+
+from wavesweep.engine._drawing.block_types import TICK_HZ, TYPES
+from wavesweep.engine._drawing.conditions import displaced, faults
+from wavesweep.engine._drawing.continuous import Wires, parted, watching_held
+from wavesweep.engine._drawing.drawing import RATE, Drawing, decides, path_of
+from wavesweep.engine._drawing.drawing_keys import NAME, is_dotted, is_name
+from wavesweep.engine._drawing.drawing_ports import TURNS, PortReader
+from wavesweep.engine._drawing.drawn_block import DrawnBlock, Plant
+from wavesweep.engine._drawing.expressions import (
+    ONE,
+    RESERVED,
+    Fault,
+    Terms,
+    Tree,
+    extent,
+    linear,
+    names_in,
+    remembered,
+    with_trees,
+)
+from wavesweep.engine._drawing.parsing import parse
+from wavesweep.engine._keys.checking import Mistakes, nearest, show
+from wavesweep.engine._keys.key import Key, Leaf, Names, Place
+
+TABLES = ("rates", "numbers", "block", "signals", "wire", "ports")
+NUMBER_PARTS = ("value", "unit", "description")
+LISTED = 8  # ports that a message lists
+
+Path = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What stands beside a drawing and asks something of it.
+
+    axes: paths of keys of blocks that are numbers too, since something varies them. signals: those that are outputs too, by
+    name, with the leaf that asks for each. classes: names of types that blocks could have had in addition, for messages.
+    taken: names that no number may have. free: what a name is that is none of these, in words.
+    """
+
+    axes: frozenset[str] = frozenset()
+    signals: Mapping[str, Leaf] = field(default_factory=dict)
+    classes: tuple[str, ...] = ()
+    taken: frozenset[str] = frozenset()
+    free: str = ""
+
+
+class ReadDrawing(NamedTuple):
+    """A drawing, None if it has mistakes, the values of its numbers, its leaves by path, and its names."""
+
+    drawing: Drawing | None
+    values: dict[str, float]
+    leaves: dict[str, Leaf]
+    names: Names
+
+
+def read_drawing(
+    leaves: Mapping[Path, Leaf], source: Place, mistakes: Mistakes, surroundings: Surroundings = Surroundings()
+) -> ReadDrawing:
+    """Return what is drawn, and add its mistakes.
+
+    leaves: other tables than those of a drawing are skipped. source: their place.
+    """
+    reader = _TableReader(source, surroundings.axes | {RATE}, surroundings.classes)
+    grouped = reader.grouped(leaves)
+    reader.asked = surroundings.signals
+    reader.taken = surroundings.taken
+    reader.free = surroundings.free
+    drawing, values = reader.drawing(grouped)
+    for path, expected, reason in (*faults(drawing, values), *displaced(drawing, values)):
+        leaf = reader.leaf(path)
+        text = f"{show(leaf.value)}: {reason}" if isinstance(leaf.value, str) else reason
+        reader.mistakes.refuse(leaf, path, expected, text, of_key=False)
+    mistakes += reader.mistakes
+    following = frozenset(path[1] for path, leaf in leaves.items() if is_derived(path, leaf))
+    names = replace(names_of(leaves, surroundings.axes) if reader.mistakes else drawing.names, following=following)
+    return ReadDrawing(None if reader.mistakes else drawing, values, reader.leaves, names)
+
+
+def is_derived(path: Path, leaf: Leaf) -> bool:
+    """Whether a leaf is one of [numbers] that is an expression, from which the number follows."""
+    return path[0] == "numbers" and isinstance(leaf.value, str) and len(path) > 1 and path[2:] in ((), ("value",))
+
+
+def names_of(leaves: Mapping[Path, Leaf], axes: Iterable[str]) -> Names:
+    """Return the names of a drawing that has mistakes, so that its axes can be checked too."""
+    numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
+    keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
+    keys |= {path: Key(path, "number", None, "", "") for path in axes}
+    return Names(keys, {name: path_of(name) for name in numbers})
+
+
+def signals_from_outside(ports: Mapping[str, Mapping]) -> set[str]:
+    """Return the signals of the hand's force and of the inputs. ports: leaves of [ports] by side."""
+    force = [ports["hand"]["force"]] if "force" in ports["hand"] else []
+    inputs = [leaf.value for leaf in (*force, *(keys["signal"] for keys in ports["inputs"].values()))]
+    return {signal for signal in inputs if isinstance(signal, str)}
+
+
+def ports_at_rest(springs: Mapping[str, DrawnBlock | None], wires: Iterable[str]) -> list[str]:
+    """Return the ports of springs that need no wire: velocities without damping, and the second end of those to the ground."""
+    undamped = [name for name, block in springs.items() if not block or dict(block.keys)["d"][:2] == ("number", 0.0)]
+    ground = [[f"{name}.{port}" for port in ("x2", "v2")] for name in springs]
+    at_ground = [port for ports in ground if not {*ports} & {*wires} for port in ports]
+    return [f"{name}.{port}" for name in undamped for port in ("v1", "v2")] + at_ground
+
+
+def with_whole_numbers(drawing: Drawing, values: dict[str, float]) -> tuple[Drawing, dict[str, float]]:
+    """Return the drawing and the values with whole numbers where these decide how the loop is built."""
+    deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
+    integers = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
+    return replace(drawing, whole=integers), values | {path_of(name): int(values[path_of(name)]) for name in integers}
+
+
+class _TableReader(PortReader):
+    """A reading of all tables of a drawn loop."""
+
+    def grouped(self, leaves: Mapping[Path, Leaf]) -> dict[str, dict]:
+        """Sort the leaves into tables."""
+        tables: dict[str, dict] = {name: {} for name in TABLES}
+        for (table, *rest), leaf in leaves.items():
+            if table not in TABLES:
+                continue
+            if not rest:
+                if leaf.value != {}:
+                    self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
+            elif table in ("rates", "signals", "wire"):
+                tables[table][".".join(rest)] = leaf
+            elif table == "ports":
+                tables[table][tuple(rest)] = leaf
+            else:
+                key = rest[1] if len(rest) > 1 else ""
+                entry = leaf if len(rest) < 3 else Leaf({}, leaf.place.under((table, *rest[:2])))
+                tables[table].setdefault(rest[0], {})[key] = entry
+        return tables
+
+    def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
+        """Read every table; parts that have mistakes are left out."""
+        self.numbers = tuple(tables["numbers"])
+        ports = self.complete_ports(tables["ports"])
+        self.outside = signals_from_outside(ports)
+        numbers, values = self.read_numbers(tables["numbers"])
+        self.tick_hz = self.read_rate(tables["rates"]) or ("name", RATE, 0)
+        blocks = self.read_blocks(tables)
+        self.read_signals(tables["signals"])
+        plants = {block.name: block.type for block in blocks if block.plant}
+        wires, couplings = self.read_wires(tables["wire"], plants)
+        hand, wall = self.read_hand(ports["hand"]), self.read_wall(ports["wall"])
+        inputs, outputs = self.read_inputs(ports), self.read_outputs(ports)
+        outputs += tuple(self.read_asked(blocks, tables["wire"], numbers, ports))
+        named = self.read_named(tables["signals"])
+        shown = [*(hand or ())[1:], *(terms for _, terms, _ in outputs)]
+        registers = self.made_registers(blocks, wires, [*shown, *(terms for _, terms in named)])
+        blocks += registers
+        wires += tuple((f"{block.name}.u", ((self.registers[f"{block.name}.y"], ONE),)) for block in registers)
+        shown_terms = [term for terms in shown for term in terms or ()]
+        wires, couplings = watching_held(wires, couplings, shown_terms)
+        self.refuse_loose_ends(tables)
+        self.refuse_two_meanings(tables, plants)
+        values |= self.own
+        turns = bool(self.read_key(TURNS.path, TURNS, ports["hand"].get("turns")))
+        drawing = Drawing(
+            self.tick_hz, numbers, frozenset(), blocks, wires, hand, wall, turns, couplings, inputs, outputs, named
+        )
+        return with_whole_numbers(drawing, values)
+
+    def read_wires(self, table: Mapping[str, Leaf], plants: Mapping[str, str]) -> tuple[Wires, Wires]:
+        """Read the wires, and those of them that act continuously. plants: name and type of each one."""
+        read = {port: self.read_wire(port, leaf, plants) for port, leaf in table.items()}
+        read |= {port: ((), ()) for port in self.optional if port not in read}
+        wires = tuple((port, terms[0]) for port, terms in read.items() if terms)
+        return wires, tuple((port, terms[1]) for port, terms in read.items() if terms and terms[1])
+
+    def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
+        numbers, values, derived = [], {}, {}
+        for name, keys in table.items():
+            path, first = path_of(name), next(iter(keys.values()))
+            place = first.place if "" in keys else first.place.parent()
+            self.check_names_of_number(name, keys, place)
+            leaf = keys.get("") or keys.get("value")
+            words = [self.word(f"{path}.{key}", keys.get(key)) for key in ("unit", "description")]
+            if leaf is None or leaf.value == {}:
+                self.refuse(place, path, "a number, or { value, unit, description }", "no value")
+                continue
+            self.leaves[path] = leaf
+            if isinstance(leaf.value, str):
+                derived[name] = path, leaf
+                self.leaves |= {f"{path}.{key}": keys[key] for key in ("unit", "description") if key in keys}
+                continue
+            value = self.mistakes.check(Key(path, "number", None, "", ""), leaf)
+            if value is not None:
+                values[path] = value
+                numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
+        self.define(derived)
+        return tuple(numbers), values
+
+    def check_names_of_number(self, name: str, keys: Mapping[str, Leaf], place: Place) -> None:
+        """Refuse the name of a number, or of one of its keys, that is none. place: of the number."""
+        path = path_of(name)
+        if name in self.taken:
+            self.refuse(place, path, self.free, f"{show(name)}, which one has")
+        elif not is_name(name) or name in RESERVED:
+            self.refuse(place, path, f"{NAME}, and neither pi nor a function", show(name))
+        for key, leaf in keys.items():
+            if key:
+                self.mistakes.is_known(key, NUMBER_PARTS, leaf, f"{path}.{key}")
+
+    def read_blocks(self, tables: Mapping[str, dict]) -> tuple[DrawnBlock, ...]:
+        """Read the blocks, and what wires can read and have to feed."""
+        read = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
+        blocks = tuple(block for block in read.values() if block is not None)
+        if not read:
+            self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
+        kinds = {name: tables["block"][name]["type"].value for name, ports in self.ports.items() if ports}
+        self.inputs, outputs = ([f"{name}.{port}" for name in kinds for port in self.ports[name][side]] for side in (0, 1))
+        self.optional = ports_at_rest({name: read[name] for name, kind in kinds.items() if kind == "spring"}, tables["wire"])
+        self.signals = {*outputs} | self.outside
+        moments = [(block, *moment) for block, kind in kinds.items() for moment in TYPES[kind].moments]
+        for block, port, text in moments:  # which stand for expressions in outputs that are held
+            name = f"{block}.{port}"
+            self.meanings[name] = parse(text.format(name=block))
+            self.extents[name] = extent(self.meanings[name], {})
+            self.signals.add(name)
+        return blocks
+
+    def read_signals(self, table: Mapping[str, Leaf]) -> None:
+        """Read the names of signals, each with the expression that it stands for."""
+        texts = {}
+        for name, leaf in table.items():
+            path = f"signals.{name}"
+            self.leaves[path] = leaf
+            if not is_dotted(name) or name in (*RESERVED, *self.numbers, *self.outside):
+                self.refuse(leaf, path, f"{NAME}, and no number, function or signal from outside either", show(name))
+            elif not isinstance(leaf.value, str):
+                self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
+            else:
+                texts[name] = path, leaf
+        self.signals |= table.keys() - {*self.numbers}
+        self.define(texts, signals=True)
+
+    def read_named(self, table: Mapping[str, Leaf]) -> tuple[tuple[str, Terms], ...]:
+        """Read the terms of the names of signals, which are shown too."""
+        meant = [(name, leaf) for name, leaf in table.items() if name in self.meanings]
+        return tuple((name, self.terms_of(f"signals.{name}", leaf, self.meanings[name]) or ()) for name, leaf in meant)
+
+    def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
+        for name, leaf in table.items():
+            if name != "tick_hz":
+                expected = "tick_hz, the rate that all others divide"
+                self.refuse(leaf, f"rates.{name}", expected, "an unknown key", "rates.tick_hz")
+        return self.read_key(RATE, TICK_HZ, table.get("tick_hz"))
+
+    def read_wire(self, port: str, leaf: Leaf, plants: Mapping[str, str]) -> tuple[Terms, Terms] | None:
+        """Read a wire: its terms that are held, and those that act continuously; see `parted`."""
+        path, block = f"wire.{port}", port.rpartition(".")[0]
+        if port not in self.inputs and not self.is_hidden(block):
+            terms = "an output of a block" if port in self.signals else "an unknown port"
+            expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
+            self.refuse(leaf, path, expected, terms, nearest(port, self.inputs))
+        self.period = self.periods.get(block, ONE)
+        terms = self.read_terms(path, leaf, partial(parted, own=block, plants=plants if block in plants else {}))
+        self.period = None
+        return terms
+
+    def refuse_two_meanings(self, tables: Mapping[str, dict], plants: Mapping[str, str]) -> None:
+        """Refuse names of [signals] that act continuously in the wire of one plant, and are held in that of another."""
+        if self.mistakes or not tables["signals"]:
+            return
+        texts = {name: parse(leaf.value) for name, leaf in tables["signals"].items()}
+        built_in = {name: tree for name, tree in self.meanings.items() if name not in texts}
+
+        def expanded(tree: Tree, without: str = "") -> Tree:
+            names = {name for name, _ in names_in(tree)} & texts.keys()
+            meanings = {name: ("number", 0.0, 0) if name == without else expanded(texts[name], without) for name in names}
+            return remembered(with_trees(with_trees(tree, meanings), built_in), self.signals)[0]
+
+        of_plants = {f"{name}.{port}" for name in plants for port in self.ports[name][1]}
+        texts_of_wires = {port: leaf.value for port, leaf in tables["wire"].items() if port.rpartition(".")[0] in plants}
+        into_plants = {port: parse(text) for port, text in texts_of_wires.items() if isinstance(text, str)}
+        in_full = {port: expanded(tree) for port, tree in into_plants.items()}
+        for name, text in texts.items():
+            read = of_plants & {signal for signal, _ in linear(expanded(text), self.signals)}
+            acts: tuple[list[str], list[str]] = [], []  # ports: held there, or continuous
+            for port, tree in into_plants.items():
+                trees = in_full[port], expanded(tree, name)
+                continuous = None if trees[0] == trees[1] else self._acts_continuously(port, trees, read, plants)
+                if continuous is not None:
+                    acts[continuous].append(port)
+            if acts[0] and acts[1]:
+                expected = f"{name} as in {acts[1][0]}, where it acts continuously, or the output of a hold in both"
+                leaf = tables["wire"][acts[0][0]]
+                self.refuse(leaf, f"wire.{acts[0][0]}", expected, f"{name} held over a tick", of_key=False)
+
+    def _acts_continuously(
+        self, port: str, trees: tuple[Tree, Tree], signals: set[str], plants: Mapping[str, str]
+    ) -> bool | None:
+        """Whether a name of [signals] acts continuously in a wire; None if it cannot be told, or acts through no plant.
+
+        trees: of the wire with the name and without it. signals: outputs of plants that the name reads.
+        """
+        with suppress(Fault):  # without the name, the rest may be no spring
+            block = port.rpartition(".")[0]
+            full, less = (parted(tree, self.signals, block, plants) for tree in trees)
+            differ = [any(dict(full[i]).get(name) != dict(less[i]).get(name) for name in signals) for i in (0, 1)]
+            return differ[1] if any(differ) else None
+        return None
+
+    def made_registers(
+        self, blocks: Iterable[DrawnBlock], wires: Iterable[tuple[str, Terms]], shown: Iterable[Terms | None]
+    ) -> tuple[DrawnBlock, ...]:
+        """A delay of a tick for each signal that `prev(...)` reads; of a run, if its block runs with all that read it.
+
+        shown: terms that are read in every tick, in addition to the ports of blocks.
+        """
+        runs = {block.name: (block.every[:2], block.phase[:2]) for block in blocks}
+        registers = []
+        for register, signal in self.registers.items():
+            source = next((block for block in blocks if block.name == signal.rpartition(".")[0]), None)
+            readers = {runs.get(port.rpartition(".")[0]) for port, terms in wires if register in dict(terms)}
+            readers |= {None for terms in shown if register in dict(terms or ())}
+            every, phase = (source.every, source.phase) if source and readers == {runs[source.name]} else (ONE, Plant.phase)
+            registers.append(DrawnBlock(register.rpartition(".")[0], "delay", (("steps", ONE),), every, phase))
+        return tuple(registers)
+
+    def refuse_loose_ends(self, tables: Mapping[str, dict]) -> None:
+        """Refuse inputs without a wire, and numbers and names of signals that no expression reads."""
+        for port in self.inputs:
+            if port not in tables["wire"] and port not in self.optional:
+                expected = f'a wire to this input, "{port}" = "..." in [wire]'
+                self.refuse(
+                    self.leaf(f"block.{port.rpartition('.')[0]}"), f"block.{port}", expected, "none (0 leaves it at rest)"
+                )
+        if self.mistakes:  # one may be why a number is not read
+            return
+        paths = {name: path_of(name) for name in self.numbers}
+        paths |= {name: f"signals.{name}" for name in tables["signals"] if is_name(name)}
+        for name, path in paths.items():
+            if name not in self.read:
+                kind = "number" if name in self.numbers else "signal"
+                self.refuse(self.leaf(path), path, f"a {kind} that an expression reads", "one that nothing reads")

@@ -1,0 +1,95 @@
+"""Expressions are read by a parser of their own, and never evaluated as code.
+
+sum    = product { ("+" | "-") product }        product = signed { ("*" | "/") signed }
+signed = "-" signed | "+" signed | power        power   = atom [ "**" signed ]
+atom   = number | name | name "." port | "pi" | function "(" sum ")" | "(" sum ")" | "prev" "(" sum ")"
+"""
+
+import math
+import re
+from collections import deque
+from collections.abc import Iterator
+
+from wavesweep.engine._drawing.expressions import FUNCTIONS, PREVIOUS, RANKS, Fault, Tree
+from wavesweep.engine._keys.checking import nearest, show
+
+LONGEST = 400  # tokens
+DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<sign>\*\*|[-+*/()]))",
+    re.ASCII,
+)
+
+
+# What is meant by signs of other languages and of typeset text.
+MEANT = {"^": "**", "\u2212": "-", "\u2013": "-", "\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u00f7": "/", "\u2215": "/"}
+
+
+def parse(text: str) -> Tree:
+    """Return the tree of a text. Errors: Fault at the first token that does not fit."""
+    tokens = deque(_tokens(text))
+    if len(tokens) > LONGEST:
+        raise Fault(0, f"at most {LONGEST} numbers, names and signs", f"{len(tokens) - 1}")
+    tree = _operand(tokens, 1, 0)
+    kind, rest, at = tokens.popleft()
+    if kind != "end":
+        raise Fault(at, "an operator or the end", show(rest))
+    return tree
+
+
+def _operand(tokens: deque[tuple[str, str, int]], least: int, depth: int) -> Tree:
+    """Read an operand, up to an operation of a lower rank than `least`. depth: of parentheses, signs and exponents."""
+    kind, text, at = tokens.popleft()
+    if depth > DEEPEST:
+        raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
+    tree: Tree
+    if kind == "number":
+        if not math.isfinite(float(text)):
+            raise Fault(at, "a finite number", text)
+        tree = ("number", float(text), at)
+    elif text in ("+", "-"):
+        tree = _operand(tokens, RANKS["**"][0], depth + 1)
+        tree = ("negative", tree, at) if text == "-" else tree
+    elif text == "(":
+        tree = _operand(tokens, 1, depth + 1)
+        _expect(tokens, ")", ") to close a parenthesis")
+    elif kind == "name":
+        tree = _named(tokens, text, at, depth)
+    else:
+        raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
+    while tokens[0][0] == "sign" and RANKS.get(tokens[0][1], (0,))[0] >= least:
+        _, sign, at = tokens.popleft()
+        tree = (sign, tree, _operand(tokens, RANKS[sign][1][1], depth + (sign == "**")), at)
+    return tree
+
+
+def _named(tokens: deque[tuple[str, str, int]], name: str, at: int, depth: int) -> Tree:
+    """Return the tree of a name, which may be a function, whose argument is read, or pi."""
+    if name not in FUNCTIONS and tokens[0][1] != "(":
+        return ("number", math.pi, at) if name == "pi" else ("name", name, at)
+    if name not in (PREVIOUS, *FUNCTIONS):
+        raise Fault(at, f"one of the functions {', '.join(FUNCTIONS)}", show(name), nearest(name, FUNCTIONS))
+    _expect(tokens, "(", f"( after {name}")
+    argument = _operand(tokens, 1, depth + 1)
+    _expect(tokens, ")", ") to close a parenthesis")
+    return (name, argument, at)
+
+
+def _expect(tokens: deque[tuple[str, str, int]], sign: str, expected: str) -> None:
+    _, text, at = tokens.popleft()
+    if text != sign:
+        raise Fault(at, expected, show(text) if text else "the end")
+
+
+def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
+    at = 0
+    while text[at:].strip():
+        match = _TOKEN.match(text, at)
+        if match is None:
+            at += len(text[at:]) - len(text[at:].lstrip())
+            hint = MEANT.get(text[at], "")
+            raise Fault(at, "a number, a name, or one of + - * / ** ( )", show(text[at]), hint)
+        kind = match.lastgroup or ""
+        yield kind, match[kind], match.start(kind)
+        at = match.end()
+    yield "end", "", len(text)

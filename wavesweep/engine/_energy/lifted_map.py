@@ -1,0 +1,214 @@
+"""Maps of a frame of ticks from one signal to another: their Hermitian parts at each frequency, and the pencils of levels."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+
+from wavesweep.engine._energy.hinf import SOFT, Element, Peak, angles, hinf_norm, then, tick
+from wavesweep.engine._monodromy.periodic import Change, in_a_row, known_frames
+from wavesweep.engine._monodromy.rounding import balance, measured_frame
+from wavesweep.engine._monodromy.unit_circle import on_circle, solve
+from wavesweep.engine._state_space import StateSpace
+
+MOST = 500_000  # complex numbers of the points that are computed together
+SWEEPS = 12  # over the states, for their units
+SLACK = 1e-10  # of a damping and of 1 N*s/m: no frequency needs more than so much more
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TickMaps:
+    """Every kind of tick of some loops, from inputs u to outputs y.
+
+    maps: per kind E `(loops, n, n)` less identity, B `(loops, n, m)`, C `(loops, p, n)` and D `(loops, p, m)`; m and p may
+    differ from kind to kind. kind: of each tick of the frame, `(M,)`.
+    """
+
+    maps: tuple[tuple[np.ndarray, ...], ...]
+    kind: np.ndarray
+
+    @staticmethod
+    def of(maps: Sequence[Sequence[np.ndarray]], kind: np.ndarray, batch: tuple[int, ...]) -> "TickMaps":
+        """Return the ticks with their batch, broadcast to `batch`, in one axis."""
+        return TickMaps(tuple(StateSpace(*(_flat(matrix, batch) for matrix in tick)) for tick in maps), kind)
+
+    @property
+    def loops(self) -> int:
+        """Number of loops."""
+        return len(self.maps[0][0])
+
+    def at(self, loops: np.ndarray | slice) -> "TickMaps":
+        """Return some of the loops."""
+        return TickMaps(tuple(StateSpace(*(matrix[loops] for matrix in tick)) for tick in self.maps), self.kind)
+
+    def in_even_units(self) -> "TickMaps":
+        """Return the ticks with states in units that give their entries similar sizes.
+
+        States of a transfer function differ in size like powers of its poles, and so would errors of the eigenvalues of a
+        level's pencil.
+        """
+        n = self.maps[0][0].shape[-1]
+        sizes = np.zeros((self.loops, n + 1, n + 1))
+        for E, B, C, _ in self.maps:
+            sizes[:, :n, :n] += np.abs(E)
+            sizes[:, :n, n] += np.abs(B).sum(-1)
+            sizes[:, n, :n] += np.abs(C).sum(-2)
+        units = balance(np.where(np.isfinite(sizes), sizes, 0.0), SWEEPS)[1]
+        u = (units[:, :n] / units[:, n:])[:, None, :]
+        v = np.swapaxes(u, -1, -2)
+        return TickMaps(tuple(StateSpace(E * (u / v), B / v, C * u, D) for E, B, C, D in self.maps), self.kind)
+
+    def pencil(self, owner: np.ndarray, level: np.ndarray) -> Element:
+        """Return the frame of the loops `owner` with the balance `2 u y - 2 level |u|^2`; see `hinf`."""
+
+        def costs(C, D):
+            return 0.0, np.swapaxes(C, -1, -2), D + np.swapaxes(D, -1, -2) - 2 * level[:, None, None] * np.eye(D.shape[-1])
+
+        return self._frame(owner, costs)
+
+    def loss_pencil(self, owner: np.ndarray, square: np.ndarray) -> Element:
+        """Return the frame of the loops `owner` with the balance `square |u|^2 - |y|^2`; see `hinf`."""
+
+        def costs(C, D):
+            of_C, of_D = np.swapaxes(C, -1, -2), np.swapaxes(D, -1, -2)
+            return -of_C @ C, -of_C @ D, square[:, None, None] * np.eye(D.shape[-1]) - of_D @ D
+
+        return self._frame(owner, costs)
+
+    def _frame(self, owner, costs):
+        with np.errstate(all="ignore"):
+            maps = self.at(owner).maps
+            elements = [tick(np.eye(E.shape[-1]) + E, B, *costs(C, D)) for E, B, C, D in maps]
+            return in_a_row(self.kind.tolist(), elements, then)
+
+    def frame(self, *, measured: bool = True) -> np.ndarray:
+        """Return the frame less identity, `(loops, n, n)`; if measured, NaN where rounding leaves nothing of it."""
+        changes = [E for E, *_ in self.maps]
+        if measured:
+            E, growth = measured_frame(self.kind, changes)
+            return known_frames(E, growth)
+        with np.errstate(all="ignore"):
+            return in_a_row(self.kind.tolist(), [Change.of(change) for change in changes], Change.then).E
+
+    def lifted(self, *, measured: bool = True) -> "LiftedMap":
+        """Return the map from the inputs of a frame to its outputs; measured: see `frame`."""
+        n, loops, kinds = self.maps[0][0].shape[-1], self.loops, self.kind.tolist()
+        height, width = (sum(self.maps[kind][3].shape[axis] for kind in kinds) for axis in (-2, -1))
+        number = np.result_type(*(matrix for ticks in self.maps for matrix in ticks))
+        O, T, drive = (np.zeros((loops, *shape), number) for shape in ((height, n), (height, width), (n, width)))
+        state, row, column = np.broadcast_to(np.eye(n), (loops, n, n)), 0, 0
+        with np.errstate(all="ignore"):
+            for E, B, C, D in (self.maps[kind] for kind in kinds):
+                rows, new = slice(row, row + C.shape[-2]), slice(column, column + B.shape[-1])
+                O[:, rows], T[:, rows, :column], T[:, rows, new] = C @ state, C @ drive[..., :column], D
+                state = state + E @ state
+                drive[..., :column] += E @ drive[..., :column]
+                drive[..., new] = B
+                row, column = rows.stop, new.stop
+        return LiftedMap(self.frame(measured=measured), T, O, drive)
+
+
+def _flat(matrix, batch):
+    tail = matrix.shape[-2:]
+    return np.broadcast_to(matrix, (*batch, *tail)).reshape(prod(batch), *tail)
+
+
+def read(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
+    """Whether the outputs of some tick depend on each state, at once or later, `(n,)`; maps: see `TickMaps`."""
+    return closure([E for E, *_ in maps], np.logical_or.reduce([_nonzero(C).any(0) for _, _, C, _ in maps]))
+
+
+def reached(maps: Sequence[Sequence[np.ndarray]]) -> np.ndarray:
+    """Whether each state depends on the inputs of some tick, `(n,)`."""
+    transposed = [np.swapaxes(E, -1, -2) for E, *_ in maps]
+    return closure(transposed, np.logical_or.reduce([_nonzero(B).any(-1) for _, B, *_ in maps]))
+
+
+def closure(changes: Sequence[np.ndarray], states: np.ndarray) -> np.ndarray:
+    """The states, a mask, and those that these read by the changes of some tick, `(n,)`."""
+    reads = np.logical_or.reduce([_nonzero(E) for E in changes])
+    while (reached_states := states | reads[states].any(0)).sum() > states.sum():
+        states = reached_states
+    return states
+
+
+def _nonzero(matrix):
+    """Entries that are not zero in some loop."""
+    return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LiftedMap:
+    """`T + O (w - E)^-1 G` at `w = z - 1` of the frame, for each of some loops.
+
+    E `(loops, n, n)` less identity, T `(loops, p, m)`, O `(loops, p, n)`, G `(loops, n, m)`.
+    """
+
+    E: np.ndarray
+    T: np.ndarray
+    O: np.ndarray
+    G: np.ndarray
+
+    def at(self, loops: np.ndarray | slice) -> "LiftedMap":
+        """Return some of the loops."""
+        return LiftedMap(self.E[loops], self.T[loops], self.O[loops], self.G[loops])
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean eigenvalue of the Hermitian part over all frequencies, `(loops,)`: that of the direct terms."""
+        return np.diagonal(self.T, axis1=-2, axis2=-1).mean(-1)
+
+    def smallest(self, owner: np.ndarray, theta: np.ndarray, noise: float = 0.0) -> np.ndarray:
+        """Return the smallest eigenvalue of the Hermitian part, of the loops `owner` at the angles `theta` (rad per frame).
+
+        noise: share of the largest one that is added. NaN where the map is not finite. Accuracy: rounding of the largest entry.
+        """
+
+        def eigenvalue(H):
+            eigenvalues = np.linalg.eigvalsh((H + np.swapaxes(H.conj(), -1, -2)) / 2)
+            return eigenvalues[:, 0] + noise * np.abs(eigenvalues).max(-1) if noise else eigenvalues[:, 0]
+
+        return self._measured(owner, theta, eigenvalue)
+
+    def largest_square(self, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return the square of the largest singular value, in the same way."""
+
+        def square(H):
+            H = H if H.shape[-2] <= H.shape[-1] else np.swapaxes(H.conj(), -1, -2)
+            if H.shape[-2] <= 1:
+                return (np.abs(H) ** 2).sum((-1, -2))
+            return np.linalg.eigvalsh(H @ np.swapaxes(H.conj(), -1, -2))[:, -1]
+
+        return self._measured(owner, theta, square)
+
+    def response(self, owner: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return the map of the loops `owner` at the angles `theta`, `(points, p, m)`."""
+        with np.errstate(all="ignore"):
+            A = on_circle(theta)[:, None, None] * np.eye(self.E.shape[-1]) - self.E[owner]
+            return self.T[owner] + self.O[owner] @ solve(A, self.G[owner] + 0j)
+
+    def _measured(self, owner, theta, measure):
+        owner, theta = np.broadcast_arrays(np.asarray(owner), np.asarray(theta, float))
+        measures, step = np.full(owner.size, np.nan), max(1, MOST // max(1, self.T[0].size))
+        for index in (slice(first, first + step) for first in range(0, owner.size, step)):
+            H = self.response(owner[index], theta[index])
+            good = np.isfinite(H).all((-1, -2))
+            measures[index][good] = measure(H[good])
+        return measures
+
+
+def damping_peak(ticks: TickMaps, lifted: LiftedMap, period: np.ndarray, least: np.ndarray) -> Peak:
+    """Return the damping that loops need, from their ticks and their maps of a frame from displacements to forces.
+
+    period: of a tick, s; least: angle from which on frequencies are examined, rad per frame; `(loops,)` each.
+    """
+    return hinf_norm(
+        lambda owner, theta, _: np.nan_to_num(
+            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
+        ),
+        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
+        ticks.loops,
+        lambda _, level: SLACK * (1 + np.abs(level)),
+        SOFT,
+    )

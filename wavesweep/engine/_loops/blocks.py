@@ -1,0 +1,360 @@
+"""The blocks that a spec can draw, as doubles: each from its numbers and its own period, in delta form.
+
+What they do is written in `definitions`; here it becomes arrays, exact over a tick for what is continuous, with the sizes of
+terms that cancel. Numbers are scalars or arrays over a batch, real or complex. Matrices of `ss` are lists of rows of these.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._drawing.drawn_block import DELTA
+from wavesweep.engine._drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
+from wavesweep.engine._loops import definitions
+from wavesweep.engine._loops.block import Block, matrix, numbers
+from wavesweep.engine._loops.definitions import Equations, controllable, tf_at_rest, with_delays
+from wavesweep.engine._loops.device import LOST, impulse_and_step, motion
+from wavesweep.engine._loops.filters import butterworth as sections
+
+TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
+SIZE = 0.5
+MANY, SPARSE = 100, 0.05  # rows from which on, and share of entries up to which, products are of the entries that are not zero
+WITHOUT_PERIOD = ("mean", "impulse")  # whose equations are the same at every period
+LABELS = {  # of the states of a block, for messages
+    "difference": "input of the last run",
+    "integrator": "integral",
+    "avatar": "position",
+    "local_model": "model position",
+}
+
+
+def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
+    """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
+    m = numbers(mass)
+    keys = {"damping": numbers(damping), "stiffness": numbers(stiffness)}
+    d = keys["damping"] / m
+    k = keys["stiffness"] / m
+    s, g, of_s, of_g = impulse_and_step(d, k, period)
+    equations = Equations(("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
+    at_rest = definitions.at_rest("mass", keys, np.sqrt)
+    block = _block(name, ("f",), ("x", "v"), equations, at_rest)
+    sizes = None
+    if of_s is not None:
+        of_E, of_B = motion(of_s, of_g, np.abs(d), np.abs(k), np.abs(m))
+        sizes = of_E, of_B, block.C, block.D
+    return replace(block, terms=sizes, labels=(f"{name} velocity", f"{name} position"))
+
+
+def inertia(name, period, inertia, damping=0.0, stiffness=0.0) -> Block:
+    """A `mass` that turns: `f` (N*m) -> `x` (rad), `v` (rad/s)."""
+    return mass(name, period, inertia, damping, stiffness)
+
+
+def mass_matrix(name, period, **keys) -> Block:
+    """`M a + D v + K x = f` with the forces held over the period: exact."""
+    states, (A, B, C, D) = continuous("mass_matrix", keys)
+    E, G, *of_E_and_G = held(A, B, period, sizes_of("mass_matrix", keys, A, B))
+    terms = (*of_E_and_G, np.abs(C), np.abs(D))
+    inputs, outputs = TYPES["mass_matrix"].ports_of(keys)
+    n = len(inputs)
+    at_rest = _arrays(definitions.at_rest("mass_matrix", keys, np.sqrt), 2 * n, n, 2 * n)
+    labels = tuple(f"{name} {kind} {axis}" for kind in ("velocity", "position") for axis in keys["axes"])
+    pivot = pivot_of("mass_matrix", keys)
+    block = Block(name, inputs, outputs, states, E, G, C, D, terms=terms, pivot=pivot)
+    return replace(block, at_rest=at_rest, labels=labels)
+
+
+def pivot_of(kind, keys):
+    """What the entries of a continuous block are divided by, which makes poles of them where it is zero."""
+    return numbers(determinant(at_axes(keys, "mass"))) if kind == "mass_matrix" else 1.0
+
+
+def sizes_of(kind, keys, A, B):
+    """The sizes of the terms of the sums that the entries of A and B of a continuous block are."""
+    if kind != "mass_matrix":
+        return np.abs(A), np.abs(B)
+    M, D, K = (matrix(at_axes(keys, key)) for key in MATRICES)
+    sizes = {}
+    for name in (*MATRICES, "through"):
+        sizes[name] = [[np.abs(numbers(key)) for key in row] for row in keys[name]]
+    of_M, of_D, of_K = (at_axes({**keys, **sizes}, key) for key in MATRICES)
+    n = M.shape[-1]
+    inverse = B[..., :n, :]
+    of_determinant = matrix([[determinant(of_M, 1)]])
+    of_adjugate = matrix(adjugate(of_M, 1))
+    of_inverse = of_adjugate + np.abs(inverse) * of_determinant
+    of_inverse = of_inverse / np.abs(np.linalg.det(M))[..., None, None]
+    of_damping = of_inverse @ np.abs(D) + np.abs(inverse) @ matrix(of_D)
+    of_stiffness = of_inverse @ np.abs(K) + np.abs(inverse) @ matrix(of_K)
+    parts = A, of_damping, of_stiffness, of_inverse
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    of_A = np.array(np.broadcast_to(np.abs(A), (*batch, *A.shape[-2:])))
+    of_B = np.array(np.broadcast_to(np.abs(B), (*batch, *B.shape[-2:])))
+    of_A[..., :n, :n] = of_damping
+    of_A[..., :n, n:] = of_stiffness
+    of_B[..., :n, :] = of_inverse
+    return of_A, of_B
+
+
+def spring(name, period, k, d=0.0) -> Block:
+    """`f1 = k (x2 - x1) + d (v2 - v1)` on one end, `f2 = -f1` on the other."""
+    del period
+    keys = {"k": numbers(k), "d": numbers(d)}
+    return _block(name, *TYPES["spring"].ports, definitions.continuous("spring", keys))
+
+
+def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
+    """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact.
+
+    rests: of a discrete one, the parts of the entries of A that rounding has taken.
+    """
+    n, m, p = len(A), len(inputs), len(outputs)
+    A = _matrix(A, (n, n))
+    B = _matrix(B, (n, m))
+    C = _matrix(C, (p, n))
+    D = _matrix(D, (p, m))
+    states = tuple(f"x{i}" for i in range(n))
+    if discrete:
+        rest = 0.0 if rests is None else _matrix(rests, (n, n))
+        return Block(name, tuple(inputs), tuple(outputs), states, A - np.eye(n) + rest, B, C, D)
+    E, G, *sizes = held(A, B, period)
+    block = Block(name, tuple(inputs), tuple(outputs), states, E, G, C, D, at_rest=(A, B, C, D))
+    if not sizes:
+        return block
+    return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D)))
+
+
+def tf(name, period, num, den, discrete=False, rests=None) -> Block:
+    """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
+
+    A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and nearer to -1, to which its
+    coefficients are taken without rounding: in powers of z, the ticks of a long frame would grow and cancel. Poles that are
+    written as 0 are delays. rests: the parts of the coefficients that rounding has taken.
+    Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
+    """
+    if discrete and discrete != DELTA:
+        of_num, of_den = rests or ([0.0] * len(num), [0.0] * len(den))
+        return _discrete_tf(name, num, den, of_num, of_den)
+    num = [numbers(coefficient) for coefficient in num]
+    den = [numbers(coefficient) for coefficient in den]
+    n = len(den) - 1
+    equations = controllable(num, den)
+    if discrete:
+        block = _block(name, ("u",), ("y",), equations, tf_at_rest(num, den))
+        terms = definitions.over(num, den)
+        of_C = [abs(b) + abs(a / den[0] * terms[0]) for a, b in zip(den[1:], terms[1:], strict=True)]
+        sizes = np.abs(block.E), np.abs(block.B), _matrix([of_C], (1, n)), np.abs(block.D)
+        return replace(block, terms=sizes)
+    block = ss(name, period, *equations[1:], ("u",), ("y",))
+    return replace(block, at_rest=_arrays(tf_at_rest(num, den), n, 1, 1)) if n else block
+
+
+def _trailing_zeros(coefficients):
+    """The number of coefficients at the end that are zero and no arrays; 0 if all are."""
+    coefficients = enumerate(reversed(coefficients))
+    return next((at for at, coefficient in coefficients if type(coefficient) not in (int, float) or coefficient), 0)
+
+
+def _discrete_tf(name, num, den, of_num, of_den):
+    """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
+    k, centre = realisation(den)
+    n = len(den) - 1 - k
+    padding = [0.0] * (len(den) - len(num))
+    num = [*padding, *num]
+    of_num = [*padding, *of_num]
+    numerator = [numbers(coefficient) for coefficient in num[: n + 1]]
+    denominator = [numbers(coefficient) for coefficient in den[: n + 1]]
+    of_numerator, of_denominator = of_num[: n + 1], of_den[: n + 1]
+    equations = controllable(recentred(centre, numerator, of_numerator), recentred(centre, denominator, of_denominator))
+    E = [[entry + (centre - 1) * (i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
+    equations = equations._replace(E=E)
+    later = [numbers(coefficient) / den[0] for coefficient in num[n + 1 :]]
+    # At rest a pole near -1 leaves its states out: y is a multiple of the last one, or of the input.
+    rest = None
+    if centre == -1 or n:
+        numerator_at_one = recentred(1, numerator, of_numerator)
+        denominator_at_one = recentred(1, denominator, of_denominator)
+    if centre == -1:
+        _, E, B, *_ = with_delays(equations, later)
+        gain = numerator_at_one[-1] / denominator_at_one[-1]
+        rest = E, B, [[*[0.0] * n, *later]], [[gain]]
+    elif n:
+        rest = tf_at_rest(numerator_at_one, denominator_at_one, later)
+    return _block(name, ("u",), ("y",), with_delays(equations, later), rest)
+
+
+def realisation(den) -> tuple[int, int]:
+    """Return how many delays a transfer function in z has at its end, and the centre, 1 or -1, of the powers of the rest."""
+    delays = _trailing_zeros(den)
+    return delays, -1 if _near_minus_one(den[: len(den) - delays]) else 1
+
+
+def _near_minus_one(den):
+    """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is 1.
+
+    Only plain numbers decide, since the states of a loop must not change along a sweep.
+    """
+    if not all(type(value) in (int, float) for value in den):
+        return False
+    ones = np.abs(recentred(1, den))
+    minus = np.abs(recentred(-1, den))
+    return _bound_on_roots(minus) < _bound_on_roots(ones) and ones[-1] > 0
+
+
+def _bound_on_roots(sizes):
+    """A bound on the sizes of roots, but for a factor, from those of coefficients of descending powers (Fujiwara 1916)."""
+    return np.max((sizes[1:] / sizes[0]) ** (1 / np.arange(1, len(sizes))), initial=0.0)
+
+
+def recentred(at, coefficients, rests=None):
+    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
+
+    rests: the parts of the coefficients that rounding has taken; none if they are absent. Those of the sums are kept too (D. E.
+    Knuth, TAOCP 2, 4.2.2, theorem B).
+    """
+    rests = rests or [0] * len(coefficients)
+    if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
+        signs = [(-1.0) ** i for i in reversed(range(len(coefficients)))]
+        mirrored = [sign * number for sign, number in zip(signs, coefficients, strict=True)]
+        of_mirrored = [sign * number for sign, number in zip(signs, rests, strict=True)]
+        about_one = recentred(1, mirrored, of_mirrored)
+        return [sign * number for sign, number in zip(signs, about_one, strict=True)]
+    sums = list(coefficients)
+    lost = list(rests)
+    for end in range(len(sums), 1, -1):
+        for i in range(1, end):
+            total = sums[i] + sums[i - 1]
+            added = total - sums[i]
+            rounding = (sums[i] - (total - added)) + (sums[i - 1] - added)
+            lost[i] = lost[i] + lost[i - 1] + rounding
+            sums[i] = total
+    return [total + rest for total, rest in zip(sums, lost, strict=True)]
+
+
+def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
+    """Butterworth filter by the bilinear transform with prewarping, in normal form; `u` -> `y`."""
+    return sections(name, order, cutoff_hz, period, highpass=passes == "high")
+
+
+def defined(kind, name, period, **keys) -> Block:
+    """A block of a type that `definitions.running` defines, with its keys; see its description in `TYPES`."""
+    period = 1.0 if kind in WITHOUT_PERIOD else numbers(period)
+    keys = _with_numbers(kind, keys)
+    equations = definitions.running(kind, period, keys, np.sqrt)
+    rest = definitions.at_rest(kind, keys, np.sqrt)
+    labels = (f"{name} {LABELS[kind]}",) if kind in LABELS else ()
+    return replace(_block(name, *TYPES[kind].ports_of(keys), equations, rest), labels=labels)
+
+
+def _with_numbers(kind, keys):
+    """The keys of a block of this type, those that are numbers as arrays."""
+    types = {name: key.type for name, key in TYPES[kind].keys.items()}
+    return {name: numbers(value) if types[name] == "number" else value for name, value in keys.items()}
+
+
+def continuous(kind, keys) -> tuple[tuple[str, ...], tuple]:
+    """States and matrices `x' = A x + B u`, `y = C x + D u` of a continuous block of this type."""
+    keys = _with_numbers(kind, keys)
+    for name in ("num", "den") if kind == "tf" else ():
+        keys[name] = [numbers(coefficient) for coefficient in keys[name]]
+    states, *matrices = definitions.continuous(kind, keys)
+    inputs, outputs = TYPES[kind].ports_of(keys)
+    return states, _arrays(matrices, len(states), len(inputs), len(outputs))
+
+
+class HeldMatrices(NamedTuple):
+    """`held` with the changes of both by a rounding of each term of all sums."""
+
+    E: np.ndarray
+    G: np.ndarray
+    of_E: np.ndarray
+    of_G: np.ndarray
+
+
+def held(A, B, period, sizes=None):
+    """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in delta form.
+
+    A `(..., n, n)`, B `(..., n, m)`. sizes: of the terms of the sums that the entries of A and B are. If they are given, or if
+    there is something to double, two more arrays are the changes of the results by a rounding of each term of all sums, in
+    roundings; otherwise they are known to a few roundings of themselves. Accuracy: some roundings of
+    each entry for matrices that are not far from normal, unless they turn by much in a period; NaN if they are LOST.
+    """
+    T = numbers(period)[..., None, None]
+    A = np.broadcast_arrays(A * T, np.zeros(1))[0]
+    B = B * T
+    size = np.abs(A) if sizes is None else sizes[0] * np.abs(T)
+    size = size.sum(-1).max(-1, initial=0.0)
+    with np.errstate(divide="ignore"):
+        doublings = np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SIZE))
+        doublings = np.maximum(0, doublings).astype(int)
+    step = 0.5 ** doublings[..., None, None]
+    E, G = _series(A * step, B * step)
+    if sizes is None and not doublings.any():
+        return E, G
+    if sizes is None:
+        of_E, of_G = np.abs(E), np.abs(G)
+    else:
+        of_A, of_B = (size * np.abs(T) * step for size in sizes)
+        of_E, of_G = _series(of_A, of_B)
+    eye = np.eye(E.shape[-1])
+    certain = np.ones(doublings.shape, bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for turn in range(int(doublings.max(initial=0))):
+            unfinished = (turn < doublings)[..., None, None]
+            size = np.abs(E)
+            size_after = np.abs(E + eye)
+            terms_G = 2 * np.abs(G) + size @ np.abs(G)
+            of_G = np.where(unfinished, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms_G, of_G)
+            of_E = np.where(unfinished, of_E @ size_after + size_after @ of_E + 2 * size + size @ size, of_E)
+            G = np.where(unfinished, 2 * G + E @ G, G)
+            E = np.where(unfinished, 2 * E + E @ E, E)
+            lost = np.finfo(float).eps * of_E > LOST * np.maximum(1, np.abs(E + eye))
+            certain &= ~np.diagonal(lost, axis1=-2, axis2=-1).any(-1)
+    known = certain[..., None, None]
+    return HeldMatrices(np.where(known, E, np.nan), np.where(known, G, np.nan), of_E, of_G)
+
+
+def _series(A, B):
+    """`exp(A) - 1` and `int_0^1 exp(A s) ds B` for small A."""
+    E = 0.0
+    G = 0.0
+    power = A
+    force = B
+    right_A = _by_entries(A)
+    right_B = _by_entries(B)
+    for term in range(1, TERMS):
+        E = E + power
+        G = G + force
+        force = power @ right_B / (term + 1)
+        power = power @ right_A / (term + 1)
+    return E, G
+
+
+def _by_entries(A):
+    """A matrix, as the entries that are not zero if it has MANY rows with few of these, as chains of masses have."""
+    if A.ndim > 2 or len(A) < MANY or np.count_nonzero(A) > SPARSE * A.size:
+        return A
+    from scipy.sparse import csc_array
+
+    return csc_array(A)
+
+
+def _matrix(rows, shape):
+    return matrix(rows) if all(shape) else np.zeros(shape)
+
+
+def _arrays(parts, n, m, p):
+    """E, B, C and D as arrays; D alone if that is all that is given."""
+    shapes = ((n, n), (n, m), (p, n), (p, m))[-len(parts) :]
+    arrays = []
+    for rows, shape in zip(parts, shapes, strict=True):
+        arrays.append(rows if isinstance(rows, np.ndarray) else _matrix(rows, shape))
+    return tuple(arrays)
+
+
+def _block(name, inputs, outputs, own, rest=None):
+    sizes = len(own.states), len(inputs), len(outputs)
+    at_rest = rest and _arrays(rest, *sizes)
+    return Block(name, tuple(inputs), tuple(outputs), own.states, *_arrays(own[1:], *sizes), at_rest=at_rest)

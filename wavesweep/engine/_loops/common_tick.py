@@ -1,0 +1,76 @@
+"""The longest tick of a drawn loop: ticks in which nothing runs and nothing that changes is read are divided out.
+
+A controller of 20 ms on a tick of 1 ms is the loop that is drawn at 50 Hz: plants are exact between ticks, and what is held
+does not change there. So the frames are the same, of a twentieth of the ticks, and dead times have a twentieth of the states.
+This is for analyses of the loop by itself; forces from outside, responses and simulations have the spec's own tick.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import gcd
+
+from wavesweep.engine._drawing.drawing import Drawing, scalars
+from wavesweep.engine._drawing.expressions import value_of
+
+RELAYS = ("gain", "hold", "delay")  # blocks that only pass on what they read in a tick, or so many ticks ago
+
+
+def with_common_tick(drawing: Drawing, values: Mapping[str, object]) -> Drawing:
+    """Return the drawing with the longest tick that these loops have in common; values: flat numbers."""
+    ticks, relays = _ticks(drawing, scalars(values))
+    if ticks <= 1 or _acts_between(drawing, relays):
+        return drawing
+    blocks = (_in_longer(block, ticks, relays) for block in drawing.blocks)
+    return replace(drawing, tick_hz=_over(drawing.tick_hz, ticks), blocks=tuple(blocks))
+
+
+def _ticks(drawing, known):
+    """How many ticks of a loop one could be, and its relays; known: its numbers by name."""
+    ticks, relays = 0, []
+    for block in drawing.blocks:
+        every, phase = (int(value_of(tree, known)) for tree in (block.every, block.phase))
+        if block.plant or block.dead_time:
+            continue
+        if every > 1:
+            ticks = gcd(ticks, every, phase, *block.phases)
+        elif block.type in RELAYS:
+            relays.append(block.name)
+            ticks = gcd(ticks, int(value_of(dict(block.keys)["steps"], known)) if block.type == "delay" else 0)
+        else:
+            ticks = 1
+    return ticks, tuple(relays)
+
+
+def _acts_between(drawing, relays):
+    """Whether something that changes between the ticks at which blocks run acts on plants or dead times there.
+
+    What is held arrives at plants from a dead time just when it does, and so a dead time reads plants, whatever the tick is.
+    """
+    plants, late, sources = {block.name for block in drawing.blocks if block.plant}, drawing.dead_times.keys(), {}
+    for port, terms in drawing.wires:
+        sources.setdefault(_block_of(port), set()).update(_block_of(signal) for signal, _ in terms)
+    changing, before = plants | late, None
+    while changing != before:
+        before, changing = changing, changing | {name for name in relays if sources.get(name, set()) & changing}
+    held = {name for name in late if not sources.get(name, set()) & changing}
+    acting = [sources.get(name, set()) & (changing - held) for name in plants]
+    return any(acting) or any(sources.get(name, set()) & (changing - plants) for name in late)
+
+
+def _block_of(name):
+    return name.rpartition(".")[0]
+
+
+def _over(tree, ticks):
+    return ("/", tree, ("number", float(ticks), 0), 0)
+
+
+def _in_longer(block, ticks, relays):
+    """The block with its times counted in longer ticks; plants, dead times and relays are of every tick."""
+    if block.name in relays:
+        delay = block.type == "delay"
+        return replace(block, keys=tuple((name, _over(value, ticks)) if delay else (name, value) for name, value in block.keys))
+    if block.plant or block.dead_time:
+        return block
+    phases = tuple(phase // ticks for phase in block.phases)
+    return replace(block, every=_over(block.every, ticks), phase=_over(block.phase, ticks), phases=phases)

@@ -1,0 +1,345 @@
+"""Dead times of any fraction of a tick: of how many ticks they are, and what acts on plants or is read of them in between.
+
+With tick T a dead time tau is `(m - s) T`, m whole and 0 <= s < 1. Of a signal u that is held, u[k-m] acts on a plant in tick
+k until `s T` before its end, and from then on u[k-m+1]. Over the tick that adds
+
+    int_0^{s T} exp(A t) dt B (u[k-m+1] - u[k-m])
+
+to the plant's states, on which it acts by a port of its own. The output of a plant that is read at the tick k is that of `s T`
+after the tick k - m began. If another dead time arrives there before, `s' T` before the end, it has acted for `(s + s' - 1) T`.
+So m, and which comes first, decide how a loop is built, and s is a number of it like others.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from math import lcm
+
+import numpy as np
+
+from wavesweep.engine._drawing.drawing import AT, Drawing, name_of, scalars
+from wavesweep.engine._drawing.drawn_block import Plant
+from wavesweep.engine._drawing.expressions import constants_of, degree, evaluate, named, names_in, value_of
+from wavesweep.engine._loops.block import Block, concatenated
+from wavesweep.engine._loops.blocks import held
+from wavesweep.engine._loops.values import values_of
+
+SENSED, NEXT = "sensed", "next"  # ports of a dead time: what it reads of plants, and by how much its output changes in the tick
+FINEST = 64  # parts of a tick, of which a finer tick is made
+# Relative distance from a whole number of ticks up to which a dead time is meant to be one: that of a decimal of twelve digits.
+ROUNDED = 1e-11
+
+
+def structure(drawing: Drawing, values: Mapping[str, object]) -> dict[str, np.ndarray]:
+    """Return the whole numbers by which dead times decide how loops are built, by their paths; values: flat, real."""
+    numbers = scalars(values)
+    with np.errstate(all="ignore"):
+        rate = np.asarray(values_of(drawing.tick_hz, numbers)).real
+        exact, ticks = {}, {}
+        for name, tree in drawing.dead_times.items():
+            exact[name] = np.asarray(values_of(tree, numbers)).real * rate
+            ticks[name] = np.ceil(exact[name] * (1 - ROUNDED))
+    whole = {}
+    for path, names in drawing.building.items():
+        if len(names) == 1:
+            whole[path] = ticks[names[0]]
+        else:  # the first acts before the second reads
+            whole[path] = sum(ticks[name] - exact[name] for name in names) > 1
+    return whole
+
+
+def timing(drawing: Drawing) -> set[str]:
+    """Return the names of the numbers that dead times follow from, in ticks."""
+    trees = drawing.dead_times.values()
+    return {name for tree in trees for name, _ in names_in(tree)}.union(drawing.rating if trees else ())
+
+
+def built(drawing: Drawing, numbers: Mapping[str, object]) -> dict[str, object]:
+    """Return the numbers with those of `structure`, which are the same in all loops of the batch. known: by name."""
+    if numbers.keys() >= drawing.building.keys():
+        return dict(numbers)
+    return {path: int(np.ravel(number)[0]) for path, number in structure(drawing, numbers).items()} | {**numbers}
+
+
+def in_whole_ticks(drawing: Drawing, values: Mapping[str, object], along: str) -> Drawing | None:
+    """Return the same loop at a finer tick, of which its dead times are whole numbers; None if it cannot be given so.
+
+    values: of one loop. along: path of a number whose value may change.
+
+    A plant that runs more often with the same inputs is the same plant. So no plant may be sampled for another one, which would
+    happen more often as well, and no dead time for another. Dead times are meant to be simple parts of a tick, from which they
+    differ by rounding.
+    """
+    if not drawing.dead_times:
+        return drawing
+    if name_of(along) in timing(drawing):
+        return None
+    numbers = scalars(values)
+    rate = drawing.rate(values)
+    exact = {}
+    for name, tree in drawing.dead_times.items():
+        ticks = value_of(tree, numbers) * rate
+        exact[name] = Fraction(ticks).limit_denominator(FINEST)
+        if abs(exact[name] - ticks) > ROUNDED * max(ticks, 1):
+            return None
+    finer = lcm(*(ticks.denominator for ticks in exact.values()))
+    slower = any(value_of(block.every, numbers) != 1 for block in drawing.blocks if block.name in exact)
+    plants = {block.name for block in drawing.blocks if block.plant}
+    if finer > FINEST or slower or _samples_another(drawing, plants, exact.keys()):
+        return None
+    tick_hz = ("*", ("number", float(finer), 0), drawing.tick_hz, 0)
+    blocks = tuple(_at_finer_tick(block, exact, finer) for block in drawing.blocks)
+    return replace(drawing, tick_hz=tick_hz, blocks=blocks)
+
+
+def _at_finer_tick(block, exact, finer):
+    """The block at a tick of which `finer` are one of before. exact: ticks of each dead time, fractions."""
+    if block.name in exact:
+        return replace(block, keys=(("steps", ("number", float(exact[block.name] * finer), 0)),))
+    if block.plant:
+        return block
+    every, phase = (("*", ("number", float(finer), 0), tree, 0) for tree in (block.every, block.phase))
+    return replace(block, every=every, phase=phase, phases=tuple(tick * finer for tick in block.phases))
+
+
+def _samples_another(drawing, plants, dead_times):
+    """Whether a plant is sampled for another one, or a dead time for another."""
+    timed = plants | dead_times
+    pairs = []
+    for port, terms in drawing.wires:
+        reader = port.rpartition(".")[0]
+        sources = {signal.rpartition(".")[0] for signal, _ in terms}
+        if reader in timed:
+            pairs += [(reader, source) for source in sources & timed]
+    sensing = {reader for reader, source in pairs if source in plants}
+    return any((reader in plants) == (source in plants) or source in sensing for reader, source in pairs)
+
+
+def shares(drawing: Drawing, known: Mapping[str, object], rate: np.ndarray | float) -> dict[str, object]:
+    """Return s of each dead time; known: with `structure`; rate: of the tick (Hz)."""
+    return {name: known[f"block.{name}.ticks"] - values_of(tree, known) * rate for name, tree in drawing.dead_times.items()}
+
+
+def breaks(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> list[float]:
+    """Return the ends of a number's span and the values within it at which dead times decide anew how the loop is built.
+
+    values: flat numbers of one loop.
+    """
+    points = _places(drawing, values, path, span)
+    ticks = _ticks(drawing, values, path, points)
+    near = np.round(ticks)  # a dead time of so many ticks whatever the number is, but for rounding
+    ticks = np.where(np.abs(ticks - near) <= ROUNDED * np.maximum(near, 1.0), near, ticks)
+    crossings = set()  # (dead time, whole number, cell between two points)
+    for row, at in np.argwhere(np.diff(np.floor(ticks), axis=1) != 0).tolist():
+        low, high = sorted(ticks[row, at : at + 2])
+        for count in range(int(np.floor(low)) + 1, int(np.floor(high)) + 1):
+            crossings.add((row, count, at))
+    met = []
+    if crossings:
+        row, count, at = np.array(sorted(crossings), int).T
+
+        def beyond(p):
+            return _ticks(drawing, values, path, p)[row, np.arange(p.size)] - count
+
+        met = sorted(_whole_at(beyond, points[at], points[at + 1]))
+    apart = ROUNDED * (span[1] - span[0])  # values that are nearer are meant to be the same
+    ends = [span[0]]
+    for value in met:
+        if ends[-1] + apart < value < span[1] - apart:
+            ends.append(value)
+    return [*ends, span[1]]
+
+
+def pieces_of(
+    drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]
+) -> Iterator[tuple[tuple[float, float], dict[str, int]]]:
+    """Yield the parts of a number's span in which the loop is built alike, with the whole numbers by which it is.
+
+    values: flat numbers of one loop.
+    """
+    if name_of(path) not in timing(drawing):
+        yield span, {}
+        return
+    for piece in pairwise(breaks(drawing, values, path, span)):
+        ticks = structure(drawing, {**values, path: sum(piece) / 2})
+        yield piece, {key: int(number) for key, number in ticks.items()}
+
+
+def _whole_at(beyond, low, high):
+    """The values in cells from `low` to `high`, arrays, at which functions are 0, which they pass there or meet at an end.
+
+    beyond: the functions, one for each cell, of an array of values.
+    """
+    at_low, at_high = beyond(low), beyond(high)
+    at_an_end = _nearer(low, high, at_low, at_high)
+    passed = at_low * at_high < 0
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        before = (beyond(middle) < 0) == (at_low < 0)
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    within = _nearer(low, high, beyond(low), beyond(high))
+    return np.where(passed, within, at_an_end).tolist()
+
+
+def _nearer(low, high, at_low, at_high):
+    return np.where(np.abs(at_low) <= np.abs(at_high), low, high)
+
+
+HALVINGS = 60  # of a cell; then its ends are the same double or neighbours
+POINTS = 4001  # of a span; a number of ticks is taken as monotone between neighbours, which a proof over a range tries again
+SPREAD = 0.25  # ticks by which a dead time may change between neighbours
+FURTHER = 4000  # points at the most that are added for that
+APART = 4.0  # ratio of the ends of a stretch from which on it is divided at their geometric mean
+
+
+def _places(drawing, values, path, span):
+    """Points of a span: even ones, and as many more as it takes until no dead time changes by more than SPREAD between two.
+
+    How far it changes is enclosed in balls, so that what rises and falls within a step is seen as well.
+    """
+    points = np.linspace(*span, POINTS)
+    name, numbers = name_of(path), scalars(values)
+    trees = [("*", tree, drawing.tick_hz, 0) for tree in drawing.dead_times.values()]
+    bent = [tree for tree in trees if degree(tree, name) > 1]
+    further = []
+    open_ = [span] if bent else []
+    while open_ and len(further) < FURTHER:
+        low, high = open_.pop(0)
+        if all(_spread(tree, numbers, name, low, high) < SPREAD for tree in bent):
+            continue
+        if low + (high - low) / 2 in (low, high):
+            continue
+        middle = (low * high) ** 0.5 if 0 < low * APART < high else low + (high - low) / 2
+        further.append(middle)
+        open_ += [(low, middle), (middle, high)]
+    return np.unique(np.concatenate([points, further]))
+
+
+def _spread(tree, numbers, name, low, high):
+    """A bound on how far the value of a tree changes while a number goes from low to high."""
+    from flint import arb
+
+    balls = {constant: arb(constant) for constant in constants_of(tree)}
+    balls |= {other: arb(numbers[other]) for other, _ in names_in(tree) if other != name}
+    try:
+        value = evaluate(named(tree), balls | {name: arb((low + high) / 2, (high - low) / 2)}, arb)
+    except ZeroDivisionError:
+        return np.inf
+    return 2 * float(value.rad()) if value.is_finite() else np.inf
+
+
+def _ticks(drawing, values, path, p):
+    """Dead times in ticks, and sums of two of which the order matters, at values of a number: `(sums, points)`."""
+    numbers = scalars({**values, path: p})
+    rate = values_of(drawing.tick_hz, numbers)
+    ratio = {name: values_of(tree, numbers) * rate for name, tree in drawing.dead_times.items()}
+    return np.stack([sum(ratio[name] for name in names) + 0 * p for names in drawing.building.values()])
+
+
+def block_of(name: str, ticks: int, *, sensed: bool, others: bool, arriving: bool) -> Block:
+    """Return the block of a dead time of so many ticks, m.
+
+    sensed, others: whether it reads plants, and other signals; arriving: whether it acts on a plant.
+    """
+    inputs = ("u",) * (others or not sensed) + (SENSED,) * sensed
+    states = tuple(f"{port}{k}" for port in inputs for k in range(1, ticks + 1))
+    n, m = len(states), len(inputs)
+    shift = np.eye(ticks, k=-1) - np.eye(ticks)
+    E = np.kron(np.eye(m), shift)
+    B = np.zeros((n, m))
+    C = np.zeros((2, n))
+    D = np.zeros((2, m))
+    for i in range(m):
+        B[i * ticks : i * ticks + 1, i] = 1
+    if ticks:
+        C[0, ticks - 1 :: ticks] = 1
+        if inputs[0] == "u":
+            C[1, ticks - 1] = -1
+            C[1, max(0, ticks - 2)] += ticks > 1
+            D[1, 0] = ticks == 1
+    else:
+        D[0] = 1
+    shown = slice(1 + arriving)
+    return Block(name, inputs, ("y", NEXT)[shown], states, E, B, C[shown], D[shown])
+
+
+def joined(sums: dict, plants, inside: Mapping[str, str], product: str, factor: str) -> dict:
+    """Return junctions with those at the ports by which dead times act on plants and read them.
+
+    sums: with names of ports of plants. product, factor: the input that a number has become, and what it multiplies.
+    """
+    sums = dict(sums)
+    for plant in plants:
+        for port, name in plant.arriving:
+            sums[inside[port] + AT + name] = {f"{name}.{NEXT}": sums[inside[port]][f"{name}.y"]}
+        for signal, name in plant.sensed:
+            sources = dict(sums[f"{name}.u"])
+            read = sums.setdefault(f"{name}.{SENSED}", {})
+            measured = inside[signal]
+            if measured in sources:
+                read[measured + AT + name] = sources.pop(measured)
+            multiplied = measured in sums.get(factor, ())
+            if multiplied and product in sources:
+                read[product] = sources.pop(product)
+            if multiplied and product in read:
+                names = {measured: measured + AT + name}
+                sums[factor] = {names.get(source, source): gain for source, gain in sums[factor].items()}
+            sums[f"{name}.u"] = sources
+    return {port: terms for port, terms in sums.items() if terms or not port.endswith(".u")}
+
+
+def with_ports(block: Block, plant: Plant, rates, sizes, period, known: Mapping[str, object], shares) -> Block:
+    """Return the block of a plant with ports for the dead times that act on it or read it.
+
+    rates: A, B of its states. sizes: of the terms of their sums. shares: s of each dead time. known: with `structure`.
+    Accuracy: that of `held`.
+    """
+    A, B = rates
+    of_A, of_rate_B = sizes
+    inputs, outputs = plant.drawn_ports
+
+    def over(share, column=slice(None)):
+        return held(A, B[..., column], share * period, (of_A, of_rate_B[..., column]))
+
+    of_E, of_B, of_C, of_D = block.terms
+    arriving = [over(shares[name], [inputs.index(port)]) for port, name in plant.arriving]
+    nothing = np.zeros((len(outputs), len(plant.arriving)))
+    G = concatenated([block.B, *(late.G for late in arriving)], -1)
+    of_G = concatenated([of_B, *(late.of_G for late in arriving)], -1)
+    rows_C, rows_of_C = [block.C], [of_C]
+    rows_D = [concatenated([block.D, nothing], -1)]
+    rows_of_D = [concatenated([of_D, nothing], -1)]
+    eye = np.eye(A.shape[-1])
+    for signal, name in plant.sensed:
+        i = [outputs.index(signal)]
+        row = block.C[..., i, :]
+        of_row = of_C[..., i, :]
+        through = block.D[..., i, :]
+        of_through = of_D[..., i, :]
+        E, held_B, of_own, of_held = over(shares[name])
+        rows_C.append(row + row @ E)
+        rows_of_C.append(of_row @ np.abs(E + eye) + np.abs(row) @ of_own)
+        columns = [through + row @ held_B]
+        of_columns = [of_through + of_row @ np.abs(held_B) + np.abs(row) @ of_held]
+        for port, earlier in plant.arriving:
+            j = [inputs.index(port)]
+            step = over(shares[earlier] + shares[name] - 1, j)
+            if known[f"block.{earlier}.before.{name}"]:
+                columns.append(through[..., j] + row @ step.G)
+                of_step = of_row @ np.abs(step.G) + np.abs(row) @ step.of_G
+                of_columns.append(of_through[..., j] + of_step)
+            else:
+                columns.append(np.zeros((1, 1)))
+                of_columns.append(np.zeros((1, 1)))
+        rows_D.append(concatenated(columns, -1))
+        rows_of_D.append(concatenated(of_columns, -1))
+    return replace(
+        block,
+        inputs=(*block.inputs, *(f"{plant.own(port)}{AT}{name}" for port, name in plant.arriving)),
+        outputs=(*block.outputs, *(f"{plant.own(signal)}{AT}{name}" for signal, name in plant.sensed)),
+        B=G,
+        C=concatenated(rows_C, -2),
+        D=concatenated(rows_D, -2),
+        terms=(of_E, of_G, concatenated(rows_of_C, -2), concatenated(rows_of_D, -2)),
+    )

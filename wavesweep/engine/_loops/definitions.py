@@ -1,0 +1,179 @@
+"""What each type of block does, written once for numbers of every kind: doubles and arrays of them, balls, fractions.
+
+A block is `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`, a continuous one `x' = A x + B u`. Matrices are lists of
+rows. The frames of a loop, in doubles and in balls, and its equations at rest follow from these definitions; the simulation
+alone has others, since it is the witness against them. Filters (`filters`) are not here: their entries are not rational.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._drawing.mass_matrix import MATRICES, adjugate, at_axes, determinant
+from wavesweep.engine._state_space import StateSpace
+
+Rows = list[list[Any]]
+Root = Callable[[Any], Any]  # the square root of numbers of a kind
+
+
+class Equations(NamedTuple):
+    """The equations of a block: names of its states, and its matrices; `E` is A of a continuous one."""
+
+    states: tuple[str, ...]
+    E: Rows
+    B: Rows
+    C: Rows
+    D: Rows
+
+
+def running(kind: str, T: Any, keys: Mapping[str, Any], root: Root) -> Equations:
+    """Return what a block does in a run. T: its own period (s).
+
+    Errors: KeyError for a type that is not defined here.
+    """
+    match kind:
+        case "gain":
+            return _static([[keys["k"]]])
+        case "hold" | "channel":
+            return _static([[1]])
+        case "wave":
+            b, r = keys["b"], root(2 * keys["b"])
+            return _static([[b, -r], [r, -1]] if keys["gives"] == "force" else [[-1 / b, r / b], [-r / b, 1]])
+        case "delay":
+            steps = keys["steps"]
+            return with_delays(_static([[int(not steps)]]), [0] * (steps - 1) + [1] if steps else [])
+        case "mean":
+            share = 1 / (0 * T + keys["n"])
+            return with_delays(_static([[share]]), [share] * (keys["n"] - 1))
+        case "difference":
+            return Equations(("u1",), [[-1]], [[1]], [[-1 / T]], [[1 / T]])
+        case "integrator":
+            return Equations(("s",), [[0]], [[T]], [[1]], [[_ahead(T, keys["method"])]])
+        case "impulse":
+            return Equations(("s",), [[0]], [[1]], [[1]], [[1]])
+        case "avatar":
+            # The state is the start of the step, so that s+ = s + T v in all integrations; a trapezium has half of the last
+            # step in it.
+            b, r = keys["b"], root(2 * keys["b"])
+            speed, read = [r / b, -1 / b], _ahead(T, keys["integration"])
+            sent = T / 2 if keys["integration"] == "trapezoidal" else T
+            D = [speed, [sent * gain for gain in speed], [read * gain for gain in speed], [1, -r / b]]
+            return Equations(("s",), [[0]], [[T * gain for gain in speed]], [[0], [1], [1], [0]], D)
+        case "local_model":
+            # v = (r in - K s)/(b + B + K read) solves the step, and out = (r/b) b v - in.
+            K, r = keys["K"], root(2 * keys["b"])
+            total = keys["b"] + keys["B"] + K * _ahead(T, keys["integration"])
+            speed = r / total
+            return Equations(("s",), [[T * (-K / total)]], [[T * speed]], [[r * (-K / total)]], [[r * speed - 1]])
+    raise KeyError(kind)
+
+
+def continuous(kind: str, keys: Mapping[str, Any]) -> Equations:
+    """Return the rates of a continuous block; of a discrete `ss` the matrices as they are."""
+    if TYPES[kind].body:
+        m, d, k = keys[TYPES[kind].body], keys["damping"], keys["stiffness"]
+        return Equations(("v", "x"), [[-d / m, -k / m], [1, 0]], [[1 / m], [0]], [[0, 1], [1, 0]], [[0], [0]])
+    if kind == "mass_matrix":
+        return _mass_matrix(keys)
+    if kind == "spring":
+        k, d = keys["k"], keys["d"]
+        return _static([[-k, -d, k, d], [k, d, -k, -d]])
+    if kind == "tf":
+        return controllable(keys["num"], keys["den"])
+    A, B, C = (keys[name] for name in "ABC")
+    D = keys["D"] or [[0] * len(keys["inputs"]) for _ in keys["outputs"]]
+    return Equations(tuple(f"x{i}" for i in range(len(A))), A, B, C or [[] for _ in D], D)
+
+
+def _mass_matrix(keys: Mapping[str, Any]) -> Equations:
+    """`M a + D v + K x = f` in the states v and x."""
+    names, n = keys["axes"], len(keys["axes"])
+    M, D, K = (at_axes(keys, name) for name in MATRICES)
+    total = determinant(M)
+    inverse = [[entry / total for entry in row] for row in adjugate(M)]
+    pulled = [
+        [-sum(a * b[j] for a, b in zip(row, matrix, strict=True)) for matrix in (D, K) for j in range(n)] for row in inverse
+    ]
+    unit = [[int(i == j) for j in range(2 * n)] for i in range(2 * n)]
+    none = [[0] * n for _ in names]
+    return Equations(
+        (*(f"v{name}" for name in names), *names), pulled + unit[:n], inverse + none, unit[n:] + unit[:n], none + none
+    )
+
+
+def at_rest(kind: str, keys: Mapping[str, Any], root: Root) -> tuple[Rows, ...] | None:
+    """Return what a block does while nothing changes, `0 = E x + B u`, `y = C x + D u`, without rounding.
+
+    D alone if y follows u whatever the states are. None: what it does in a run is all that is known. For example, a wave comes
+    back from an avatar at rest with the other sign, which its entries in a run show only up to rounding.
+    """
+    if TYPES[kind].body:
+        return StateSpace([[-keys["damping"], -keys["stiffness"]], [1, 0]], [[1], [0]], [[0, 1], [1, 0]], [[0], [0]])
+    match kind:
+        case "mass_matrix":
+            _, E, *_, C, D = continuous(kind, keys)
+            n, (damping, stiffness) = len(D[0]), (at_axes(keys, name) for name in MATRICES[1:])
+            pulled = [[-entry for entry in (*d, *k)] for d, k in zip(damping, stiffness, strict=True)]
+            return StateSpace(pulled + E[n:], [[int(i == j) for j in range(n)] for i in range(2 * n)], C, D)
+        case "spring":
+            return (continuous(kind, keys).D,)
+        case "gain" | "hold" | "channel":
+            return (running(kind, 1, keys, root).D,)
+        case "wave":  # with an impedance whose root is exact, since waves that meet cancel whatever it is
+            return (running(kind, 1, {**keys, "b": root(2 * keys["b"]) ** 2 / 2}, root).D,)
+        case "delay" | "mean":
+            return ([[1]],)
+        case "difference":
+            return ([[0]],)
+        case "integrator" | "impulse":
+            return StateSpace([[0]], [[1]], [[1]], [[0]])
+        case "avatar":
+            return StateSpace([[0]], [[root(2 * keys["b"]), -1]], [[0], [1], [1], [0]], [[0, 0], [0, 0], [0, 0], [-1, 0]])
+        case "local_model":
+            return StateSpace([[-keys["K"]]], [[root(2 * keys["b"])]], [[0]], [[-1]])
+        case "ss":
+            A, B, C, D = continuous(kind, keys)[1:]
+            E = [[entry - (i == j) * keys["discrete"] for j, entry in enumerate(row)] for i, row in enumerate(A)]
+            return StateSpace(E, B, C, D)
+        case "tf" if not keys["discrete"]:
+            return tf_at_rest(keys["num"], keys["den"])
+    return None
+
+
+def tf_at_rest(num: Sequence, den: Sequence, later: Sequence = ()) -> tuple[Rows, ...]:
+    """Return `at_rest` of a transfer function from coefficients of descending powers of s or z - 1; later: see `with_delays`.
+
+    The first state does not change, so y is the sum of the states times the numerator's coefficients but the first.
+    """
+    equations, b = controllable(num, den), over(num, den)
+    return with_delays(equations._replace(C=[b[1:]], D=[[0]]) if equations.states else equations, later)[1:]
+
+
+def over(num: Sequence, den: Sequence) -> list:
+    """Return coefficients of the numerator, as many as those of the denominator, over the first one of that."""
+    return [0] * (len(den) - len(num)) + [coefficient / den[0] for coefficient in num]
+
+
+def controllable(num: Sequence, den: Sequence) -> Equations:
+    """Return a transfer function from coefficients of descending powers; each state but the first integrates the one before."""
+    n, a, b = len(den) - 1, [coefficient / den[0] for coefficient in den[1:]], over(num, den)
+    A = [[-coefficient for coefficient in a]] + [[int(i == j) for j in range(n)] for i in range(n - 1)]
+    C = [coefficient - factor * b[0] for coefficient, factor in zip(b[1:], a, strict=True)]
+    return Equations(tuple(f"x{i}" for i in range(n)), A[:n], [[int(i == 0)] for i in range(n)], [C], [[b[0]]])
+
+
+def with_delays(equations: Equations, later: Sequence) -> Equations:
+    """Return a block of one output with delays behind its last state, or behind its input; y adds each times one of `later`."""
+    n, k = len(equations.states), len(later)
+    E = [[*row, *[0] * k] for row in equations.E] + [[(i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
+    B = [*equations.B, *([int(j == 0)] for j in range(n, n + k))]
+    return Equations((*equations.states, *(f"u{j + 1}" for j in range(k))), E, B, [[*equations.C[0], *later]], equations.D)
+
+
+def _static(D):
+    return Equations((), [], [], [[] for _ in D], D)
+
+
+def _ahead(T, method):
+    """The share of a step's velocity that is read in the step itself, in seconds (`AHEAD` in `spec.keys`)."""
+    return {"explicit": 0, "implicit": T, "trapezoidal": T / 2}[method]

@@ -1,0 +1,260 @@
+"""Where a loop that a spec draws is an analytic function of one of its numbers, and which numbers make no loop."""
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._drawing.drawing import RATE, Drawing, name_of, scalars
+from wavesweep.engine._drawing.expressions import SharedParts, Tree, degree, names_in, singular
+from wavesweep.engine._keys.checking import computable
+from wavesweep.engine._loops.values import numbers_of, values_of
+from wavesweep.engine.errors import UsageError
+
+
+def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
+    """The values of a number, about a span, between which all loops are analytic functions of it on the real axis.
+
+    values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are examined; see `domains`.
+    """
+    below, above = -np.inf, np.inf
+    for key, guard, values_of_others, root in _known_guards(drawing, values, path):
+        rows, _ = _different(values_of_others, MOST)
+        low, high = _limits(key, guard, root, rows, name_of(path), span)
+        below = max(below, low.max())
+        above = min(above, high.min())
+    return float(below), float(above)
+
+
+def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int):
+    """The values of a number, about a span, between which each loop is an analytic function of it: two arrays, `(size,)`.
+
+    values: flat numbers, or arrays over the loops. Divisors, arguments of roots, masses and the like must not vanish there, but
+    an argument of a root may at a low end of 0, which is then the lowest value (see `bends_at_zero`). Beyond the span their
+    changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is allowed, and
+    of a cutoff all of the way to 0. What holds for a loop does not depend on the others. Errors: UsageError if one vanishes
+    within the span.
+    """
+    name = name_of(path)
+    below = np.full(size, -np.inf)
+    above = np.full(size, np.inf)
+    for key, guard, values_of_others, root in _known_guards(drawing, values, path):
+        rows, row = _different(values_of_others)
+        lows, highs = [], []
+        for at in range(0, 1 + row.max(initial=0), MOST):
+            block = _rows_of(rows, slice(at, at + MOST))
+            low, high = _limits(key, guard, root, block, name, span)
+            lows.append(low)
+            highs.append(high)
+        below = np.maximum(below, np.concatenate(lows)[row])
+        above = np.minimum(above, np.concatenate(highs)[row])
+    return below, above
+
+
+def _known_guards(drawing, values, path):
+    """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
+    numbers = scalars({**values, path: 0.0})
+    filters = [block for block in drawing.blocks if block.type == "butterworth"]
+    none = {f"block.{block.name}.cutoff_hz" for block in filters if not int(values_of(dict(block.keys)["order"], numbers))}
+    for key, guard, read, root in _guards_of(drawing, name_of(path)):
+        if key in none:
+            continue
+        yield key, guard, {name: value for name, value in numbers.items() if name in read}, root
+
+
+def _limits(key, guard, root, known, name, span):
+    """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known: other numbers, `(loops, 1)`."""
+    low, high = span
+    to_zero = key.endswith(".cutoff_hz") and guard[0] == "name"  # a filter is smooth there as well
+    away = np.geomspace(1e-6, 1e3, 400) * (high - low)
+    within = np.linspace(low, high, 401)
+    with np.errstate(all="ignore"):
+        value = np.asarray(values_of(guard, {**known, name: within})).reshape(-1, within.size)
+        from_root = nothing = False
+        if root:
+            at_low = np.asarray(values_of(root, {**known, name: within[:1]})).reshape(-1)
+            known_at_low = np.isfinite(at_low)
+            shape = max(len(value), at_low.size), within.size
+            value = np.array(np.broadcast_to(value, shape))
+            nothing = (value == 0).all(-1)  # a root of 0 everywhere is 0
+            value[nothing] = 1.0
+            from_root = (value[:, 0] == 0) & known_at_low & (low == 0)
+            value[from_root, 0] = value[from_root, 1]
+    if not _keep_sign(value).all() or _touches_zero(guard, known, name, within):
+        raise UsageError(
+            f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
+            f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
+        )
+    limits = []
+    for direction, end in ((-1, low), (1, high)):
+        points = np.concatenate([[end], end + direction * away])
+        with np.errstate(all="ignore"):
+            good = _keep_sign(np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size))
+        first = np.argmin(good, axis=-1)
+        limit = points[first - 1] if to_zero else (end + points[first]) / 2
+        limits.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
+    lowest, highest = limits
+    lowest = np.where(from_root, low, lowest)
+    return tuple(np.broadcast_arrays(lowest, highest))
+
+
+@lru_cache(maxsize=256)
+def bends_at_zero(drawing: Drawing, path: str) -> bool:
+    """Whether an eigenvalue 1 that a loop has at 0 of a number may not leave it in proportion to the number.
+
+    The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has a double zero there.
+    """
+    name = name_of(path)
+    if any(root for *_, root in _guards_of(drawing, name)):
+        return True
+    return any(1 < degree(tree, name) < math.inf for _, tree in drawing.trees())
+
+
+def guards_at(drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
+    """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
+    numbers = scalars(values)
+    shared = SharedParts()
+    guard_values = []
+    for _, guard, _, root in _guards_of(drawing, name_of(path)):
+        value = np.broadcast_to(values_of(guard, numbers, shared), shape)
+        if root:  # of 0 everywhere is 0
+            value = np.where(value == 0, 1.0, value)
+        guard_values.append(value)
+    return np.stack(guard_values, axis=-1) if guard_values else np.ones((*shape, 0))
+
+
+def _keep_sign(value):
+    """Whether each value has the sign of the first one of its row, and is not 0, `(loops, points)`."""
+    with np.errstate(all="ignore"):
+        sign = np.sign(value)
+    return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
+
+
+ZOOMS = 12  # towards a least size, each by a factor of ten
+NARROWEST = 40  # roundings of the number: the narrowest cell in which a least size is looked for
+VANISHED = 0.1  # a least size below this share of the size ten steps away counts as 0
+
+
+def _touches_zero(guard, known, name, points):
+    """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
+    with np.errstate(all="ignore"):
+        size = np.abs(values_of(guard, {**known, name: points})).reshape(-1, points.size)
+        loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
+        if not at.size:
+            return False
+        low = points[at]
+        high = points[at + 2]
+        flat = np.ones(at.size)
+        numbers_at = {other: value[loop] if np.ndim(value) else value for other, value in known.items()}
+        for _ in range(ZOOMS):
+            narrowest = NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
+            wide = high - low > narrowest
+            among = np.linspace(low, high, 21, axis=-1)
+            size = np.abs(values_of(guard, {**numbers_at, name: among}))
+            flat = np.where(wide, size.min(-1) / size[:, [0, -1]].min(-1), flat)
+            best = np.clip(size.argmin(-1), 1, 19)[:, None]
+            low = np.take_along_axis(among, best - 1, -1)[:, 0]
+            high = np.take_along_axis(among, best + 1, -1)[:, 0]
+        return bool((flat <= VANISHED).any())
+
+
+MOST = 1000  # loops that are examined at a time
+
+
+def _different(known, most=None):
+    """The different rows of the arrays among these values, as columns, and the row of each loop.
+
+    most: so many rows at most, spread over all.
+    """
+    arrays = {name: np.asarray(value) for name, value in known.items() if np.ndim(value)}
+    if not arrays:
+        return known, np.zeros(1, int)
+    rows, row = np.unique(np.stack(list(arrays.values()), axis=1), axis=0, return_inverse=True)
+    if most is not None:
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
+    return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(-1)
+
+
+def _rows_of(known, some):
+    return {name: value[some] if np.ndim(value) else value for name, value in known.items()}
+
+
+@lru_cache(maxsize=256)
+def _guards_of(drawing, number):
+    """The guards that read a number, as path of a key, tree, names of all numbers that it or its root reads, and that root."""
+    guards = {(guard, root): key for key, tree in drawing.trees() for guard, root in singular(tree)}
+    guards |= {(tree, None): key for key, tree in divisors(drawing)}
+    found = []
+    for (guard, root), key in guards.items():
+        if number in {name for name, _ in names_in(guard)}:
+            read = frozenset(name for name, _ in names_in(root or guard))
+            found.append((key, guard, read, root))
+    return tuple(found)
+
+
+def divisors(drawing: Drawing) -> Iterator[tuple[str, Tree]]:
+    """Yield the path of a key and a tree that the equations of a block divide by, or take a root of."""
+    yield RATE, drawing.tick_hz
+    for block in drawing.blocks:
+        keys = dict(block.keys)
+        for name, key in TYPES[block.type].keys.items():
+            if name in keys and key.above_low:  # what must be positive may be divided by
+                yield f"block.{block.name}.{name}", keys[name]
+        for name in TYPES[block.type].below_half:
+            twice = ("*", ("number", 2.0, 0), ("*", keys[name], block.every, 0), 0)
+            yield f"block.{block.name}.{name}", ("-", drawing.tick_hz, twice, 0)
+        if block.type in ("tf", "pid"):
+            path = f"block.{block.name}.{'den' if block.type == 'tf' else 'tau'}"
+            yield path, dict(block.core(drawing.tick_hz).keys)["den"][0]
+        if block.type == "local_model":
+            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz)
+
+
+def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
+    """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
+    wrong = unsuitable(drawing, values)
+    if wrong.any():
+        from wavesweep.engine._drawing.conditions import faults
+
+        arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}
+        at = int(np.flatnonzero(wrong)[0])
+        loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
+        named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
+        path, expected, reason = next(faults(drawing, loop), ("a key", "another value", "none"))
+        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {reason}")
+
+
+def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
+    """Return which loops of a batch have a number that a key does not accept, `(loops,)`. values: as for `assembled`."""
+    from wavesweep.engine._drawing.conditions import conditions
+
+    arrays = {path for path, value in values.items() if np.ndim(value)}
+    varied = frozenset(map(name_of, arrays))
+    single = tuple(item for item in values.items() if item[0] not in arrays)
+    size = max((np.size(values[path]) for path in arrays), default=1)
+    wrong = np.full(size, _unsuitable_alone(drawing, single, varied))
+    numbers = numbers_of(values)
+    with np.errstate(all="ignore"):
+        shared = SharedParts()
+        for condition in conditions(drawing) if arrays else ():
+            if condition.names & varied:
+                wrong |= _broken(condition, numbers, shared)
+    return wrong
+
+
+@lru_cache(maxsize=64)
+def _unsuitable_alone(drawing, items, others):
+    """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
+    from wavesweep.engine._drawing.conditions import conditions
+
+    numbers, shared = numbers_of(dict(items)), SharedParts()
+    with np.errstate(all="ignore"):
+        alone = (condition for condition in conditions(drawing) if condition.names and not condition.names & others)
+        return any(bool(np.any(_broken(condition, numbers, shared))) for condition in alone)
+
+
+def _broken(condition, known, shared):
+    values = [values_of(tree, known, shared) for _, tree in condition.reads]
+    return np.logical_not(computable(values[0]) & condition.holds(*values))

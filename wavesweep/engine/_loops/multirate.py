@@ -1,0 +1,237 @@
+"""A loop of several rates: blocks that run every so many ticks, and the junctions between them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from math import lcm
+from numbers import Integral
+
+import numpy as np
+
+from wavesweep.engine._keys.key import LONGEST_FRAME
+from wavesweep.engine._loops.block import Block
+from wavesweep.engine.errors import IllPosedLoopError, UsageError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScheduledBlock:
+    """A block that runs at the ticks `phase`, `phase + every`, and so on; between these its outputs hold.
+
+    phase: a tick, or several ticks of the same period.
+    """
+
+    block: Block
+    every: int = 1
+    phase: int | tuple[int, ...] = 0
+
+    def __post_init__(self):
+        """Refuse a block that would never run, or between two ticks. Errors: UsageError."""
+        phases = self.phase if isinstance(self.phase, tuple) else (self.phase,)
+        integers = all(isinstance(number, Integral) for number in (self.every, *phases))
+        if not integers or self.every < 1 or not phases or not all(0 <= phase < self.every for phase in phases):
+            raise UsageError(
+                f"block {self.block.name}: expected every >= 1 and phases from 0 on and below it, whole numbers, found every = "
+                f"{self.every!r}, phase = {self.phase!r}"
+            )
+
+    def runs(self, ticks: int) -> np.ndarray:
+        """Whether it runs in each of the first ticks, `(ticks,)`, read-only."""
+        return _runs(self.every, self.phase, ticks)
+
+
+@lru_cache(maxsize=256)
+def _runs(every, phase, ticks):
+    runs = np.isin(np.arange(ticks) % every, phase)
+    runs.flags.writeable = False
+    return runs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MultirateLoop:
+    """Blocks placed on a common tick, and the loop that they make.
+
+    period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
+    gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
+    run in the same tick see each other's outputs of that tick. exact: gives the equations at rest of some of the blocks in
+    exact numbers (see `equations_of`); None if the entries of the blocks are all that is known. rate: ticks per second (Hz) as
+    it was given, from which 1/period may differ in the last bit; by default 1/period.
+    Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
+    """
+
+    period: object
+    placed: tuple[ScheduledBlock, ...]
+    sums: Mapping[str, Mapping[str, object]]
+    inputs: tuple[str, ...] = ()
+    exact: Callable[[Sequence[Block]], tuple] | None = None
+    rate: object = None
+    ticks: int = field(init=False)
+
+    def __post_init__(self):
+        ticks = lcm(*(scheduled.every for scheduled in self.placed))
+        if ticks > LONGEST_FRAME:
+            raise UsageError(
+                f"the frame, after which all blocks are in step again, has {ticks} ticks, expected at most {LONGEST_FRAME}; "
+                "choose rates with a larger common divisor"
+            )
+        object.__setattr__(self, "ticks", ticks)
+
+    def labels(self) -> dict[str, str]:
+        """Readable labels of the states of blocks and of outputs that are held, by their names in `MarginalModes`."""
+        readable_labels = {}
+        for block in (scheduled.block for scheduled in self.placed):
+            readable = block.labels or [f"{block.name} {state}" for state in block.states]
+            readable_labels |= {f"{block.name}.{state}": label for state, label in zip(block.states, readable, strict=True)}
+            alone = len(block.outputs) == 1 and not block.states  # nothing else of it could be meant
+            readable_labels |= {
+                f"{block.name}.{port} held": f"{block.name}{'' if alone else f' {port}'} held" for port in block.outputs
+            }
+        return readable_labels
+
+    def refuse_wrong_names(self) -> None:
+        """Raise UsageError for names or junctions that make no loop, or another one than was meant."""
+        for faulty, expected in self._wrong_names():
+            if faulty:
+                raise UsageError(f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(faulty))}")
+        period = np.asarray(self.period)
+        if period.dtype.kind not in "iufc" or not np.all(period.real > 0):
+            raise UsageError(f"a drawn loop: expected a period > 0 in s, found {self.period!r}")
+
+    def _wrong_names(self) -> Iterator[tuple[list[str], str]]:
+        """Yield the names that are wrong for a reason, perhaps none, and what is expected of them."""
+        blocks = [scheduled.block for scheduled in self.placed]
+        names, ports = [block.name for block in blocks], _port_names(blocks, "inputs")
+        made = _port_names(blocks, "outputs") | {*self.inputs, *self.sums}
+        yield [] if blocks else ["none"], "at least one block"
+        yield [name for name in names if names.count(name) > 1], "blocks of different names"
+        unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
+        yield unknown, "sources that are outputs of blocks, junctions or inputs"
+        wrong = [name for name in self.sums if name not in ports and name.rpartition(".")[0] in names]
+        yield wrong, "the block's own inputs as ports"
+        yield [name for name in self.sums if _comes_back(name, self.sums)], "junctions that are not made of themselves"
+
+    def sources(self, signal: str) -> set[str]:
+        """The block outputs and inputs from outside that a signal is made of."""
+        ends, open_ = set(), [signal]
+        while open_:
+            name = open_.pop()
+            if name in self.sums:
+                open_ += self.sums[name]
+            else:
+                ends.add(name)
+        return ends
+
+    def rings(self) -> list[list[str]]:
+        """The blocks of each algebraic loop, in which what they read depends on what they give; only the largest ones."""
+        rings = [ring for running in self.schedule()[0] for ring in self._rings(running)]
+        return [ring for at, ring in enumerate(rings) if ring not in rings[:at] and not any(set(ring) < set(r) for r in rings)]
+
+    def direct_blocks(self) -> list[str]:
+        """Names of the blocks on loops of direct terms, which are closed within a tick."""
+        return list(dict.fromkeys(name for ring in self.rings() for name in ring))
+
+    @contextmanager
+    def naming_blocks(self) -> Iterator[None]:
+        """Name the blocks of an algebraic loop that turns out to have no solution. Errors: IllPosedLoopError."""
+        try:
+            yield
+        except IllPosedLoopError as error:
+            blocks = ", ".join(self.direct_blocks()) or "the wires"
+            raise IllPosedLoopError(
+                f"the loop of direct terms through {blocks} has no solution, or none that double precision can find; "
+                "put a delay or a hold into it, or change the gain that closes it"
+            ) from error
+
+    def _rings(self, running) -> Iterator[list[str]]:
+        """Those among blocks (indices) that run together, by the terms that are not zero."""
+        blocks = [self.placed[index].block for index in running]
+        reads = self._direct_reads(blocks)
+        from scipy.sparse.csgraph import connected_components
+
+        at = {name: place for place, name in enumerate(reads)}
+        direct = np.zeros((len(at), len(at)), bool)
+        for name, sources in reads.items():
+            direct[at[name], [at[source] for source in sources if source in at]] = True
+        names, (_, label) = [name.rpartition(".")[0] for name in at], connected_components(direct, connection="strong")
+        for ring in (np.flatnonzero(label == number) for number in dict.fromkeys(label.tolist())):
+            if len(ring) > 1 or direct[ring[0], ring[0]]:
+                inside = {names[place] for place in ring}
+                yield [block.name for block in blocks if block.name in inside]
+
+    def _direct_reads(self, blocks) -> dict[str, list[str]]:
+        """Signal -> the signals that it depends on within a tick in which these blocks run."""
+        reads = {name: [source for source, gain in terms.items() if np.any(gain)] for name, terms in self.sums.items()}
+        for block in blocks:
+            direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
+            for port, row in zip(block.outputs, direct, strict=True):
+                reads[f"{block.name}.{port}"] = [f"{block.name}.{block.inputs[at]}" for at in np.flatnonzero(row)]
+        return reads
+
+    def living(self, watched: Sequence[str] = ()) -> "MultirateLoop":
+        """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`.
+
+        A block that is a loop in itself remains.
+        """
+        placed = list(self.placed)
+        while True:
+            ports = (f"{scheduled.block.name}.{port}" for scheduled in placed for port in scheduled.block.inputs)
+            read = {source.rpartition(".")[0] for signal in (*ports, *watched) for source in self.sources(signal)}
+            read_blocks = [scheduled for scheduled in placed if scheduled.block.name in read or scheduled.block.ring]
+            if len(read_blocks) == len(placed):
+                return self if len(read_blocks) == len(self.placed) else replace(self, placed=tuple(read_blocks))
+            placed = read_blocks
+
+    def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
+        """The different sets of blocks (indices) that run in a tick, and the number of the set of each tick of the frame."""
+        sets, set_numbers = _schedule(tuple((scheduled.every, scheduled.phase) for scheduled in self.placed), self.ticks)
+        return list(sets), set_numbers
+
+    def held(self, watched: Sequence[str] = ()) -> dict[str, list[str]]:
+        """Block -> its output ports that something reads in a tick in which the block does not run.
+
+        watched: signals that are read in every tick.
+        """
+        masks = {scheduled.block.name: scheduled.runs(self.ticks) for scheduled in self.placed}
+        readers = [
+            (masks[scheduled.block.name], f"{scheduled.block.name}.{port}")
+            for scheduled in self.placed
+            for port in scheduled.block.inputs
+        ]
+        readers += [(np.ones(self.ticks, bool), signal) for signal in watched]
+        held_ports = {}
+        for mask, signal in readers:
+            for source in self.sources(signal):
+                name, _, port = source.rpartition(".")
+                if name in masks and np.any(mask & ~masks[name]):
+                    held_ports.setdefault(name, {})[port] = None
+        return {
+            scheduled.block.name: [port for port in scheduled.block.outputs if port in held_ports.get(scheduled.block.name, {})]
+            for scheduled in self.placed
+        }
+
+
+@lru_cache(maxsize=64)
+def _schedule(rhythms, ticks):
+    masks = np.stack([_runs(*rhythm, ticks) for rhythm in rhythms], axis=1)
+    sets, set_numbers = np.unique(masks, axis=0, return_inverse=True)
+    set_numbers = set_numbers.reshape(-1)
+    set_numbers.flags.writeable = False
+    return tuple(tuple(np.flatnonzero(row).tolist()) for row in sets), set_numbers
+
+
+def _port_names(blocks, side):
+    """The ports of blocks on one side, their inputs or outputs."""
+    return {f"{block.name}.{port}" for block in blocks for port in getattr(block, side)}
+
+
+def _comes_back(name, sums):
+    """Whether a junction is a part of itself, through junctions alone."""
+    visited, open_ = set(), list(sums[name])
+    while open_:
+        source = open_.pop()
+        if source == name:
+            return True
+        if source in sums and source not in visited:
+            visited.add(source)
+            open_ += sums[source]
+    return False

@@ -1,0 +1,105 @@
+"""Blocks that act on each other continuously, as one block: the rates of change of their states, exact over a held tick."""
+
+from collections.abc import Mapping
+from math import prod
+
+import numpy as np
+
+from wavesweep.engine._drawing.drawn_block import Plant
+from wavesweep.engine._loops.algebraic import loop_inverse
+from wavesweep.engine._loops.block import Block, block_diagonal, numbers
+from wavesweep.engine._loops.blocks import continuous, held, pivot_of, sizes_of
+from wavesweep.engine._loops.dead_time import with_ports
+from wavesweep.engine.errors import IllPosedLoopError
+
+
+def plant_of(plant: Plant, keys: Mapping[str, Mapping], gains: Mapping[str, Mapping], period, known=None, shares=None) -> Block:
+    """Return the block of a plant whose members act on each other by `u = K y + e`; the inputs e are held over the period.
+
+    plant: of blocks `x' = A x + B u`, `y = C x + D u`. keys: those of each with their values. gains: K, input port -> output ->
+    number or array over the batch. period: s. known, shares: of dead times, see `with_ports`.
+
+        x' = (A + B K M C) x + B (1 + K M D) e,   y = M (C x + D e),   M = (1 - D K)^-1
+
+    Accuracy: that of `held`. `terms` has what a rounding of each term of the sums above does to the entries, since springs and
+    dampers of different signs may cancel.
+    Errors: IllPosedLoopError if the direct terms make a loop without a solution.
+    """
+    rates, sizes, states = [], [], []
+    pivots = []
+    for block in plant.members:
+        numbers_of_block = keys[block.name]
+        names, matrices = continuous(block.type, numbers_of_block)
+        rates.append(matrices)
+        sizes.append(sizes_of(block.type, numbers_of_block, *matrices[:2]))
+        states += [(block.name, state) for state in names]
+        pivots.append(pivot_of(block.type, numbers_of_block))
+    A, B, C, D = (block_diagonal(blocks) for blocks in zip(*rates, strict=True))
+    of_A, of_B = (block_diagonal(blocks) for blocks in zip(*sizes, strict=True))
+    inputs, outputs = plant.drawn_ports
+    K = _gains(gains, inputs, outputs)
+    L = D @ K
+    M = np.eye(len(outputs))
+    of_M = np.eye(len(outputs))
+    determinant, facts = 1.0, {}
+    if L.any():
+        M, of_M, condition, determinant = _closed(L, np.abs(D) @ np.abs(K), outputs, plant.name)
+        facts["condition"] = condition
+    facts["pivot"] = prod(pivots, start=determinant)
+    shown = M @ C
+    through = M @ D
+    back = B @ K
+    of_C = of_M @ np.abs(C)
+    of_D = of_M @ np.abs(D)
+    of_back = of_B @ np.abs(K)
+    of_A = of_A + of_back @ of_C
+    of_B = of_B + of_back @ of_D
+    A = A + back @ shown
+    B = B + back @ through
+    E, G, *of_held = held(A, B, period, (of_A, of_B))
+    block = Block(
+        plant.name,
+        *map(tuple, plant.ports),
+        tuple(plant.own(f"{name}.{state}") for name, state in states),
+        *(E, G, shown, through),
+        terms=(*of_held, of_C, of_D),
+        labels=tuple(f"{name} {LABELS.get(state, state)}" for name, state in states),
+        ring=plant.acts_on_itself,
+        **facts,
+    )
+    if not (plant.arriving or plant.sensed):
+        return block
+    return with_ports(block, plant, (A, B), (of_A, of_B), period, known, shares)
+
+
+LABELS = {"v": "velocity", "x": "position"}
+
+
+def _gains(gains, inputs, outputs):
+    """The matrix of the gains, `(..., inputs, outputs)`."""
+    entries = {}
+    for port, terms in gains.items():
+        for signal, gain in terms.items():
+            entries[port, signal] = numbers(gain)
+    batch = np.broadcast_shapes(*(entry.shape for entry in entries.values()))
+    K = np.zeros((*batch, len(inputs), len(outputs)), np.result_type(float, *entries.values()))
+    for (port, signal), gain in entries.items():
+        K[..., inputs.index(port), outputs.index(signal)] = gain
+    return K
+
+
+def _closed(L, sizes, outputs, name):
+    """The inverse of `1 - L`, the sizes of what rounding does to it, its condition, and the determinant."""
+    reached = np.eye(len(outputs), dtype=bool) | np.any(L != 0, axis=tuple(range(L.ndim - 2)))
+    for _ in outputs:
+        reached = (reached.astype(int) @ reached) > 0
+    try:
+        inverse, condition, pivot = loop_inverse(L, sizes, reached, name, outputs)
+    except IllPosedLoopError as error:
+        raise IllPosedLoopError(
+            f"the direct terms through {', '.join(outputs)} of the plant {name} make a loop that has no solution that "
+            "double precision can find; change a gain of the wires between its blocks, or put a hold into one"
+        ) from error
+    size = np.abs(inverse)
+    of_inverse = size @ (np.eye(len(outputs)) + sizes) @ size
+    return inverse, of_inverse, condition, pivot

@@ -1,0 +1,161 @@
+"""A loop cut at one or two numbers of a wire that are scalar gains of its frame: the linear fractional transformation (LFT)
+that the numbers close, as a wall's stiffness and damping do."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavesweep.engine._loops.block import frozen
+from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._state_space import StateSpace
+
+FIRST, SECOND = "first", "second"  # the two numbers; of a wall, stiffness and damping
+VELOCITY, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
+MATRICES = ("E", "B", "C", "D")
+ERRORS = ("dE", "dB", "dC", "dD")
+
+
+class SignalRows(NamedTuple):
+    """E and B, and the rows of the two signals without their direct terms: x of the first number, v of the second."""
+
+    E: np.ndarray
+    B: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearFractional:
+    """Everything but the numbers, once a frame, in delta form (`w = z - 1`).
+
+    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are VELOCITY: the signal that the
+    second number multiplies, G_v; ADVANCE and OFFSET: the one that the first number multiplies is G_x = ADVANCE/w + OFFSET. dE,
+    dB, dC, dD: bounds on the errors of their entries. integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of
+    the cut loop, as of the position of the whole scene if no spring holds the hand. It is kept out of E, so it is never
+    rounded. period: of the frame, s (a number or an array over the batch). states: their names. poles_at_one: how many
+    eigenvalues of E are exactly 0 by its pattern, as that of a mass that nothing brakes. uncontrolled: the diagonal blocks of
+    the monodromy matrix less identity that the numbers do not act on, in the block-triangular form of its pattern.
+    """
+
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    dE: np.ndarray
+    dB: np.ndarray
+    dC: np.ndarray
+    dD: np.ndarray
+    integrates: bool
+    period: np.ndarray
+    states: tuple[str, ...]
+    poles_at_one: int = 0
+    uncontrolled: tuple[np.ndarray, ...] = ()
+    memo: dict = field(default_factory=dict, init=False, repr=False)  # what belongs to these loops alone, see `remembered`
+
+    def __post_init__(self):
+        for name in (*MATRICES, *ERRORS, "period"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def order(self) -> int:
+        """Number of states of the loop with the numbers in place."""
+        return self.E.shape[-1] + self.integrates
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the leading axes."""
+        return self.remembered(
+            "batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in MATRICES), np.shape(self.period))
+        )
+
+    def remembered(self, name: object, make: Callable[[], Any]) -> Any:
+        """What `make` gives at the first call with this name: of a compiled loop it is asked for in every call."""
+        if name not in self.memo:
+            self.memo[name] = make()
+        return self.memo[name]
+
+    def at(self, index: Any) -> "LinearFractional":
+        """Return the loops `index` (anything that indexes the leading axes) of the batch."""
+        batch, indices = self.batch, isinstance(index, np.ndarray) and index.dtype.kind == "i"
+
+        def pick(array, tail):
+            array = np.asarray(array)
+            full = batch + array.shape[array.ndim - tail :]
+            if indices and array.shape == full and array.flags.c_contiguous:
+                return array.take(index, axis=0)  # in a seventh of the time of brackets
+            return (array if array.shape == full else np.broadcast_to(array, full))[index]
+
+        matrices = {name: pick(getattr(self, name), 2) for name in (*MATRICES, *ERRORS)}
+        uncontrolled = tuple(pick(block, 2) for block in self.uncontrolled)
+        return replace(self, **matrices, period=pick(self.period, 0), uncontrolled=uncontrolled)
+
+    def as_batch(self, size: int) -> "LinearFractional":
+        """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
+        if self.batch:
+            return self.at(slice(None))
+        return self.at(np.newaxis) if size == 1 else self.at(np.newaxis).at(np.zeros(size, int))
+
+    def open_in(self, along: str, fixed: np.ndarray) -> StateSpace:
+        """Return the loop with one number closed and the other open, from the open number's product to its factor.
+
+        along: the open number, FIRST or SECOND; fixed: value of the other one, an array that broadcasts with the batch.
+        """
+        A, B, x, v = self.with_integrator()
+        of_x, of_v = self.D[..., OFFSET, 0], self.D[..., VELOCITY, 0]
+        closed, through, open_, direct = (x, of_x, v, of_v) if along == SECOND else (v, of_v, x, of_x)
+        left = (1 - fixed * through)[..., None, None]
+        gain, direct = fixed[..., None, None] / left, direct[..., None, None]
+        return StateSpace(A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left)
+
+    def with_integrator(self) -> SignalRows:
+        """Return the loop with the integrator as the last state."""
+        x, v = self.C[..., OFFSET : OFFSET + 1, :], self.C[..., VELOCITY : VELOCITY + 1, :]
+        if not self.integrates:
+            return SignalRows(self.E, self.B, x, v)
+        unit = np.ones((*self.batch, 1, 1))
+        A = np.concatenate([self.E, self.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+        A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
+        B = np.concatenate([self.B, self.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+        return SignalRows(
+            A, B, np.concatenate([x + 0 * unit, unit], axis=-1), np.concatenate([v + 0 * unit, 0 * unit], axis=-1)
+        )
+
+    def of_errors(self) -> "LinearFractional":
+        """Return the cut with bounds on the errors of the entries in place of the entries."""
+        return replace(self, E=self.dE, B=self.dB, C=self.dC, D=self.dD)
+
+    def errors_with_integrator(self) -> SignalRows:
+        """Return bounds on the errors of the entries of `with_integrator`."""
+        errors = self.of_errors().with_integrator()
+        if not self.integrates:
+            return errors
+        return errors._replace(x=np.concatenate([errors.x[..., :-1], 0 * errors.x[..., -1:]], axis=-1))
+
+    def closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
+        """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
+
+        K, F: values of the first and the second number, which broadcast with the batch. If K = 0, nothing reads the integrator;
+        its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
+        """
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
+            K, F = np.asarray(K)[..., None, None], np.asarray(F)[..., None, None]
+            E, B, x, v = self.with_integrator()
+            of_x, of_v = self.D[..., OFFSET : OFFSET + 1, :], self.D[..., VELOCITY : VELOCITY + 1, :]
+            A = E + B * ((K * x + F * v) / (1 - K * of_x - F * of_v))
+            if self.integrates:
+                A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
+        return A
+
+    def errors_of_closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
+        """Return bounds on the errors of the entries of `closed`, `(..., order, order)`, to first order."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            K, F = (np.asarray(value, float)[..., None, None] for value in (K, F))
+            through = np.abs(1 - K * self.D[..., OFFSET : OFFSET + 1, :] - F * self.D[..., VELOCITY : VELOCITY + 1, :])
+            K, F = np.abs(K), np.abs(F)
+            size = replace(self, **{name: np.abs(getattr(self, name)) for name in MATRICES})
+            (_, B, x, v), (dE, dB, dx, dv) = size.with_integrator(), self.errors_with_integrator()
+            off = K * self.dD[..., OFFSET : OFFSET + 1, :] + F * self.dD[..., VELOCITY : VELOCITY + 1, :]
+            read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through
+            return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))

@@ -1,0 +1,347 @@
+"""The drift of a loop that is assembled tick by tick, and frames without it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import prod
+
+import numpy as np
+
+from wavesweep.engine._loops.from_drawing import POSITION, REACTION
+from wavesweep.engine._loops.integrator_modes import shifts
+from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.batches import MANY
+from wavesweep.engine._monodromy.periodic import Ticks, frame_of, known_frames
+from wavesweep.engine._monodromy.product import (
+    product_with_errors,
+    product_with_norm_of_errors,
+    product_with_tight_errors,
+)
+from wavesweep.engine._monodromy.rounding import ALIKE, ROUNDING, balance, measured_frame, radius_hidden
+from wavesweep.engine._monodromy.unit_circle import solve
+
+SAME = 1e-12  # relative difference of a factor between two loops below which it does not depend on their numbers
+ROUGH = 1e-9  # error of an entry, in units that give rows and columns similar sizes, from which on its effect is looked for
+NEGLIGIBLE = 1e-10  # entries up to this share of the largest one in their row may be set to 0
+SOLVED = 1e-6  # of the terms of the equations for a shift: remainders below it are rounding
+ROUNDED = 1e3  # roundings of the largest unknown or right side that any equation may leave
+
+
+@dataclass(frozen=True, slots=True)
+class MarginalModes:
+    """The marginal modes of a drawn loop by its structure: what drifts in it.
+
+    states: those of the frame. constant: modes whose shapes are the same for all numbers, as pairs of a lead and the states
+    that move with it by factors, `(lead, ((state, factor), ...))`. varying: leads of modes whose shapes depend on the numbers
+    of the loop. unobserved: states that keep their value, but for what others add to it, and that nothing reads. All are
+    indices into `states`.
+    """
+
+    states: tuple[str, ...]
+    constant: tuple
+    varying: tuple[int, ...]
+    unobserved: tuple[int, ...]
+
+    @property
+    def leads(self) -> list[int]:
+        """Indices of the leads of the constant modes."""
+        return [lead for lead, _ in self.constant]
+
+    @property
+    def remaining(self) -> list[int]:
+        """Indices of the states that remain."""
+        gone = {*self.leads, *self.varying, *self.unobserved}
+        return [index for index in range(len(self.states)) if index not in gone]
+
+    @staticmethod
+    def of(drawn: MultirateLoop, twin: MultirateLoop, watched: Sequence[str] = ()) -> "MarginalModes":
+        """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
+
+        watched: the outputs with which `Ticks.of` will be called, since these determine which outputs are states that hold.
+
+        A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). If
+        numbers are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
+        """
+        held, alive, names, idle = drawn.held(watched), _alive(drawn, watched), [], []
+        for scheduled in drawn.placed:
+            block = scheduled.block
+            names += [f"{block.name}.{name}" for name in (*block.states, *(f"{port} held" for port in held[block.name]))]
+            if block.name not in alive:
+                idle += [f"{block.name}.{state}" for state in _idle(block)]
+        at, constant, varying = {name: i for i, name in enumerate(names)}, [], []
+        for shift, other_shift in _shifts_of_both(drawn, twin, alive):
+            lead, *rest = shift
+            if shift.keys() == other_shift.keys() and all(_alike(shift[name], other_shift[name]) for name in shift):
+                constant.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
+            else:
+                varying.append(at[lead])
+        return MarginalModes(tuple(names), tuple(constant), tuple(varying), tuple(map(at.get, idle)))
+
+    def relative_ticks(self, ticks: Ticks) -> tuple[Ticks, tuple]:
+        """Return the ticks with states relative to others: those that a drift moves to its lead, and copies to their source;
+        and which are relative to which, as `MarginalModes.constant`.
+
+        A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does.
+        If both were kept, what they have in common would be cancelled in every tick, and its digits with it.
+        """
+        drifting = {state for lead, followers in self.constant for state in (lead, *(index for index, _ in followers))}
+        copies = [
+            (source, tuple((state, 1.0) for state in states if state not in drifting))
+            for source, states in _copies(ticks).items()
+        ]
+        copies = [(source, followers) for source, followers in copies if followers]
+        groups = (*self.constant, *copies)
+        if not groups:
+            return ticks, groups
+        return replace(
+            ticks, maps=tuple(_relative_block(block, groups, self.leads, dict(copies)) for block in ticks.maps)
+        ), groups
+
+    def closed_frame(self, drawn: MultirateLoop) -> np.ndarray:
+        """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where rounding leaves nothing of
+        it.
+
+        Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
+        """
+        ticks = Ticks.of(drawn, alone=True)
+        E, growth = measured_frame(ticks.kind, [block.E for block in ticks.maps])
+        return known_frames(self.removed_from(E), growth)
+
+    def frame_with_reliability(self, drawn: MultirateLoop) -> tuple[np.ndarray, np.ndarray]:
+        """Return `closed_frame`, and whether rounding hides its spectral radius, `(...)` (see `radius_hidden`)."""
+        ticks = Ticks.of(drawn, alone=True, terms=True)
+        if len(ticks.states) >= MANY and not (self.leads or self.varying):
+            E, bound = _with_norm_of_errors(ticks, self)
+            if (bound <= ROUGH).all():
+                return E, np.zeros(bound.shape, bool)
+        E, dE = self.frames_with_errors(ticks)
+        finite = np.isfinite(E).all((-1, -2))
+        flat, errors = (np.where(finite[..., None, None], frames, 0.0).reshape(-1, *E.shape[-2:]) for frames in (E, dE))
+        units = balance(flat)[1]
+        rough = (errors * (units[:, None, :] / units[:, :, None]) > ROUGH).any((-1, -2)) & finite.reshape(-1)
+        rough[rough] = radius_hidden(flat[rough], errors[rough])
+        return E, rough.reshape(finite.shape)
+
+    def frames_of(self, ticks: Ticks) -> np.ndarray:
+        """`closed_frame` for ticks that are connected already, whatever rounding leaves."""
+        return filled(without_drift(frame_of(ticks), self))
+
+    def frames_with_errors(self, ticks: Ticks, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Return `frames_of`, and bounds on the errors of its entries; ticks: with the sizes of their terms.
+
+        tight: whether the bounds are those of `product_with_tight_errors`.
+        """
+        changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
+        if tight:
+            E, dE = product_with_tight_errors(ticks.kind, changes, sizes)
+        else:
+            E, dE = product_with_errors(ticks.kind, changes, sizes, per_loop=True)
+        return self.removed_from(E), filled(without_drift(E, self, dE), 0.0)
+
+    def removed_from(self, E: np.ndarray) -> np.ndarray:
+        """Return frames less identity without the modes, see `without_drift`, filled up to two states, see `filled`."""
+        return filled(without_drift(E, self))
+
+
+def _shifts_of_both(drawn, twin, alive):
+    """Pairs of a shift in one drawing and in the other; none if the numbers are not known exactly."""
+    try:
+        first = shifts(drawn, alive)
+        second = shifts(twin, alive, [next(iter(shift)) for shift in first]) if first and twin is not drawn else first
+    except (ArithmeticError, ValueError):
+        return []
+    return list(zip(first, second, strict=True))
+
+
+def _alike(a, b):
+    return abs(a - b) <= SAME * max(abs(a), abs(b))
+
+
+def _alive(drawn, watched):
+    """The blocks that something reads, a hand's port among others, or that a force from outside moves, and what acts on them.
+
+    The others only watch them, and nothing comes back, so that they may count what drifts, and change for ever.
+    """
+    blocks = [scheduled.block for scheduled in drawn.placed]
+    ports = {block.name: [f"{block.name}.{port}" for port in block.inputs] for block in blocks}
+    sources = {name: set().union(*map(drawn.sources, of_block)) for name, of_block in ports.items()}
+    shown = [signal for signal in (POSITION, REACTION) if signal in drawn.sums]
+    alive = {scheduled.block.name for scheduled in drawn.living((*watched, *shown)).placed}
+    alive |= {name for name, read in sources.items() if read & set(drawn.inputs)}
+    while acting := {source.rpartition(".")[0] for name in alive for source in sources[name]} & ports.keys() - alive:
+        alive |= acting
+    return alive
+
+
+def _idle(block):
+    """The states of a block that add up others, and that the block itself does not read."""
+    read = np.any(block.E != 0, axis=tuple(range(block.E.ndim - 2)))
+    busy = list(range(len(block.states)))
+    while idle := [i for i in busy if not any(read[j, i] for j in busy)]:
+        busy = [i for i in busy if i not in idle]
+    return [state for i, state in enumerate(block.states) if i not in busy]
+
+
+def relative_row(row: np.ndarray, groups: Sequence[tuple[int, Sequence[tuple[int, float]]]]) -> np.ndarray:
+    """Return a row over states `(..., n)` as one over states that are relative to others."""
+    row = row.copy()
+    for lead, followers in groups:
+        terms = np.stack([row[..., lead], *(factor * row[..., index] for index, factor in followers)], axis=-1)
+        total = terms.sum(-1)
+        row[..., lead] = np.where(np.abs(total) <= ALIKE * np.abs(terms).sum(-1), 0.0, total)
+    return row
+
+
+def _relative_block(block, groups, leads, copies):
+    """The map of a tick in these states; copies: source -> its copies, which either take over its value or keep theirs."""
+    exact, sizes = [block.E.copy(), block.B.copy(), block.C.copy()], [terms.copy() for terms in block.terms[:3]]
+    for lead, followers in groups:
+        for state, factor in followers:
+            _make_relative(exact, state, lead, factor, 1.0, lead in copies)
+            _make_relative(sizes, state, lead, abs(factor), -1.0, lead in copies)
+            if lead in copies:
+                exact[0][..., state, state] -= np.abs(block.E[..., state, state])
+                sizes[0][..., state, state] += np.abs(block.E[..., state, state])
+    matrices = []
+    for matrix, rounding in zip(exact, (ALIKE * size for size in sizes), strict=True):
+        # Entries that are rounding of their terms are 0, unless the rounding in a row could hide an entry.
+        least = NEGLIGIBLE * np.abs(matrix).max(-1, keepdims=True, initial=0.0)
+        matrices.append(np.where((np.abs(matrix) <= rounding) & (rounding <= least), 0.0, matrix))
+    E, B, C = matrices
+    E[..., leads] = 0.0  # nothing opposes a drift
+    sizes = [np.where(matrix == 0, 0.0, size) for matrix, size in zip((E, B, C), sizes, strict=True)]
+    return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
+
+
+def _make_relative(matrices, state, lead, factor, sign, copied):
+    """Make a state relative to its lead in E, B and C of a tick, in place, or in their sizes with the sign -1."""
+    E, B, C = matrices
+    for matrix in (E, C):
+        matrix[..., lead] += factor * matrix[..., state]
+    for matrix in (E, B):
+        if copied:
+            matrix[..., state, :] = 0.0 - sign * matrix[..., lead, :]
+        else:
+            matrix[..., state, :] -= sign * factor * matrix[..., lead, :]
+
+
+def _copies(ticks):
+    """State -> the states that take over its value in some kind of tick, and keep theirs in all others."""
+    n, rows = len(ticks.states), [[] for _ in ticks.states]
+    for block in ticks.maps:
+        E, driven = block.E.reshape(prod(block.E.shape[:-2]), n, n), np.any(block.B, axis=(*range(block.B.ndim - 2), -1))
+        alike = (E[0] == E).all((0, 2)) & ~driven
+        for state in range(n):
+            rows[state].append(E[0, state] if alike[state] else None)
+    sources = {state: source for state in range(n) if (source := _copied(state, rows[state])) is not None}
+    copies = {}
+    for state, source in sources.items():
+        if source not in sources:
+            copies.setdefault(source, []).append(state)
+    return copies
+
+
+def _copied(state, rows):
+    """The state that a state copies, or None; rows: of all kinds of tick, None for a row that a copy cannot have."""
+    if any(row is None for row in rows):
+        return None
+    entries = {tuple((int(at), row[at].item()) for at in np.flatnonzero(row)) for row in rows} - {()}
+    pairs = [dict(row) for row in entries]
+    if len(pairs) != 1 or len(pairs[0]) != 2 or pairs[0].get(state) != -1.0:
+        return None
+    return next((at for at, value in pairs[0].items() if at != state and value == 1.0), None)
+
+
+def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
+    """Return matrices whose rows are changes of states, those that leads move being relative to these; sign: 1 for sizes."""
+    matrices = tuple(matrix.copy() for matrix in matrices)
+    for lead, followers in drift.constant:
+        for index, factor in followers:
+            for matrix in matrices:
+                matrix[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * matrix[..., lead, :]
+    return matrices
+
+
+def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray:
+    """Return the frame's matrix less identity without its marginal modes, `(..., k, k)`; it has all other eigenvalues.
+
+    sizes: of errors of E; then those of the result are returned.
+
+    States that a lead moves by constant factors are relative to it. Factors V that depend on the numbers of a loop are found
+    in its frame: with the leads S and the remaining states R, `E_R V = -E_S` by columns, since nothing changes along a shift.
+    The states R then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are used with equal weight, since it depends
+    on the combination that the loop conserves which row is redundant, and a lead need not be in it.
+    """
+    index = [i for i in range(len(drift.states)) if i in drift.varying or i in drift.remaining]
+    if len(index) < E.shape[-1]:
+        at = np.ix_(index, index)
+        E = relative_to_leads((E,), drift)[0][..., *at]
+        sizes = None if sizes is None else relative_to_leads((sizes,), drift, 1)[0][..., *at]
+    if not drift.varying:
+        return E if sizes is None else sizes
+    leads = np.array([index.index(lead) for lead in drift.varying], int)
+    rest = np.array([i for i in range(len(index)) if i not in leads], int)
+    V = consistent_solution(E[..., rest], -E[..., leads])
+    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+        if sizes is not None:
+            return _errors_without(E, sizes, np.abs(V), leads, rest)
+        return E[..., rest[:, None], rest] - V @ E[..., leads[:, None], rest]
+
+
+def _errors_without(E, dE, V, leads, rest):
+    """Return bounds on the errors of `without_drift`; dE: of E; V: the sizes of the factors.
+
+    To first order V changes by A^+ (dA V + dE_S), of A = E_R with rows of equal size, which is solved for V; the solution adds
+    to each column its rounding, relative to the size of the column (Householder).
+    """
+    size = np.abs(E[..., rest]).max(-1, keepdims=True)
+    size = np.where(size > 0, size, 1.0)
+    A, S, dA, dS = E[..., rest] / size, E[..., leads] / size, dE[..., rest] / size, dE[..., leads] / size
+    of_A, of_S = (rest.size * ROUNDING * np.linalg.norm(columns, axis=-2, keepdims=True) for columns in (A, S))
+    dV = np.abs(np.linalg.pinv(np.nan_to_num(A))) @ ((dA + of_A) @ V + dS + of_S)
+    of_leads = V @ dE[..., leads[:, None], rest] + dV @ np.abs(E[..., leads[:, None], rest])
+    return dE[..., rest[:, None], rest] + of_leads
+
+
+def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
+
+    NaN if A is not finite, or if they do by more than SOLVED of their terms and the rounding of the solution.
+    """
+    size = np.abs(A).max(-1, keepdims=True, initial=0)
+    with np.errstate(all="ignore"):
+        weight = np.where(size > 0, 1 / size, 1.0)
+        finite = np.isfinite(A).all((-1, -2), keepdims=True)
+        Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
+        x = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
+        left, terms = np.abs(A @ x - b) * weight, (np.abs(A) @ np.abs(x) + np.abs(b)) * weight
+        most = [np.abs(column).max((-1, -2), initial=0.0, keepdims=True) for column in (x, b * weight)]
+        rounding = ROUNDED * np.finfo(float).eps * np.maximum(*most)
+        finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
+    return np.where(finite, x, np.nan)
+
+
+def _with_norm_of_errors(ticks, drift):
+    """`MarginalModes.frames_of`, and bounds on the errors of its entries, `(...)`.
+
+    The bounds are in units that give its rows and columns similar sizes.
+    """
+    changes = [block.E for block in ticks.maps]
+    largest = [np.abs(E).max(tuple(range(E.ndim - 2))) for E in changes]
+    units = balance(np.max(largest, axis=0)[None])[1][0]
+    E, norm = product_with_norm_of_errors(ticks.kind, changes, [block.terms[0] for block in ticks.maps], units)
+    E = without_drift(E, drift)
+    of_frames = balance(np.nan_to_num(E).reshape(-1, *E.shape[-2:]))[1]
+    change = (of_frames / units[drift.remaining]).reshape(E.shape[:-1])
+    return E, norm * change.max(-1) / change.min(-1)
+
+
+def filled(E: np.ndarray, diagonal: float = -1.0) -> np.ndarray:
+    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are added, each with that diagonal."""
+    missing = 2 - E.shape[-1]
+    if missing <= 0:
+        return E
+    frames = np.zeros((*E.shape[:-2], 2, 2), E.dtype)
+    frames[..., : E.shape[-1], : E.shape[-1]] = E
+    for i in range(E.shape[-1], 2):
+        frames[..., i, i] = diagonal
+    return frames

@@ -1,0 +1,281 @@
+"""The frame of a loop of several rates: its ticks one after the other, in delta form."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, reduce
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine._loops.block import Block
+from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.batches import in_parts, product
+from wavesweep.engine._monodromy.interconnect import all_sums, connect
+from wavesweep.engine._state_space import StateSpace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ticks:
+    """Every kind of tick of a drawn loop.
+
+    maps: a block per kind, all with the same states, from the inputs to the outputs. kind: of each tick of the frame, `(M,)`.
+    """
+
+    maps: tuple[Block, ...]
+    kind: np.ndarray
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return self.maps[0].states
+
+    @property
+    def facts(self) -> tuple[np.ndarray, np.ndarray]:
+        """The pivot and the condition of the frame, the products of those of its kinds of ticks; see `Block`."""
+        pivots, conditions = ([getattr(block, fact) for block in self.maps] for fact in ("pivot", "condition"))
+        return reduce(np.multiply, pivots), reduce(np.multiply, conditions)
+
+    @staticmethod
+    def of(
+        drawn: MultirateLoop,
+        outputs: Sequence[str] = (),
+        alone: bool = False,
+        through: str = "",
+        held: Mapping[str, Sequence[str]] | None = None,
+        terms: bool = False,
+        places: Sequence[int] | np.ndarray | None = None,
+    ) -> "Ticks":
+        """Connect the blocks that run in each tick, or in the ticks at some places of the frame.
+
+        outputs: signals that every tick gives. alone: without the inputs. through: the only input that remains, in the ticks
+        that it reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are
+        read in the drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
+        Errors: IllPosedLoopError for an algebraic loop without a solution.
+        """
+        sets, kind = drawn.schedule()
+        if places is not None:
+            used, kind = np.unique(kind[places], return_inverse=True)
+            sets = [sets[index] for index in used]
+        held = drawn.held(outputs) if held is None else held
+        blocks = [scheduled.block for scheduled in drawn.placed]
+        sums = all_sums(blocks, drawn.sums)
+        silent = sums | {name: {} for name in drawn.inputs}
+        open_, maps = {name: sources for name, sources in silent.items() if name != through}, []
+        for runs in map(set, sets):
+            inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
+            if through:
+                inputs, shown, wires = ((through,), outputs, open_) if _reaches(drawn, runs, through) else ((), (), silent)
+            in_tick = [_in_tick(block, index in runs, held[block.name]) for index, block in enumerate(blocks)]
+            maps.append(connect("tick", in_tick, wires, inputs, tuple(shown), terms))
+        return Ticks(tuple(maps), kind)
+
+
+def _reaches(drawn, runs, signal):
+    """Return whether one of the blocks that run reads the signal."""
+    blocks = (drawn.placed[index].block for index in runs)
+    return any(signal in drawn.sources(f"{block.name}.{port}") for block in blocks for port in block.inputs)
+
+
+def _in_tick(block, runs, held):
+    """Return the block with states for the outputs that it holds.
+
+    If it does not run, none of its states changes, and its outputs are the held ones.
+    """
+    if runs and not held:
+        return block
+    rows = [block.outputs.index(port) for port in held]
+    system = _holding(StateSpace(block.E, block.B, block.C, block.D), rows, runs, -1.0)
+    terms = _holding(StateSpace(*block.terms), rows, runs, 1.0) if block.terms and runs else None
+    states = (*block.states, *(f"{port} held" for port in held))
+    return replace(block, states=states, **system._asdict(), labels=(), terms=terms)
+
+
+def _holding(system, rows, runs, forgotten):
+    """Return a system with states for the outputs `rows`; forgotten: of each of them if the block runs."""
+    (n, m), p, h = system.B.shape[-2:], system.C.shape[-2], len(rows)
+    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in system)) if runs else ()
+    kind = np.result_type(*system) if runs else float
+    E, B = np.zeros((*batch, n + h, n + h), kind), np.zeros((*batch, n + h, m), kind)
+    C, D = np.zeros((*batch, p, n + h), kind), np.zeros((*batch, p, m), kind)
+    if runs:
+        E[..., :n, :n], B[..., :n, :], C[..., :n], D[...] = system
+        E[..., n:, :n], B[..., n:, :] = system.C[..., rows, :], system.D[..., rows, :]
+        E[..., n:, n:] = forgotten * np.eye(h)
+    else:
+        C[..., rows, n:] = np.eye(h)
+    return StateSpace(E, B, C, D)
+
+
+def frame_of(ticks: Ticks) -> np.ndarray:
+    """Return `(I + E)` of all ticks in a row, less the identity, `(..., n, n)`.
+
+    Delta form keeps the digits of slow poles. Overflow gives infinities or NaN without a warning.
+    """
+    n, kinds = len(ticks.states), ticks.kind.tolist()
+    if not kinds:
+        return np.zeros((n, n))
+    changes = [Change.of(tick.E) for tick in ticks.maps]
+    E = [change.E for change in changes]
+    batch, kind = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in E)), np.result_type(*E)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return in_parts(lambda index: in_a_row(kinds, [change.at(index) for change in changes], Change.then).E, batch, n, kind)
+
+
+GROWING = 32.0  # growth beyond which it is computed for each loop (see `rounding`)
+LOST = 1e6  # growth beyond which a frame has no digits that are known
+
+
+def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the growth of stretches of ticks over the frame that they make, `(...)`, 1 or more, in no units of the states.
+
+    kind: of each tick; changes: per kind, the matrix less identity, `(..., n, n)`.
+
+    The product `Q P` of two stretches has an error of a rounding of `|Q| |P|`, which is larger than `Q P` where terms cancel.
+    The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
+    Accuracy: a measure of the digits that are lost, not a bound.
+    """
+
+    def joined(first, second):
+        (E, largest_E, lost_E), (later, largest_later, lost_later) = first, second
+        both = then(E, later)
+        terms = size_of(np.abs(_with_identity(later)) @ np.abs(_with_identity(E)))
+        largest, lost = np.maximum(largest_E, largest_later), np.maximum(lost_E, lost_later)
+        return both, np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_with_identity(both))))
+
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        E, largest, lost = in_a_row(kind.tolist(), [(E, 1.0, 1.0) for E in changes], joined)
+        return np.fmax(lost, largest / np.fmax(1.0, size_of(_with_identity(E))))
+
+
+def known_frames(E: np.ndarray, growth) -> np.ndarray:
+    """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
+    return np.where((growth <= LOST)[..., None, None], E, np.nan) if np.any(growth > LOST) else E
+
+
+def _with_identity(E):
+    return E + np.eye(E.shape[-1])
+
+
+def size_of(matrix) -> np.ndarray:
+    """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no units of the states change."""
+    return np.sqrt(np.abs(matrix * np.swapaxes(matrix, -1, -2)).max((-1, -2), initial=0.0))
+
+
+def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, Any], Any]) -> Any:
+    """Return the maps of a sequence of kinds joined in a row; repeated stretches are joined once.
+
+    joined(first, second): one map after the other. All that does not repeat is joined two by two, so that bounds on errors go
+    through few joins: one after the other they would grow with the entries of hundreds of short stretches.
+    """
+    row = stretches(kinds, maps, joined)
+    while len(row) > 1:
+        row = [joined(*row[at : at + 2]) if at + 1 < len(row) else row[at] for at in range(0, len(row), 2)]
+    return row[0]
+
+
+def stretches(kinds, maps, joined):
+    """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the rest between them, in a row."""
+    pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
+    joined_maps = dict(enumerate(maps))
+    for name, (first, second) in pairs:
+        joined_maps[name] = joined(joined_maps[first], joined_maps[second])
+    return [joined_maps[name] for name in rest]
+
+
+@lru_cache(maxsize=64)
+def _plan(kinds: bytes):
+    """Return names for pairs of neighbours that occur more than once, and the sequence written with them.
+
+    The most frequent pair is replaced again and again (N. J. Larsson, A. Moffat, Proc. IEEE 88, 2000); a run of equal ticks
+    becomes its powers of two, and a pattern that recurs is joined once.
+    """
+    sequence = np.frombuffer(kinds, np.int64).tolist()
+    pairs, name = [], 1 + max(sequence)
+    while len(sequence) > 1:
+        pair, count = _most_frequent(sequence)
+        if count < 2:
+            break
+        sequence = _replaced(sequence, pair, name)
+        pairs.append((name, pair))
+        name += 1
+    return tuple(pairs), tuple(sequence)
+
+
+def _most_frequent(sequence):
+    """Return the pair of neighbours that occurs most often without overlap, the first of several, and its count."""
+    counts, last = {}, {}
+    for at, pair in enumerate(pairwise(sequence)):
+        if last.get(pair) == at - 1 and pair[0] == pair[1]:
+            last.pop(pair)
+            continue
+        last[pair] = at
+        counts[pair] = counts.get(pair, 0) + 1
+    pair = max(counts, key=counts.get)
+    return pair, counts[pair]
+
+
+def _replaced(sequence, pair, name):
+    replaced, at = [], 0
+    while at < len(sequence):
+        if at + 1 < len(sequence) and (sequence[at], sequence[at + 1]) == pair:
+            replaced.append(name)
+            at += 2
+        else:
+            replaced.append(sequence[at])
+            at += 1
+    return replaced
+
+
+def then(first, second):
+    """Return `(I + second)(I + first) - I`; a state that either of them forgets is forgotten exactly.
+
+    A plain sum would leave a rounding error in place of such a state.
+    """
+    return Change.of(first).then(Change.of(second)).E
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """The change of states over some ticks, less the identity, and the states that the ticks forget.
+
+    E: `(..., n, n)`, or with columns of inputs that are held over the ticks behind it, `(..., n, n + inputs)`. unread: states
+    on whose values before these ticks no state depends after them, each with the loops in which that is so.
+    unset: states whose values after these ticks are zero, in the same way.
+    """
+
+    E: np.ndarray
+    unread: list[tuple[int, np.ndarray]]
+    unset: list[tuple[int, np.ndarray]]
+
+    @staticmethod
+    def of(E: np.ndarray) -> "Change":
+        """The change by matrices less identity, `(..., n, n)`, perhaps with columns of inputs behind these of the states."""
+        square = E[..., : E.shape[-2]]
+        return Change(E, _forgotten(square), _forgotten(np.swapaxes(square, -1, -2)))
+
+    def at(self, index: Any) -> "Change":
+        """Return the change of some matrices of a batch."""
+        if self.E.ndim == 2 or len(self.E) == 1:
+            return self
+        unread = [(state, loops[index]) for state, loops in self.unread]
+        return Change(self.E[index], unread, [(state, loops[index]) for state, loops in self.unset])
+
+    def then(self, later: "Change") -> "Change":
+        """This change, and then a later one."""
+        E = self.E + later.E
+        E += product(later.E[..., : E.shape[-2]], self.E)
+        for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
+            E[..., state, state] = np.where(loops, -1.0, E[..., state, state])
+        return Change(E, self.unread, later.unset)
+
+
+def _forgotten(E):
+    """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which it is, `(...)`.
+
+    Each matrix has its own, since a state may die out in one loop of a batch and not in another.
+    """
+    less, dead = -np.eye(E.shape[-1]), E.diagonal(axis1=-2, axis2=-1) == -1
+    columns = np.flatnonzero(dead.any(tuple(range(dead.ndim - 1))))
+    forgotten = [(column, (E[..., column] == less[column]).all(-1)) for column in columns.tolist()]
+    return [(column, loops) for column, loops in forgotten if loops.any()]

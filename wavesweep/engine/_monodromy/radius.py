@@ -1,0 +1,46 @@
+"""Loops on a smaller circle: no eigenvalue of a frame M is larger than a radius where the frame M/radius is stable."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine._monodromy.cut import ADVANCE, LinearFractional
+from wavesweep.engine._monodromy.rounding import ROUNDING
+
+
+def within(E: np.ndarray, radius) -> np.ndarray:
+    """Return `M/radius` less identity, M being the frames with E `(..., n, n)` less identity; radius: `(...)`, up to 1."""
+    r = np.asarray(radius)[..., None]
+    at = np.arange(E.shape[-1])
+    diagonal = np.diagonal(E, axis1=-2, axis2=-1)
+    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+        scaled = E / r[..., None]
+        small = (1 + diagonal) / r - 1  # each without cancellation where it is taken
+        near_one = (diagonal + (1 - r)) / r
+        scaled[..., at, at] = np.where(diagonal.real < -0.5, small, near_one)
+    return scaled
+
+
+def errors_within(E: np.ndarray, dE: np.ndarray, radius) -> np.ndarray:
+    """Return bounds on the errors of the entries of `within`; dE: of those of E."""
+    r = np.asarray(radius)[..., None, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return (dE + ROUNDING * (np.abs(E) + (1 - r) * np.eye(E.shape[-1]))) / r
+
+
+def cut_within(cut: LinearFractional, radius) -> LinearFractional:
+    """Return the cut of loops whose frames are those of `cut` over the radius, `(...)` as the batch.
+
+    An integrator, whose eigenvalue 1 is outside of the circle, becomes an ordinary state.
+    """
+    (E, B, x, v), (dE, dB, dx, dv) = cut.with_integrator(), cut.errors_with_integrator()
+    r, D, dD = np.asarray(radius)[..., None, None], cut.D.copy(), cut.dD.copy()
+    D[..., ADVANCE, :] = dD[..., ADVANCE, :] = 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        E, dE = within(E, radius), errors_within(E, dE, radius)
+        B, dB = B / r, (dB + ROUNDING * np.abs(B)) / r
+    C, dC = (np.concatenate([w, np.zeros_like(w), p], axis=-2) for w, p in ((v, x), (dv, dx)))
+    names = (*cut.states, *(["integrator"] if cut.integrates else []))
+    uncontrolled = tuple(within(block, radius) for block in cut.uncontrolled)
+    facts = {"integrates": False, "states": names, "poles_at_one": 0, "uncontrolled": uncontrolled}
+    return replace(cut, E=E, B=B, C=C, D=D, dE=dE, dB=dB, dC=dC, dD=dD, **facts)

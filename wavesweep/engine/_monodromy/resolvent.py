@@ -1,0 +1,323 @@
+"""The resolvent `(w I - E)^-1` at points of the circle, `w = z - 1`: of loops of few states by inverses, of one loop of many
+along its delay lines or in triangular form.
+
+Each of the three has `reached(columns)`, the states that columns `(..., n, 1)` make, and `row(rows)`, what rows `(..., n)` read
+of them. In long delays most states only take over the value that another state had a frame ago; in states in which a loop is
+diagonal, or triangular, what an input reaches takes few operations at each point.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wavesweep.engine._monodromy.rounding import balance
+from wavesweep.engine._monodromy.unit_circle import inverse, on_circle, solve
+from wavesweep.engine._state_space import StateSpace
+
+
+@dataclass(frozen=True, slots=True)
+class DelayLines:
+    """States of a frame with `z x_i = x_j`, but for terms of the states `solved` and of the input, as those of a delay.
+
+    solved: all other states, which alone have to be solved for. lines: the delayed states, each after the one that it takes
+    over.
+    """
+
+    solved: np.ndarray
+    lines: tuple[np.ndarray, ...]
+
+    @staticmethod
+    def of(E) -> "DelayLines":
+        """Return the delay lines that all frames less identity of a batch have, `(..., n, n)`.
+
+        The state with the most entries that a delay does not have is solved for, then the next one, and so on; then those that
+        several states take over from.
+        """
+        passed = (E + np.eye(E.shape[-1])).reshape(-1, *E.shape[-2:])
+        entries, passed_on, delayed = (
+            (passed != 0).any(0),
+            (passed == 1).all(0),
+            (passed.diagonal(axis1=1, axis2=2) == 0).all(0),
+        )
+        for branches in (False, True):
+            while True:
+                links = entries & delayed & delayed[:, None]
+                several = links.sum(0) > 1 if branches else links.sum(1, keepdims=True) > 1
+                branching = links & (~passed_on | several)
+                if not branching.any():
+                    break
+                delayed[np.argmax(np.maximum(branching.sum(0), branching.sum(1)))] = False
+        after = np.where(links.any(0), links.argmax(0), -1)
+        lines = []
+        for first in np.flatnonzero(delayed & ~links.any(1)).tolist():
+            lines.append([first])
+            while after[lines[-1][-1]] >= 0:
+                lines[-1].append(after[lines[-1][-1]])
+        # States in a ring are not reached, and are solved for.
+        lines = tuple(map(np.array, lines))
+        return DelayLines(np.setdiff1d(np.arange(len(links)), np.concatenate([*lines, []])), lines)
+
+    @property
+    def delayed(self) -> np.ndarray:
+        """Indices of the delayed states, line by line."""
+        return np.concatenate([*self.lines, np.zeros(0, int)])
+
+    def along(self, added, z):
+        """Return the delayed states, `(..., delayed, k)`, if all others are 0; added: the same, to `z x_i - x_j`.
+
+        z: `(..., 1, 1)`.
+        """
+        return np.swapaxes(self._summed(np.swapaxes(added, -1, -2), z, 1), -1, -2)
+
+    def read(self, out, z):
+        """Return `out @ along`, `(..., rows, delayed)`; out: the same, the factors of the delayed states."""
+        return self._summed(out, z, -1)
+
+    def _summed(self, inputs, z, step):
+        """Sums of what enters lines, or is read of them, up to each of their states, or back from the end; step: 1 or -1."""
+        result = np.zeros(np.broadcast_shapes(inputs.shape, z.shape), complex)
+        nonzero = np.flatnonzero(np.swapaxes(inputs, -1, -2).any(tuple(range(inputs.ndim - 1))))
+        if not nonzero.size:
+            return result
+        for at in self._places():
+            power = np.repeat(z[..., 0], at.stop - at.start, axis=-1)
+            power[..., 0] = 1
+            power = np.cumprod(power, axis=-1, out=power)[..., None, :]
+            forward, back = (power, 1 / power) if step > 0 else (1 / power, power)
+            sums = inputs[..., nonzero, at] * forward
+            np.cumsum(sums[..., ::step], -1, out=sums[..., ::step])
+            sums *= back / z
+            result[..., nonzero, at] = sums
+        return result
+
+    def _places(self):
+        """The places of each line in `delayed`."""
+        ends = np.cumsum([0, *(line.size for line in self.lines)]).tolist()
+        return [slice(*pair) for pair in pairwise(ends)]
+
+    def reached(self, E, B, theta):
+        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E: `(..., n, n)`, B: `(..., n, 1)`, theta: `(...)`."""
+        k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
+        into = self.along(np.concatenate([E[..., d[:, None], k], B[..., d, :]], -1), 1 + w)
+        gained = E[..., k[:, None], d] @ into
+        solved = solve(w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1], B[..., k, :] + gained[..., -1:])
+        states = np.empty((*theta.shape, E.shape[-1]), complex)
+        states[..., k], states[..., d] = solved[..., 0], (into[..., :-1] @ solved + into[..., -1:])[..., 0]
+        return states
+
+    def row(self, E, C, theta):
+        """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, `(..., n)`; C: `(..., 1, n)`, E and theta as for `reached`."""
+        k, d, w = self.solved, self.delayed, on_circle(theta)[..., None, None]
+        out = self.read(np.concatenate([E[..., k[:, None], d], C[..., d]], -2), 1 + w)
+        gained = out @ E[..., d[:, None], k]
+        A = w * np.eye(k.size) - E[..., k[:, None], k] - gained[..., :-1, :]
+        solved = np.swapaxes(solve(np.swapaxes(A, -1, -2), np.swapaxes(C[..., k] + gained[..., -1:, :], -1, -2)), -1, -2)
+        states = np.empty((*theta.shape, E.shape[-1]), complex)
+        states[..., k], states[..., d] = solved[..., 0, :], (solved @ out[..., :-1, :] + out[..., -1:, :])[..., 0, :]
+        return states
+
+
+CLOSE = 1e-9  # of a frame in its eigenvectors, the error up to which these serve
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TriangularForm:
+    """Frames less identity as `u V T V^-1 u^-1`, T diagonal or upper triangular, u units of the states.
+
+    T, V, Z: `(loops, n, n)`, complex, Z being what is computed of V^-1. units: `(loops, n)`. error: `(loops,)`, of all solves
+    with T: what they give is that of `T + X`, the Frobenius norm of X being at most so large. diagonal: whether T is.
+    """
+
+    T: np.ndarray
+    V: np.ndarray
+    Z: np.ndarray
+    units: np.ndarray
+    error: np.ndarray
+    diagonal: bool
+
+    @staticmethod
+    def of(E) -> "TriangularForm":
+        """Return the form of each of some loops, `(loops, n, n)`, by eigenvectors, or Schur's if these are nearly dependent.
+
+        With `E V = V T + R` the frame is `V (T + V^-1 R) V^-1`. If the norm f of `1 - Z V` is below 1/2, that of V^-1 is at
+        most twice that of Z. Z moves the states that are reached and read by f of themselves, and rounding of sums of n terms
+        by as many roundings, times the condition of V.
+        """
+        balanced, units = balance(E)
+        T, V, Z, error = _with_error(balanced, *_eigenvectors(balanced))
+        diagonal = bool((error <= CLOSE).all())
+        if not diagonal:
+            T, V, Z, error = _with_error(balanced, *_schur(balanced))
+        return TriangularForm(T, V, Z, units, error, diagonal)
+
+    def system(self, system: StateSpace) -> StateSpace:
+        """Return these loops in these states; of a diagonal E the diagonal alone, `(loops, 1, n)`."""
+        B = system.B / self.units[:, :, None]
+        C = system.C * self.units[:, None, :]
+        return StateSpace(self.frames, self.Z @ B, C @ self.V, system.D)
+
+    @property
+    def frames(self) -> np.ndarray:
+        """T, or of a diagonal one the diagonal alone, `(loops, 1, n)`."""
+        return np.diagonal(self.T, axis1=-2, axis2=-1)[:, None] if self.diagonal else self.T
+
+    def reached(self, E, B, theta):
+        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, `(..., n)`; E, B: of `system`. See `DelayLines.reached`."""
+        return self.solved(E, B[..., 0], on_circle(theta))
+
+    def row(self, E, C, theta):
+        """Return `C (w I - E)^-1`, `(..., n)`."""
+        return self.read(E, C[..., 0, :], on_circle(theta))
+
+    def solved(self, E, right, w):
+        """Return `(w I - E)^-1 right`, `(..., n)`; E: of `frames`."""
+        if self.diagonal:
+            return right / (w[..., None] - E[..., 0, :])
+        return _forward(E[..., ::-1, ::-1], right[..., ::-1], w)[..., ::-1]
+
+    def read(self, E, left, w):
+        """Return `left (w I - E)^-1`, `(..., n)`; E: of `frames`."""
+        if self.diagonal:
+            return left / (w[..., None] - E[..., 0, :])
+        return _forward(np.swapaxes(E, -1, -2), left, w)
+
+
+def _forward(T, right, w):
+    """Return `(w I - T)^-1 right`, `(..., n)`; T: lower triangular, `(..., n, n)`."""
+    n = T.shape[-1]
+    T = np.moveaxis(T, (-2, -1), (0, 1))
+    states = np.empty((n, *w.shape), complex)
+    states[...] = np.moveaxis(np.broadcast_to(right, (*w.shape, n)), -1, 0)
+    for k in range(n):
+        states[k] /= w - T[k, k]
+        states[k + 1 :] += T[k + 1 :, k] * states[k]
+    return np.moveaxis(states, 0, -1)
+
+
+@np.errstate(all="ignore")
+def _with_error(E, T, V, Z):
+    identity = np.eye(E.shape[-1])
+    rounding = 2 * (len(identity) + 8) * np.finfo(float).eps
+    of_T, of_V, of_Z = _norm(T), _norm(V), _norm(Z)
+    off = _norm(identity - Z @ V) + rounding * of_Z * of_V
+    missed = _norm(E @ V - V @ T) + rounding * of_V * (_norm(E) + of_T)
+    error = 2 * of_Z * missed + 2 * (off + rounding * (1 + of_Z * of_V)) * (2 + of_T)
+    return T, V, Z, np.where(off < 0.5, error, np.inf)
+
+
+def _eigenvectors(E):
+    values, V = np.linalg.eig(E)
+    V = V.astype(complex)
+    return values[:, :, None] * np.eye(E.shape[-1]), V, inverse(V)
+
+
+def _schur(E):
+    from scipy.linalg import schur
+
+    T, V = np.empty((2, *E.shape), complex)
+    for loop, matrix in enumerate(E):
+        T[loop], V[loop] = schur(matrix, output="complex")
+    return T, V, np.swapaxes(V.conj(), -1, -2)
+
+
+def _norm(matrices):
+    return np.linalg.norm(matrices, axis=(-1, -2))
+
+
+FEW_SOLVED = 12  # states that are no delays, up to which these are eliminated; of more, a triangular form is faster
+MOST = 500_000  # numbers of states, or of what they enter and read, that are computed together
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inverse:
+    """Of a loop at each point: `matrix`, `(points, n, n)`, there or so near that one refinement corrects for the distance."""
+
+    matrix: np.ndarray
+
+    def reached(self, columns):
+        return self.matrix @ columns
+
+    def row(self, rows):
+        return (np.swapaxes(self.matrix, -1, -2) @ rows[..., None])[..., 0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InLines:
+    """Of one loop at several points, with its delays eliminated; see `DelayLines`.
+
+    into, out: what the states `solved` enter of the delayed ones, `(points, delayed, k)`, and read of them, `(points, k,
+    delayed)`. back: the inverse that is left for these states, `(points, k, k)`.
+    """
+
+    lines: DelayLines
+    E: np.ndarray
+    z: np.ndarray
+    into: np.ndarray
+    out: np.ndarray
+    back: np.ndarray
+
+    @staticmethod
+    def at(lines: DelayLines, E, w) -> "InLines":
+        """E `(n, n)`; w `(points,)`."""
+        k, d, w = lines.solved, lines.delayed, w[:, None, None]
+        into = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w)
+        out = lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
+        back = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
+        return InLines(lines, E, 1 + w, into, out, back)
+
+    def reached(self, columns):
+        k, d = self.lines.solved, self.lines.delayed
+        alone = self.lines.along(columns[..., d, :] + 0 * self.z, self.z)
+        states = np.empty((len(self.z), len(self.E), 1), complex)
+        states[:, k] = self.back @ (columns[..., k, :] + self.E[np.ix_(k, d)] @ alone)
+        states[:, d] = alone + self.into @ states[:, k]
+        return states
+
+    def row(self, rows):
+        k, d = self.lines.solved, self.lines.delayed
+        alone = self.lines.read(rows[..., None, d] + 0 * self.z, self.z)
+        read = np.empty((len(self.z), 1, len(self.E)), complex)
+        read[..., k] = (rows[..., None, k] + alone @ self.E[np.ix_(d, k)]) @ self.back
+        read[..., d] = alone + read[..., k] @ self.out
+        return read[:, 0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InForm:
+    """Of one loop at several points, in states in which it is diagonal or triangular; w: `(points,)`."""
+
+    form: TriangularForm
+    w: np.ndarray
+
+    def reached(self, columns):
+        V, Z, units = self.form.V[0], self.form.Z[0], self.form.units[0]
+        states = self.form.solved(self.form.frames, (columns[..., 0] / units) @ Z.T, self.w)
+        return (units * (states @ V.T))[..., None]
+
+    def row(self, rows):
+        V, Z, units = self.form.V[0], self.form.Z[0], self.form.units[0]
+        return (self.form.read(self.form.frames, (rows * units) @ V, self.w) @ Z) / units
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ManyStates:
+    """One loop of many states, of which no inverses are kept: `at` gives its resolvent at up to `most` points together."""
+
+    E: np.ndarray
+    form: DelayLines | TriangularForm
+    most: int
+
+    @staticmethod
+    def of(E) -> "ManyStates":
+        """E: `(n, n)`."""
+        lines = DelayLines.of(E)
+        if lines.solved.size <= FEW_SOLVED:
+            return ManyStates(E, lines, max(1, MOST // (len(E) * (1 + lines.solved.size))))
+        return ManyStates(E, TriangularForm.of(E[None]), max(1, MOST // len(E)))
+
+    def at(self, w) -> InLines | InForm:
+        """w: `(points,)`."""
+        if isinstance(self.form, DelayLines):
+            return InLines.at(self.form, self.E, w)
+        return InForm(self.form, w)

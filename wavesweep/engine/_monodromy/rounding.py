@@ -1,0 +1,152 @@
+"""The rounding of the terms of every tick, and the digits of a frame that it takes.
+
+If terms cancel within a tick, as the impedance of a wave line does that passes all on at once, the entries that are left
+have lost digits, and show no sign of it.
+"""
+
+import numpy as np
+
+from wavesweep.engine._monodromy.batches import in_parts
+from wavesweep.engine._monodromy.periodic import GROWING, Change, growth_of, in_a_row, size_of
+from wavesweep.engine._monodromy.unit_circle import inverse
+
+ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
+ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
+ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it if it is 0, in any order of the terms
+TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
+BALANCING = 3  # sweeps
+UNEVEN, MORE = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
+HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
+NEAREST = 4  # number of eigenvalues that are examined
+
+
+def both(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return `E` of one run of ticks after the other.
+
+    Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
+    """
+    (a, _), (b, _) = first, second
+    return a + b + b @ a, _error(first, second)
+
+
+def _error(first, second):
+    (a, da), (b, db) = first, second
+    eye, size_a, size_b = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
+    return np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (size_a + size_b + size_b @ size_a)
+
+
+def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frame less identity and its growth, `(...)` (see `growth_of`).
+
+    kind: of each tick. changes: per kind, the matrix less identity, `(..., n, n)`.
+    Accuracy: growth is a measure of the digits that are lost, and not a bound. It is given as 1 where the products of the
+    largest entries in many loops of a batch are no larger than GROWING, which is quick to see.
+    """
+    kinds, batch = kind.tolist(), np.broadcast_shapes(*(change.shape[:-2] for change in changes))
+    n, growth = changes[0].shape[-1], np.ones(batch)
+    changes = [np.broadcast_to(change, (*batch, *change.shape[-2:])) if change.ndim > 2 else change for change in changes]
+
+    def frame(index):
+        ticks = [change[index] if change.ndim > 2 else change for change in changes]
+        E, _, largest = in_a_row(kinds, [(Change.of(tick), _largest(tick), 1.0) for tick in ticks], joined)
+        if not largest <= GROWING:
+            growth[index] = growth_of(kind, ticks)
+        return E.E
+
+    def joined(first, second):
+        (P, size_P, largest_P), (Q, size_Q, largest_Q) = first, second
+        both = P.then(Q)
+        terms = np.nan_to_num(size_of(size_Q @ size_P), nan=np.inf)
+        return both, _largest(both.E), max(largest_P, largest_Q, terms)
+
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        return in_parts(frame, batch, n, float), growth
+
+
+def _largest(E):
+    """The largest sizes of the entries of I + E in a batch."""
+    return np.abs(E + np.eye(E.shape[-1])).max(tuple(range(E.ndim - 2)))
+
+
+@np.errstate(all="ignore")
+def balance(E: np.ndarray, sweeps: int = BALANCING) -> tuple[np.ndarray, np.ndarray]:
+    """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
+
+    The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied
+    by u_j/u_i. sweeps: number of passes over all states.
+    """
+    size, units = np.abs(E), np.ones(E.shape[:-1])
+    index = np.arange(E.shape[-1])
+    size[:, index, index] = 0
+    for _ in range(sweeps):
+        changed = False
+        for k in index:
+            row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
+            factor = np.exp2(np.round(np.log2(row / column) / 2))
+            factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
+            if (factor == 1).all():
+                continue
+            size[:, :, k] *= factor
+            size[:, k, :] /= factor
+            units[:, k] *= factor[:, 0]
+            changed = True
+        if not changed:
+            break
+    return E * (units[:, None, :] / units[:, :, None]), units
+
+
+def uneven_units(sizes):
+    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not UNEVEN, or no units help.
+
+    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
+    by powers of its poles; entries of a frame that grows are large in any units.
+    """
+    units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
+    uneven = np.flatnonzero(largest > UNEVEN)
+    if uneven.size:
+        better, balanced = balance(sizes[uneven], MORE)
+        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[uneven]
+        units[uneven[helps]] = balanced[helps]
+    return units
+
+
+def may_have(E, dE, points) -> np.ndarray:
+    """Return whether a matrix within dE of `I + E` may have one of these eigenvalues, `(matrices,)`.
+
+    E, dE: `(matrices, n, n)`; points: eigenvalues less 1, `(matrices, points)`. None has z if the spectral radius of
+    `|(z - 1 - E)^-1| dE` is less than 1 (S. M. Rump, Linear Algebra Appl. 278, 1998), which no units of the states change.
+    It is at most the largest growth of a component of a positive vector (L. Collatz, Math. Z. 48, 1942), which settles most.
+    """
+    with np.errstate(all="ignore"):
+        reach = np.abs(inverse(points[..., None, None] * np.eye(E.shape[-1]) - E[:, None])) @ dE[:, None]
+        finite, vector = np.isfinite(reach).all((-1, -2)), reach.sum(-1, keepdims=True)
+        clear = finite & ~((reach @ vector >= vector) & (vector > 0)).any((-1, -2))  # a row of zeros has no part in it
+        open_ = np.nonzero(finite & ~clear)
+        clear[open_] = np.abs(np.linalg.eigvals(reach[open_])).max(-1, initial=0.0) < 1
+    return ~clear.all(-1)
+
+
+def at_angles_of(delta, radius, rank) -> np.ndarray:
+    """Return points less 1 on circles of a radius, `(matrices, NEAREST)`, at the angles of some eigenvalues `1 + delta`.
+
+    rank: of each eigenvalue, the least of which are chosen, one of a conjugate pair; radius: `(matrices,)` or a number.
+    """
+    chosen = np.take_along_axis(delta, np.argsort(np.where(delta.imag < 0, np.inf, rank), axis=-1)[:, :NEAREST], axis=-1)
+    z = 1 + chosen
+    size = np.where(z == 0, 1.0, np.abs(z))
+    # Along the ray from 0: a point next to 1 keeps the digits of its distance from the eigenvalue.
+    return chosen + np.where(z == 0, 1.0, z / size) * (np.reshape(radius, (-1, 1)) - np.abs(z))
+
+
+def radius_hidden(E, dE) -> np.ndarray:
+    """Return whether the spectral radius of `I + E` may be larger by TELLING, or on the other side of 1, within dE of E."""
+    shape, n = E.shape[:-2], E.shape[-1]
+    E, dE = E.reshape(-1, n, n), np.broadcast_to(dE, E.shape).reshape(-1, n, n)
+    finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
+    E, dE = np.where(finite[:, None, None], E, 0.0), np.where(finite[:, None, None], dE, 0.0)
+    delta = np.linalg.eigvals(E).astype(complex)
+    size = np.abs(1 + delta)
+    radius = size.max(-1, initial=0.0)
+    further = at_angles_of(delta, radius + TELLING * np.maximum(radius, 1), -size)
+    hidden = finite & may_have(E, dE, np.concatenate([further, at_angles_of(delta, 1.0, -size)], axis=-1))
+    return hidden.reshape(shape)

@@ -1,0 +1,57 @@
+"""Batches of loops at their hand, or between an input and an output: ports and responses."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache, partial
+
+import numpy as np
+
+from wavesweep.engine._drawing.drawing import path_of
+from wavesweep.engine._loops.from_drawing import OUTPUT, hand_of
+from wavesweep.engine._response.lifted import Lifted
+from wavesweep.engine._response.port import Port, port_between, port_of
+from wavesweep.engine._response.static import dcgain
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.rows import distinct_rows
+
+Route = tuple[str, str]  # names of an input and an output
+
+
+def varied_rates(loops: Loops) -> dict[str, np.ndarray]:
+    """The numbers that the rate of the tick follows from, of those that vary."""
+    paths = [path_of(name) for name in loops.drawing.rating]
+    return {path: loops.values[path] for path in paths if np.ndim(loops.values[path])}
+
+
+def ports_of_batch(loops: Loops, size: int, route: Route | None = None) -> Iterator[tuple[np.ndarray, Port]]:
+    """Yield indices of some of `size` loops and their ports, those together that have one rate.
+
+    The ports are the hand's or, if a route names an input and an output, those between them.
+    """
+    loops.refuse_unsuitable()
+    rates = varied_rates(loops)
+    first, of = distinct_rows(rates, size)
+    for number, at in enumerate(first.tolist()):
+        members = np.flatnonzero(of == number)
+        values = {path: rate[at].item() for path, rate in rates.items()}
+        batch = loops if first.size == 1 and not values else loops.some(members).changed(values)
+        yield members, port_of_loops(batch if members.size > 1 else batch.one(0), route)
+
+
+def port_of_loops(loops: Loops, route: Route | None = None) -> Port:
+    """The port of loops of one rate: the hand's or, if a route names an input and an output, that between them."""
+    if route:
+        source, signal = next(signal for name, signal, _ in loops.drawing.inputs if name == route[0]), OUTPUT + route[1]
+        drawn, drift = loops.drawn(), loops.drift(watched=(signal,))
+        with drawn.naming_blocks():
+            return port_between(drawn, source, signal, drift)
+    ports, drawn, drift = hand_of(loops.drawing), loops.drawn(), loops.drift_at_hand()
+    with drawn.naming_blocks():
+        return replace(port_of(drawn, ports, drift), rest=partial(_at_rest, loops.twins()[0], ports, drift))
+
+
+@lru_cache(maxsize=256)  # twins of the same structure are the same objects
+def _at_rest(twin, ports, drift):
+    """What a constant force of the hand does in the end, in a loop of the same structure."""
+    with np.errstate(all="ignore"):
+        return dcgain(Lifted.of(port_of(twin, ports, drift)))[2]

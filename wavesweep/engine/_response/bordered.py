@@ -1,0 +1,136 @@
+"""The response from one linear system of fast states and frame, where modes cancel."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine._loops.block import concatenated
+from wavesweep.engine._monodromy.rounding import ENTRIES
+from wavesweep.engine._response.circle import Circle
+from wavesweep.engine._response.linear_systems import LinearSystem, solved
+from wavesweep.engine._state_space import StateSpace
+
+MOST = 2**20  # entries of what the outputs and fast states show in a frame: a tenth of a gigabyte while they are computed
+
+
+class Bordered:
+    """The response from one system that holds both the fast states at the hand's frequency and the frame's states.
+
+    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X at its start. The fast
+    states are those that change in the most frequent kind of tick, with the matrices E and C. The equations are
+    `w Y = E Y + q` and `o = C Y + r`, q and r being what other states and other ticks add, `M Y = s X + t` (Y is the component
+    of the fast states at w) and, of the other states, those of the frame. Together they are equivalent to `(w - E) X = g` of
+    the frame. If a mode of the fast side has an alias at w, it costs no digit of Y, even if it has little or no damping;
+    neither does a mode at w itself.
+    """
+
+    def __init__(self, port, over_frame, sums_of):
+        common = int(np.bincount(port.kind).argmax())
+        E, _, C, _ = port.maps[common]
+        of_E, _, of_C, _ = port.sizes[common]
+        self.sums_of = sums_of
+        self.outputs_of_port = C.shape[-2]
+        fast = _changing(E)
+        self.fast = np.flatnonzero(fast)
+        self.slow = np.flatnonzero(~fast)
+        among_fast = self.fast[:, None], self.fast
+        self.C = C[..., self.fast]
+        self.E = E[..., *among_fast]
+        self.dC = ENTRIES * of_C[..., self.fast]
+        self.dE = ENTRIES * of_E[..., *among_fast]
+        maps, sizes = [], []
+        for tick, terms in zip(port.maps, port.sizes, strict=True):
+            rows = self._outputs(tick, port.maps[common], -1.0)
+            of_rows = self._outputs(terms, port.sizes[common], 0.0 if tick is port.maps[common] else 1.0)
+            of_rows.C[...] = np.where(rows.C == 0, 0.0, of_rows.C)
+            maps.append(rows)
+            sizes.append(of_rows)
+        self.stretch = over_frame(replace(port, maps=tuple(maps), sizes=tuple(sizes)))
+        self.place = None
+        if port.position is not None:
+            read = port.position[..., 0, :].reshape(-1, E.shape[-1]).any(0)
+            where = np.flatnonzero(read)
+            if len(where) == 1 and fast[where[0]]:
+                self.place = np.flatnonzero(self.fast == where[0])[0]
+
+    def _outputs(self, tick, common, sign):
+        """Return the map of a tick from the force to what it adds to the outputs and the fast states, and to these states."""
+        E, B, C, D = tick
+        outputs = C + 0 * common.C[..., :1]
+        outputs[..., self.fast] += sign * common.C[..., self.fast]
+        of_fast = common.E[..., self.fast, :]
+        changes = E[..., self.fast, :] + 0 * of_fast[..., :1]
+        changes[..., self.fast] += sign * of_fast[..., self.fast]
+        states = np.eye(E.shape[-1])[self.fast]
+        states = np.broadcast_to(states, (*E.shape[:-2], *states.shape))
+        no_force = np.zeros((self.fast.size, 1))
+        rows = concatenated((outputs, changes, states), -2)
+        columns = concatenated((D, B[..., self.fast, :], no_force), -2)
+        return StateSpace(E, B, rows, columns)
+
+    def outputs(self, points: Circle):
+        """Return the outputs of the port at the hand's frequency, `(..., p, points)`, and bounds on their errors."""
+        X, dX = solved(*self._system(points))
+        value = X[..., : self.outputs_of_port, 0]
+        error = dX[..., : self.outputs_of_port, 0]
+        return np.swapaxes(value, -1, -2), np.swapaxes(error, -1, -2)
+
+    def _system(self, points):
+        """Return matrix, right side and bounds on their errors of the system, at every point."""
+        sums = self.sums_of(self.stretch, points)
+        M = self.stretch.ticks
+        p, f = self.outputs_of_port, self.fast.size
+        n = self.slow.size + f
+        size = p + f + n
+        shape = (*sums.driven.shape[:-2], points.frequency.size, size, size)
+        A = np.zeros(shape, complex)
+        dA = np.zeros(shape)
+        # Columns of the outputs o, of the component Y of the fast states at w, and of the state X of the frame. Rows of o, of
+        # Y, of what makes that component, and of the slow states of the frame.
+        o, Y, X = slice(0, p), slice(p, p + f), slice(p + f, None)
+        component, slow = slice(p + f, p + 2 * f), slice(p + 2 * f, None)
+        A[..., : p + f, X] = _at_points(-sums.rows[..., : p + f, :, :] / M)
+        dA[..., : p + f, X] = sums.drows[..., None, : p + f, :] / M
+        A[..., component, X] = _at_points(-sums.rows[..., p + f :, :, :])
+        dA[..., component, X] = sums.drows[..., None, p + f :, :]
+        A[..., o, o] = np.eye(p)
+        A[..., component, Y] = M * np.eye(f)
+        A[..., o, Y] = -self.C[..., None, :, :]
+        dA[..., o, Y] = self.dC[..., None, :, :]
+        A[..., Y, Y] = points.tick[:, None, None] * np.eye(f) - self.E[..., None, :, :]
+        dA[..., Y, Y] = self.dE[..., None, :, :]
+        E, dE = (change[..., None, self.slow, :] for change in self.stretch.E)
+        A[..., slow, X] = points.frame[:, None, None] * np.eye(n)[self.slow] - E
+        dA[..., slow, X] = dE
+        b = self._right_side(sums, sums.forced, sums.driven)
+        db = self._right_side(sums, sums.dforced, sums.ddriven)
+        if self.place is not None:  # w times the position is the displacement
+            row = p + self.place
+            for array in (A, dA, b, db):
+                array[..., row, :] = 0
+            A[..., row, row] = points.tick
+            A[..., row, 0] = -1
+        return LinearSystem(A, dA, b, db)
+
+    def _right_side(self, sums, forced, driven):
+        """The right side of the system, or the bound on its errors, at every point."""
+        means = np.repeat([1 / self.stretch.ticks, 1.0], [self.outputs_of_port + self.fast.size, self.fast.size])
+        of_outputs = means[:, None] * (forced + 0 * sums.forced.real)
+        of_slow = driven[..., self.slow, :] + 0 * sums.driven[..., self.slow, :].real
+        side = np.concatenate([of_outputs, of_slow], -2)
+        return np.swapaxes(side, -1, -2).copy()[..., None]
+
+
+def fits(port) -> bool:
+    """Whether what the system needs to know of a frame has at most MOST entries for a loop."""
+    E, _, C, _ = port.maps[int(np.bincount(port.kind).argmax())]
+    return (C.shape[-2] + 2 * np.count_nonzero(_changing(E))) * port.kind.size * E.shape[-1] <= MOST
+
+
+def _changing(E):
+    """Which states change in a tick."""
+    return (E != 0).any((*range(E.ndim - 2), E.ndim - 1))
+
+
+def _at_points(rows):
+    return np.moveaxis(rows, -2, -3)

@@ -1,0 +1,83 @@
+"""Frequencies on the circles of the tick and of the frame."""
+
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from wavesweep.engine._monodromy.unit_circle import on_circle
+
+
+class Circle:
+    """Frequencies (Hz) as points on the circles of a tick and of a frame of `ratio` ticks; rate: ticks per second.
+
+    The angle per tick is kept in three parts whose multiples are exact: a frequency next to a multiple of the slow rate has an
+    angle per frame next to 0, and all its digits are needed.
+    """
+
+    def __init__(self, frequency, rate: float, ratio: int):
+        self.frequency, self.rate, self.ratio = frequency, rate, ratio
+        self.cycles = frequency / rate
+        self.powers = np.ones((1, frequency.size), complex)
+        product, error = _product(self.cycles, rate)
+        self.high, self.low = _halves(self.cycles)
+        self.rest = ((frequency - product) - error) / rate
+
+    def at(self, index) -> "Circle":
+        """Return some of the frequencies; the object itself if `index` is a slice of all of them."""
+        if isinstance(index, slice) and index.start == 0 and index.stop >= self.frequency.size:
+            return self
+        return Circle(self.frequency[index], self.rate, self.ratio)
+
+    def angle(self, count: int):
+        """Return `w count T`, rad, less full turns."""
+        turns = np.round(self.cycles * count)
+        return 2 * np.pi * (((self.high * count - turns) + self.low * count) + self.rest * count)
+
+    def turn(self, count: int):
+        """Return `exp(j w count T)`."""
+        angle = self.angle(count)
+        return np.cos(angle) + 1j * np.sin(angle)
+
+    def steps(self, count: int):
+        """Return `exp(j w count T) - 1`, to all digits."""
+        return on_circle(self.angle(count))
+
+    def ladder(self, count: int):
+        """`exp(j w i T)` for the first ticks i of a frame, `(count, points)`."""
+        while len(self.powers) < count:  # always doubled, so that bits do not depend on what was asked before
+            self.powers = np.concatenate([self.powers, self.powers * self.turn(len(self.powers))])
+        return self.powers[:count]
+
+    @cached_property
+    def tick(self):
+        """`exp(j w T) - 1`."""
+        return self.steps(1)
+
+    @cached_property
+    def frame(self):
+        """`exp(j w M T) - 1`, exactly 0 at multiples of the slow rate."""
+        return self.steps(self.ratio)
+
+    @cached_property
+    def share(self):
+        """The component at w of a signal that is constant in every frame, times w of the tick over w of the frame."""
+        return self.turn(1) * self.turn(self.ratio).conj() / self.ratio
+
+
+@lru_cache(maxsize=4)  # loops are asked again and again for the same frequencies
+def circle_of(frequencies: bytes, rate: float, ratio: int) -> Circle:
+    """Return frequencies (Hz), the bytes of doubles, on the circles of such ticks and frames."""
+    return Circle(np.frombuffer(frequencies), rate, ratio)
+
+
+def _product(a, b):
+    """Return a product and its rounding error (Dekker 1971)."""
+    (high_a, low_a), (high_b, low_b), product = _halves(a), _halves(b), a * b
+    return product, ((high_a * high_b - product) + high_a * low_b + low_a * high_b) + low_a * low_b
+
+
+def _halves(a):
+    """Return two numbers of 26 bits whose sum is a."""
+    far = 134217729.0 * a
+    high = far - (far - a)
+    return high, a - high

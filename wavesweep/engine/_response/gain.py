@@ -1,0 +1,203 @@
+"""Worst-case gain: the largest singular value of the lifted map from the hand's forces of a frame to its positions."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._response.lifted import Lifted, Stretch
+from wavesweep.engine._response.linear_systems import solved
+from wavesweep.engine._response.static import LOST
+from wavesweep.engine._response.steady import respond
+
+DENSE = 64  # ticks up to which singular values of the full matrix are quicker
+STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
+FEWEST = 8  # steps before it may stop, since the process may rest at another singular value first
+SETTLED = 1e-13  # relative change below which a singular value has settled
+BLOCK = 2_000_000  # entries of one batch of matrices
+
+
+def gain_of(loop: Lifted) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """Return the worst-case gain (m/N) of loops as a function of frequencies `(points,)` (Hz), prepared once.
+
+    The function returns the gain and a bound on its relative error, `(..., points)` each. The value is NaN, with an error of 0,
+    if it is unbounded; both are NaN if the value is not known. A loop that is the same in every tick mixes no images: its gain
+    is the size of its admittance.
+    """
+    if loop.frame.ticks > 1:
+        return Gain(loop)
+
+    def size_of_admittance(frequency_hz):
+        response = respond(loop, frequency_hz)
+        return np.abs(response.admittance), response.admittance_error
+
+    return size_of_admittance
+
+
+class Gain:
+    """The worst-case gain of loops, see `gain_of`.
+
+    The map is `T + O (w - E)^-1 G`: T gives the positions at the beginning of the ticks for forces of the same frame, G the
+    state that the forces leave, and O the positions for that state; only the closed loop has poles in it. The part through the
+    state is a matrix no larger than the state between two with orthonormal columns, `O = left corner` and `G = entry right'`.
+    """
+
+    def __init__(self, loop: Lifted):
+        self.loop = loop
+        self.frame, self.lost = loop.of_positions
+        self.n = self.frame.E[0].shape[-1]
+        O, self.dO = (rows[..., -1, :, :] for rows in self.frame.observability)
+        G, dG = self.frame.controllability
+        with np.errstate(all="ignore"):
+            self.size = np.abs(O)
+            self.left, self.corner = np.linalg.qr(O)
+            self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
+            self.entry = np.swapaxes(entry, -1, -2)[..., None, :, :]
+            factoring = 2 * self.n * ROUNDING  # of a column's length, what is lost by factors in its place
+            self.of_O = factoring * np.sqrt((O**2).sum(-2))[..., None, :, None]
+            of_entry = factoring * np.sqrt((G**2).sum(-1)) + np.sqrt((dG**2).sum(-1))
+            self.of_entry = of_entry[..., None, :, None]
+            self.of_map = norm_of_errors(self.frame)
+
+    def __call__(self, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
+        """Return the gain, unbounded at multiples of the frame's rate if the position drifts, and a bound on its error.
+
+        Accuracy: as bounded, except beyond 64 ticks, where Lanczos' process ends at changes of 1e-13.
+        """
+        frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+        ticks = self.frame.ticks
+        unbounded = (self.loop.circle(frequency).frame == 0) & (self.loop.port.position is None)
+        gain = np.full((*self.lost.shape, frequency.size), np.nan)
+        relative = np.zeros((*self.lost.shape, frequency.size))
+        bounded = np.flatnonzero(~unbounded)
+        each = ticks * (ticks if ticks <= DENSE else self.n)
+        width = max(1, BLOCK // (max(1, self.lost.size) * each))
+        with np.errstate(all="ignore"):
+            for start in range(0, bounded.size, width):
+                index = bounded[start : start + width]
+                value, error = self._at(self.loop.circle(frequency[index]).frame)
+                off = error / value + self.n * ROUNDING
+                good = (off < LOST) & ~self.lost[..., None]
+                gain[..., index] = np.where(good, value, np.nan)
+                relative[..., index] = np.where(good, off, np.nan)
+        return gain, np.where(self.lost[..., None], np.nan, relative)
+
+    def _at(self, w):
+        """Return the largest singular value at each point of the frame's circle, and a bound on its error (m/N)."""
+        E, dE = self.frame.E
+        n = self.n
+        w = w[:, None, None]
+        none = 0 * w.real
+        A = w * np.eye(n) - E[..., None, :, :]
+        dA = dE[..., None, :, :] + none
+        entry = self.entry + 0 * w
+        of_entry = self.of_entry + 0 * np.abs(self.entry) + none
+        X, dX = solved(A, dA, entry, of_entry)
+        size_X = np.abs(X)
+        O = self.size[..., None, :, :]
+        dO = self.dO[..., None, :, :]
+        error = norm_of_product(O, dX) + norm_of_product(dO + n * ROUNDING * O, size_X)
+        error = error + (self.of_O * size_X).sum((-1, -2)) + self.of_map[..., None]
+        core = self.corner[..., None, :, :] @ X
+        finite = np.isfinite(core).all((-1, -2))
+        core = np.where(finite[..., None, None], core, 0)
+        if self.frame.ticks <= DENSE:
+            right = np.swapaxes(self.right, -1, -2)[..., None, :, :]
+            H = self.left[..., None, :, :] @ core @ right
+            H += self.frame.impulse_map()[..., None, :, :]
+            value = _largest_singular_value(H)
+        else:
+            value = self._lanczos(core)
+        return np.where(finite, value, np.nan), error
+
+    def _lanczos(self, core):
+        """Return the largest singular value by Golub-Kahan-Lanczos with full reorthogonalisation, all points at once."""
+        shape = core.shape[:-2]
+        ticks = self.frame.ticks
+        loop = np.repeat(np.arange(int(np.prod(shape[:-1], dtype=int))), shape[-1])
+        left = self.left.reshape(-1, *self.left.shape[-2:])[loop]
+        right = self.right.reshape(-1, *self.right.shape[-2:])[loop]
+        core = core.reshape(-1, *core.shape[-2:])
+        turned = np.swapaxes(core.conj(), -1, -2)
+
+        def apply(v, back):
+            direct = applied(self.frame, v[..., None].view(float), loop, adjoint=back).view(complex)[..., 0]
+            into, out, middle = (left, right, turned) if back else (right, left, core)
+            through_state = out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None]))
+            return direct + through_state[..., 0]
+
+        v = apply(np.ones((len(core), ticks), complex), back=True)
+        mixed = np.random.default_rng(0).normal(size=ticks)  # the same always, and a part of every singular vector
+        v = v / _norm(v) + mixed / _norm(mixed)
+        best = 0.0
+        basis = []
+        band = []
+        settled = np.zeros(len(core), bool)  # a point that has settled keeps its value
+        for step in range(min(STEPS, ticks)):
+            v = v / _norm(v)
+            basis.append(v)
+            band.append(apply(v, back=False))
+            value = _largest_singular_value(np.stack(band, axis=-1))
+            still = (np.abs(value - best) <= SETTLED * value) & (step >= FEWEST)
+            best = np.where(settled, best, value)
+            settled = settled | still
+            if settled.all():
+                break
+            v = apply(band[-1], back=True)
+            for vector in basis * 2:
+                v = v - vector * (vector.conj() * v).sum(-1, keepdims=True)
+        return best.reshape(shape)
+
+
+def _largest_singular_value(H):
+    square = np.swapaxes(H.conj(), -1, -2) @ H
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(square)[..., -1], 0))
+
+
+def _norm(v):
+    size = np.sqrt((np.abs(v) ** 2).sum(-1, keepdims=True))
+    return np.where(size > 0, size, 1)
+
+
+def applied(frame: Stretch, v, loop, *, adjoint: bool):
+    """Return the positions of a frame for its forces v, `(vectors, ticks, columns)`, real; adjoint: the transposed map.
+
+    loop: that of each vector. What the forces of one half of a long frame do in the other goes through the state.
+    """
+    if frame.impulse:
+        H = _of_loops(frame.impulse[0], loop)
+        return (np.swapaxes(H, -1, -2) if adjoint else H) @ v
+    first, second = frame.first, frame.second
+    early = v[:, : first.ticks]
+    late = v[:, first.ticks :]
+    results = [applied(first, early, loop, adjoint=adjoint), applied(second, late, loop, adjoint=adjoint)]
+    O = _of_loops(second.observability[0][..., -1, :, :], loop)
+    G = _of_loops(first.controllability[0], loop)
+    if adjoint:
+        results[0] += np.swapaxes(G, -1, -2) @ (np.swapaxes(O, -1, -2) @ late)
+    else:
+        results[1] += O @ (G @ early)
+    return np.concatenate(results, axis=-2)
+
+
+def _of_loops(matrices, loop):
+    matrices = matrices.reshape(-1, *matrices.shape[-2:])
+    return matrices[loop] if len(matrices) > 1 else matrices
+
+
+def norm_of_errors(frame: Stretch) -> np.ndarray:
+    """Return the Frobenius norm of the errors of the map from a frame's forces to its positions, `(...)`."""
+    if frame.impulse:
+        return np.sqrt((frame.impulse[1] ** 2).sum((-2, -1)))
+    O, dO = (rows[..., -1, :, :] for rows in frame.second.observability)
+    G, dG = frame.first.controllability
+    size = np.abs(G)
+    across = norm_of_product(dO, size) + norm_of_product(np.abs(O), dG + ROUNDING * size)
+    return np.sqrt(norm_of_errors(frame.first) ** 2 + norm_of_errors(frame.second) ** 2 + across**2)
+
+
+def norm_of_product(A, B):
+    """Return the Frobenius norm of `A B` without forming it."""
+    of_A = np.swapaxes(A, -1, -2) @ A
+    of_B = B @ np.swapaxes(B, -1, -2)
+    return np.sqrt(np.maximum((of_A * of_B).sum((-1, -2)), 0))

@@ -1,0 +1,75 @@
+"""The resolvent of a frame through its modes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._monodromy.unit_circle import solve
+from wavesweep.engine._response.linear_systems import CLOSE
+
+NOISE = 1e-13  # of the sizes of the modes: rounding of an entry of their sum
+
+
+class ModalSolution(NamedTuple):
+    """X of `(w - E) X = b`, `(..., n, points)`, and three measures of its accuracy.
+
+    unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on the relative error of the
+    inverse.
+    """
+
+    X: np.ndarray
+    unsure: np.ndarray
+    gain: np.ndarray
+    off: np.ndarray
+
+
+class Modal:
+    """The resolvent `(w - E)^-1` through the modes of E, as an approximate inverse whose error is known.
+
+    E `(..., n, n)`; error: bounds on the errors of its entries.
+    """
+
+    def __init__(self, E, error):
+        self.E, self.error = E, error
+        self.poles, self.vectors = np.linalg.eig(E)
+        self.vectors = self.vectors.astype(complex)
+        eye = np.broadcast_to(np.eye(E.shape[-1]), E.shape)
+        self.into = solve(self.vectors, eye)
+        self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
+
+    def solve(self, w, b, db) -> ModalSolution:
+        """Return X of `(w - E) X = b` and how accurate it is; db: error of b."""
+        factor = 1 / (w - self.poles[..., None])
+        E = self.E + 0j
+        X = self.vectors @ (factor * (self.into @ b))
+        for _ in range(2):
+            left = b - w * X + E @ X
+            X = X + self.vectors @ (factor * (self.into @ left))
+        left = b - w * X + E @ X
+        size = np.abs(X)
+        terms = np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)
+        unsure = np.abs(left) + ROUNDING * terms + self.error @ size + db
+        gain = np.abs(factor)
+        off = (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
+        return ModalSolution(X, unsure, gain, off)
+
+    def bound(self, unsure, gain, off):
+        """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see `solve`."""
+        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
+        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+
+    def careful_bound(self, w, unsure, gain, off):
+        """Return a bound on the error of X from the inverse itself, in which modes cancel.
+
+        w, unsure, gain, off: of the points, see `solve`.
+        """
+        factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
+        unsure = np.swapaxes(unsure, -1, -2)[..., None]
+        gain = np.swapaxes(gain, -1, -2)[..., None]
+        vectors = self.vectors[..., None, :, :]
+        into = self.into[..., None, :, :]
+        inverse = (vectors * factor) @ into
+        noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
+        bound = np.swapaxes((np.abs(inverse) @ unsure + noise)[..., 0], -1, -2)
+        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)

@@ -1,0 +1,239 @@
+"""Steady response of loops to a sinusoidal force of the hand, as the hand feels it, with bounds on its errors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wavesweep.engine._monodromy.rounding import ROUNDING
+from wavesweep.engine._response.bordered import fits
+from wavesweep.engine._response.lifted import Lifted, Sums
+from wavesweep.engine._response.static import (
+    LOST,
+    NOTHING,
+    Response,
+    at_port,
+    at_signal,
+    dcgain,
+    dcgain_between,
+    relative_response,
+)
+from wavesweep.engine.rows import different
+
+GOOD = 1e-9  # relative error up to which the modes are believed; beyond it the larger system is solved
+EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrapolation adds up three values
+LOW = 2e-4  # of the slowest pole and of the frame's rate: the frequency to which the static limit is compared
+TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
+BLOCK = 200_000  # entries of one batch of matrices
+
+
+def respond(loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD) -> Response:
+    """Return transmitted admittance and impedance with bounds on their relative errors.
+
+    frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number is not computed again in a
+    slower way.
+
+    The force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`, and both results are its components at w itself. The state at
+    the start of a frame solves `(w - E) X = g`, with the loop closed and without what drifts, so that no pole of an open loop
+    enters. It is found through the modes of E; if these cancel too far, from a larger system (see `Bordered`).
+    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse.
+    """
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    still = frequency == 0
+    shape = *loop.port.batch, frequency.size
+    response = Response(np.empty(shape, complex), np.empty(shape, complex), np.empty(shape), np.empty(shape))
+    with np.errstate(all="ignore"):
+        for at in _portions(loop, np.flatnonzero(~still)):
+            moving = _responses(loop, loop.circle(frequency[at]), good)
+            for array, values in zip(response, moving, strict=True):
+                array[..., at] = values
+        if still.any():
+            limits = static_response(loop)
+            for array, limit in zip(response, limits, strict=True):
+                array[..., still] = limit[..., None]
+    return response
+
+
+def _portions(loop, columns):
+    """The columns of frequencies, some at a time, as many as keep arrays of loops, states and frequencies small."""
+    width = max(1, TERMS // max(1, loop.weight))
+    return (columns[start : start + width] for start in range(0, columns.size, width))
+
+
+def transfer(
+    loop: Lifted, frequency_hz: np.ndarray | Sequence[float] | float, good: float = GOOD
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the response of a signal to an input, `(..., points)`, and bounds on its relative errors; see `port_between`.
+
+    loop: over the frame of such a port. frequency_hz, good and the accuracy: as for `respond`, and NaN as there. The component
+    is that at the input's own frequency, of the signal as each tick shows it. A path that is held over the frame has none at
+    multiples of the frame's rate.
+    """
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    still = frequency == 0
+    shape = *loop.port.batch, frequency.size
+    value = np.empty(shape, complex)
+    unsure = np.empty(shape)
+    frame = loop.frame
+    with np.errstate(all="ignore"):
+        to_state, to_output = frame.sizes[1], frame.sizes[0]
+        through_states = (to_output @ to_state)[..., :1, 0]
+        terms = (frame.forced_size[..., :1] + through_states) / frame.ticks
+        for at in _portions(loop, np.flatnonzero(~still)):
+            points = loop.circle(frequency[at])
+            quantities, errors = _quantities(loop, points, good)
+            signal = quantities[..., 0, :]
+            error = errors[..., 0, :]
+            none = (np.abs(signal) <= error) & (error <= NOTHING * terms) & (points.frame == 0)
+            signal = np.where(none, 0.0, signal)
+            error = np.where(none, 0.0, error)
+            relative = np.where(error == 0, 0.0, error / np.abs(signal)) + 4 * np.finfo(float).eps
+            relative = np.where(relative < LOST, relative, np.nan)
+            unsure[..., at] = relative
+            value[..., at] = np.where(np.isnan(relative), np.nan, signal)
+        if still.any():
+            limit, of_limit = dcgain_between(loop)
+            value[..., still] = limit[..., None]
+            unsure[..., still] = of_limit[..., None]
+    return value, unsure
+
+
+def static_response(loop: Lifted) -> Response:
+    """Return admittance (m/N) and impedance (N/m) in the limit towards 0 Hz, and their relative errors, `(...)` each.
+
+    NaN: it does not exist, or is not known. If a constant force moves the position without end, there is no admittance. If it
+    does not move it at all in the end, as a position that an integrator holds, the admittance is 0, and there is no impedance;
+    or it is not known, if the force against the hand vanishes with the position. The error of a number that does not exist
+    is 0.
+    Accuracy: the smaller one of a bound and of the distance to an extrapolation from low frequencies, which shares no formula
+    with the limit.
+    """
+    with np.errstate(all="ignore"):
+        (position, force), (of_position, of_force), rest = dcgain(loop)
+        nothing_comes = rest.silent & ~rest.rigid
+        impedance = np.where(nothing_comes, 0.0, force / position)
+        limits = np.stack([position, impedance])
+        of_admittance = of_position / np.abs(position)
+        from_force = np.where(force == 0, 0.0, of_force / np.abs(force))
+        from_position = np.where(force == 0, 0.0, of_admittance)
+        error = np.stack([of_admittance, from_force + from_position])
+        rough = ~(error <= GOOD).all(0) & ~(rest.going | rest.rigid | loop.lost)
+        if rough.any():
+            low = np.full(limits.shape, np.inf)
+            if rough.ndim == 1:
+                few = Lifted.of(loop.port.some(rough))
+                low[:, rough] = _from_low_frequencies(few, limits[:, rough])
+            else:
+                low[...] = _from_low_frequencies(loop, limits)
+            error = np.where(rough & (limits != 0), np.fmin(error, low), error)
+        error += np.where(limits == 0, 0.0, 4 * np.finfo(float).eps)
+        known = error < LOST
+        limits = np.where(known, limits, np.nan)
+        error = np.where(known, error, np.nan)
+        admittance, impedance = limits
+        of_admittance, of_impedance = error
+        # A constant force moves the position without end: there is no admittance.
+        admittance = np.where(rest.going, np.nan, admittance)
+        of_admittance = np.where(rest.going, 0.0, of_admittance)
+        # It does not move it at all: the admittance is 0, and there is no impedance if a force is known to come.
+        no_impedance = np.where(np.abs(force) > of_force, 0.0, np.nan)
+        admittance = np.where(rest.rigid, 0.0, admittance)
+        of_admittance = np.where(rest.rigid, 0.0, of_admittance)
+        impedance = np.where(rest.rigid, np.nan, impedance)
+        of_impedance = np.where(rest.rigid, no_impedance, of_impedance)
+        numbers = admittance + 0j, impedance + 0j, of_admittance, of_impedance
+        return Response(*(np.where(loop.lost, np.nan, number) for number in numbers))
+
+
+def _from_low_frequencies(loop, limits):
+    """Return how far a limit of admittance and impedance may be off, relative, `(2, ...)`, by frequencies f, f/2 and f/4.
+
+    Their real parts are even in f.
+    """
+    poles = np.abs(loop.modal.poles)
+    slow = np.min(poles, axis=-1, where=poles > 0, initial=1.0)
+    # Powers of four, and one for each loop, so that a result does not depend on the batch that the loop is in.
+    level = np.floor(np.log2(LOW * slow * loop.port.rate / loop.frame.ticks) / 2)
+    low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
+    for power in different(level):
+        response = _responses(loop, loop.circle(4.0**power * np.array([1, 0.5, 0.25])), GOOD)
+        low = [np.where((level == power)[..., None], new, old) for new, old in zip(response, low, strict=True)]
+    off = []
+    for value, at_low, error in zip(limits, low[:2], low[2:], strict=True):
+        first = (4 * at_low[..., 1] - at_low[..., 0]).real / 3
+        second = (4 * at_low[..., 2] - at_low[..., 1]).real / 3
+        expected = (16 * second - first) / 15
+        missed = EXTRAPOLATED * (error * np.abs(at_low)).max(-1)
+        away = np.abs(value - expected) + missed
+        off.append(away / np.minimum(np.abs(value), np.abs(expected)))
+    return np.stack(off)
+
+
+def _responses(loop, points, good):
+    """`respond` for some frequencies that are not 0."""
+    quantities, error = _quantities(loop, points, good)
+    force = quantities[..., 1, :]
+    of_force = error[..., 1, :]
+    small = (np.abs(force) <= of_force) & (of_force <= NOTHING)
+    none = small & (points.frame == 0)  # as of one that is held over the frame
+    quantities[..., 1, :] = np.where(none, 0.0, force)
+    error[..., 1, :] = np.where(none, 0.0, of_force)
+    return relative_response(quantities, error)
+
+
+def _quantities(loop, points, good):
+    """What a port shows, `(..., quantities, points)`, and bounds on its errors, NaN of a loop that is lost."""
+    quantities, error, again = _by_modes(loop, points)
+    ways = [again]
+    if fits(loop.port):
+        ways.append(lambda index: loop.bordered.outputs(points.at(index)))
+    reading = _reading(loop)
+    for improve in ways:
+        doubtful = ~(error <= good * np.abs(quantities)).all(-2) & ~loop.lost[..., None]
+        columns = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
+        width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
+        for start in range(0, columns.size, width):
+            index = columns[start : start + width]
+            step = points.tick[index]
+            outputs, of_outputs = improve(index)
+            number = reading(outputs, step)
+            less = reading(of_outputs, np.abs(step))
+            better = doubtful[..., None, index] & ~(less >= error[..., index])
+            quantities[..., index] = np.where(better, number, quantities[..., index])
+            error[..., index] = np.where(better, less, error[..., index])
+    return quantities, np.where(loop.lost[..., None, None], np.nan, error)
+
+
+def _reading(loop):
+    """How quantities follow from the outputs of the port."""
+    return at_signal if loop.port.between else at_port
+
+
+def _by_modes(loop, points):
+    """Return position and force, `(..., 2, points)`, or the signal of a port between two, bounds on errors, and a function.
+
+    The function returns the outputs at some of the points again, with a better bound.
+    """
+    sums = Sums.of(loop.frame, points)
+    modal = loop.modal
+    ticks = loop.frame.ticks
+    X, *accuracy = modal.solve(points.frame, sums.driven, sums.ddriven)
+    states = np.swapaxes(X, -1, -2)[..., None, :, :]
+    size = np.abs(sums.rows)
+    outputs = ((sums.rows * states).sum(-1) + sums.forced) / ticks
+    rounding = (size * (ROUNDING * np.abs(states))).sum(-1)
+    rest = rounding + sums.drows @ np.abs(X) + sums.dforced + ROUNDING * np.abs(sums.forced)
+
+    def error(of_states, index):
+        """The bound on errors of the outputs, from that on errors of the states."""
+        grown = np.swapaxes(of_states, -1, -2)[..., None, :, :]
+        return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / ticks
+
+    def again(index):
+        chosen = (measure[..., index] for measure in accuracy)
+        bound = modal.careful_bound(points.frame[index], *chosen)
+        return outputs[..., index], error(bound, index)
+
+    step = points.tick
+    reading = _reading(loop)
+    bound = error(modal.bound(*accuracy), slice(None))
+    return reading(outputs, step), reading(bound, np.abs(step)), again

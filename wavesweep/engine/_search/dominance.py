@@ -1,0 +1,72 @@
+"""Dominance of the diagonal of frames along any number, with ball arithmetic where doubles leave a doubt.
+
+Applies always. Frames are interpolated on panels of the number with a bound on the error; eigenvalues are held off the unit
+circle by discs about the diagonal in eigenvectors of a place nearby. Stretches in doubt are asked of balls, if there is a
+prover.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from wavesweep.engine._search.question import Question, Rest, Slices
+from wavesweep.engine._stability.intervals import Intervals
+
+
+def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
+    """Whether it can be asked: always."""
+    return True
+
+
+def find(question: Question, slices: Slices, rest: Rest) -> Intervals:  # noqa: ARG001
+    """The intervals from frames whose diagonal dominates."""
+    from wavesweep.engine._loops.domain import bends_at_zero
+    from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
+    from wavesweep.engine._stability.along_any import BENT, FROM_ZERO, stable_along_any
+
+    loops, along, span, bound = slices.loops, question.along, question.span, question.bound
+    frames = FramesAlong.of(question, loops, slices.size)
+    frames = replace(frames, radius=bound and bound.radius_of(frames.period))
+    variable = FROM_ZERO if span[0] == 0 and bends_at_zero(loops.drawing, along) else ""
+    of_wall = question.number in (loops.drawing.wall or ())
+    if of_wall and span[0] >= 0:
+        variable = BENT
+    balls = question.prover(loops, along, frames.period) if question.prover and not bound else None
+    stops_a_drift = span[0] <= 0 <= span[1] and not bound and _drifts_at_zero_alone(question, loops)
+    intervals = stable_along_any(
+        frames.frames,
+        span,
+        slices.size,
+        frames.period,
+        bounds=frames.bounds,
+        variable=variable,
+        errors=frames.errors,
+        balls=balls,
+        resolved=frames.resolved,
+        tight=partial(frames.errors, tight=True),
+        from_one=stops_a_drift and span[0] == 0 and variable != FROM_ZERO,
+    )
+    if stops_a_drift:
+        intervals = _meeting_one_at_zero(span, intervals)
+    return in_own_time(intervals, loops, along)
+
+
+def _drifts_at_zero_alone(question, loops):
+    """Whether a drift of the loop is stopped by the number alone, so that an eigenvalue is 1 where the number is 0."""
+
+    held, free = (loops.changed({question.along: value}).drift() for value in (np.array(question.span), 0.0))
+    return len(free.constant) + len(free.varying) > len(held.constant) + len(held.varying)
+
+
+def _meeting_one_at_zero(span, intervals):
+    """Intervals that end at 0 with an eigenvalue 1; an end is there if it is as near as ends are promised."""
+    from wavesweep.engine._stability.crossings import SLIVER
+
+    nothing, changes = SLIVER * (span[1] - span[0]), {}
+    for end in ("low", "high"):
+        value, omega = getattr(intervals, end), getattr(intervals, f"{end}_omega")
+        at_zero = np.abs(value) <= nothing
+        changes[end] = np.where(at_zero, 0.0, value)
+        changes[f"{end}_omega"] = np.where(at_zero & ~(omega > 0), 0.0, omega)  # another mode may cross there as well
+    return replace(intervals, **changes)

@@ -1,0 +1,160 @@
+"""Frames of loops at values of a number, for the methods that look at frames and not at a cut."""
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import prod
+
+import numpy as np
+
+from wavesweep.engine._drawing.drawing import name_of
+from wavesweep.engine._loops.domain import domains
+from wavesweep.engine._loops.from_drawing import FACTOR, PRODUCT, scalar_place
+from wavesweep.engine._loops.resolution import ResolvedAlong
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.open_ticks import OpenTicks
+from wavesweep.engine._monodromy.periodic import Ticks
+from wavesweep.engine._monodromy.radius import errors_within, within
+from wavesweep.engine._search.open_loops import TINY
+from wavesweep.engine._search.question import Question
+from wavesweep.engine._stability.intervals import Intervals
+from wavesweep.engine._stability.sampled_frames import Frames
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.rows import distinct_rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FramesAlong:
+    """Loops of a batch at values p of the number `along`; `number` says which of the loops.
+
+    period: of their frames, s. bounds: of the values with which there are loops. resolved: between which of them all
+    expressions of a loop are resolved. open_ticks: the loops without the number in their ticks, if it is one scalar gain of
+    them. shared: path of another number that is one, in which loops differ: without it in their ticks these are the same loops.
+    radius: of each loop, a circle in place of the unit circle.
+    """
+
+    loops: Loops
+    along: str
+    period: np.ndarray
+    bounds: tuple
+    resolved: ResolvedAlong
+    drift: MarginalModes
+    open_ticks: OpenTicks | None
+    shared: str = ""
+    radius: np.ndarray | None = None
+
+    @staticmethod
+    def of(question: Question, loops: Loops, size: int) -> "FramesAlong":
+        """The loops of `size` slices within the span, without the number in their ticks if it is one scalar gain of them."""
+        drawn, along, span, open_ticks, shared = loops.drawn(), question.along, question.span, None, ""
+        if scalar_place(loops.drawing, question.number):
+            with suppress(IllPosedLoopError), np.errstate(all="ignore"):
+                at_one = loops.changed({along: 1.0})
+                open_ticks = OpenTicks.of(at_one.drawn(question.number), at_one.drawn(), PRODUCT, FACTOR)
+        if open_ticks is None:
+            others = [path for path, v in loops.values.items() if np.ndim(v) and path != along]
+            shared = next((path for path in others if scalar_place(loops.drawing, name_of(path))), "")
+        drift = loops.changed({along: np.array(span)}).drift()
+        period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+        bounds = domains(*loops, along, span, size)
+        return FramesAlong(loops, along, period, bounds, ResolvedAlong(*loops, along), drift, open_ticks, shared)
+
+    def _at(self, number, p):
+        return self.loops.some(number).changed({self.along: p})
+
+    def frames(self, number, p) -> Frames:
+        """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""
+        p = np.where(p == 0, TINY, p)
+        varied, shape = self._at(number, p), p.shape
+        if self.open_ticks is None:
+            frames = self._shared(number, p) if self.shared else None
+            frames = frames_where_solvable(varied, self.drift, shape) if frames is None else frames
+        else:
+            E, *facts = self.open_ticks.frames(number, p)
+            frames = _frames(self.drift.removed_from(E), facts, shape)
+        if self.radius is not None:
+            frames = replace(frames, E=within(frames.E, np.broadcast_to(self.radius[number], shape).ravel()))
+        divisors = varied.guards_at(self.along, shape)
+        return replace(frames, pivots=np.concatenate([frames.pivots, divisors.reshape(p.size, -1)], axis=-1))
+
+    def _shared(self, number, p):
+        """The frames from ticks without the shared number; None if too few loops share them, or some have no solution."""
+        number, p = (array.ravel() for array in np.broadcast_arrays(number, p))
+        others = {path: v[number] for path, v in self.loops.values.items() if np.ndim(v) and path != self.shared}
+        first, label = distinct_rows(others | {"real": p.real, "imag": p.imag}, p.size)
+        if 2 * first.size > p.size:
+            return None
+        at_one = self._at(number[first], p[first]).changed({self.shared: 1.0})
+        with suppress(IllPosedLoopError), np.errstate(all="ignore"):
+            ticks = OpenTicks.of(at_one.drawn(name_of(self.shared)), at_one.drawn(), PRODUCT, FACTOR)
+            E, *facts = ticks.frames(label, self.loops.values[self.shared][number])
+            return _frames(self.drift.removed_from(E), facts, p.shape)
+        return None
+
+    def errors(self, number, p, *, tight: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution.
+
+        tight: see `MarginalModes.frames_with_errors`.
+        """
+        p = np.where(p == 0, TINY, p)
+        try:
+            ticks = (
+                self.open_ticks.closed(number, p, terms=True) if self.open_ticks else _ticks(self._at(number, p), terms=True)
+            )
+        except IllPosedLoopError:
+            if p.size == 1:
+                return (np.full((1, max(2, len(self.drift.remaining)), max(2, len(self.drift.remaining))), np.nan),) * 2
+            points = zip(*(array.reshape(-1, 1) for array in np.broadcast_arrays(number, p)), strict=True)
+            return tuple(
+                np.concatenate(arrays) for arrays in zip(*(self.errors(*point, tight=tight) for point in points), strict=True)
+            )
+        with np.errstate(all="ignore"):
+            arrays = self.drift.frames_with_errors(ticks, tight=tight)
+        E, dE = (np.broadcast_to(array, (p.size, *array.shape[-2:])) for array in arrays)
+        if self.radius is None:
+            return E, dE
+        radius = np.broadcast_to(self.radius[number], p.shape)
+        return within(E, radius), errors_within(E, dE, radius)
+
+
+def _frames(E, facts, shape):
+    """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after the other."""
+    size, (pivot, condition) = prod(shape), facts
+    arrays = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
+    return Frames(*(np.broadcast_to(array, (*shape, *tail)).reshape(size, *tail) for array, tail in arrays))
+
+
+def _ticks(loops, *, terms=False):
+    drawn = loops.drawn()
+    with drawn.naming_blocks(), np.errstate(all="ignore"):
+        return Ticks.of(drawn, alone=True, terms=terms)
+
+
+def frames_where_solvable(loops: Loops, drift: MarginalModes, shape: tuple[int, ...]) -> Frames:
+    """The frames of a batch of that shape, which the numbers broadcast to, one after the other.
+
+    They are NaN for loops of direct terms without a solution, which a search may come across.
+    """
+    size = prod(shape)
+    try:
+        ticks = _ticks(loops)
+        with np.errstate(all="ignore"):
+            return _frames(drift.frames_of(ticks), ticks.facts, shape)
+    except IllPosedLoopError:
+        if size == 1:
+            order = max(2, len(drift.remaining))
+            return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
+    loops = loops.changed({path: np.broadcast_to(v, shape).ravel() for path, v in loops.values.items() if np.ndim(v)})
+    halves = np.array_split(np.arange(size), 2)
+    return Frames.join([frames_where_solvable(loops.some(half), drift, half.shape) for half in halves])
+
+
+def in_own_time(intervals: Intervals, loops: Loops, along: str) -> Intervals:
+    """Intervals whose omegas are of the rate at their ends, if the number is one that the rate of the tick follows from."""
+    if name_of(along) not in loops.drawing.rating:
+        return intervals
+    of_rows, omegas = loops.some(intervals.column), {}
+    for end in ("low", "high"):
+        rate = of_rows.changed({along: getattr(intervals, end)}).rate
+        omegas[f"{end}_omega"] = getattr(intervals, f"{end}_omega") * (rate / of_rows.rate)
+    return replace(intervals, **omegas)

@@ -1,0 +1,31 @@
+"""A bound on a gain of the loop, beside what is required of its modes.
+
+Applies if the region that is asked for has one. The other methods find where the loop is stable; within that, the gain is
+proved to be below its bound on panels of the number, by that region itself.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine._search.question import Question, Rest, Slices
+from wavesweep.engine._stability.intervals import Intervals, common
+
+
+def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
+    """Whether a gain is bounded."""
+    return bool(question.bound and question.bound.gain)
+
+
+def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
+    """The stable intervals, as far as the gain is small enough."""
+    from wavesweep.engine._search.frames_along import FramesAlong, in_own_time
+
+    loops, bound = slices.loops, question.bound
+    stable = rest(replace(question, bound=bound.of_modes), slices)
+    frames = FramesAlong.of(question, loops, slices.size)
+    small = bound.within_gain(loops, question.along, question.span, frames.period, frames.bounds, frames.resolved, stable)
+    timed = in_own_time(small, loops, question.along)  # ends of stability are so already; those of the gain have a minus
+    omegas = {name: (getattr(small, name), getattr(timed, name)) for name in ("low_omega", "high_omega")}
+    omegas = {name: np.where(omega < 0, in_time, omega) for name, (omega, in_time) in omegas.items()}
+    return common([stable, replace(small, **omegas)])

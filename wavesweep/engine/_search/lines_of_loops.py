@@ -1,0 +1,255 @@
+"""The lines of a mode within the frame: which of all frequencies of an eigenvalue a spectrum of the states of loops shows.
+
+An eigenvalue z of the frame gives the frequency of its mode up to whole turns per frame. In a frame of M ticks the mode is
+`z^(i/M)` times a periodic signal, whose Fourier components are its lines (N. M. Wereley, S. R. Hall, Conference on Decision
+and Control 1990).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.engine._drawing.drawing import Drawing
+from wavesweep.engine._loops.from_drawing import PRODUCT
+from wavesweep.engine._monodromy.cut import LinearFractional
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
+from wavesweep.engine._monodromy.periodic import Ticks, frame_of
+from wavesweep.engine._monodromy.rounding import balance
+from wavesweep.engine._monodromy.unit_circle import inverse
+from wavesweep.engine._search.open_loops import Opened, OpenLoops
+from wavesweep.engine._search.question import RequiredRegion
+from wavesweep.engine._stability.boundary import times
+from wavesweep.engine._stability.spectrum import eigenvalues
+from wavesweep.engine.loop import Loops
+
+MOST = 2**18  # numbers of states that are followed at once
+BESIDE, ROUNDED = 1e-10, 4  # how far from an eigenvalue its vectors are looked for: of its size; roundings of the entries
+FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
+APART = 1e-9  # of the largest participation in a mode, up to which a state takes no part
+SECOND = 1 / 3  # of the energy of a mode, beyond which a second line is told
+REAL = 1e-6  # rad: so near to 0 or pi the two lines of an eigenvalue and its conjugate are one
+
+
+def lines_in_loops(loops: Loops, s: np.ndarray) -> np.ndarray:
+    """`lines_of` a mode of each loop of a batch, that whose eigenvalue is nearest to one of exp(s), `(loops, choices)`."""
+    (lines,) = lines_of_each(loops, [s])
+    return lines
+
+
+def lines_of_each(loops: Loops, modes: Sequence[np.ndarray]) -> Iterator[np.ndarray]:
+    """Yield `lines_in_loops` of several modes, each given by its s, from frames that are computed once."""
+    drawn, drift, size = loops.drawn(), loops.drift(), len(modes[0]) if modes else 0
+    period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    if drawn.ticks == 1:
+        yield from (lines_of(np.ones((size, 1, 1)), s[:, 0], period) for s in modes)
+        return
+    with drawn.naming_blocks(), np.errstate(all="ignore"):
+        ticks, _ = drift.relative_ticks(Ticks.of(drawn, alone=True, terms=True))
+        n, leads = len(ticks.states), drift.leads
+        inner = np.delete(np.arange(n), [*leads, *drift.unobserved])
+        E = np.broadcast_to(frame_of(ticks), (size, n, n))
+        balanced, units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)[:, inner[:, None], inner])
+        values, _ = eigenvalues(balanced)
+        changes = [(np.eye(n) + tick.E, None) for tick in ticks.maps]
+        for s in modes:
+            nearest = np.argmin(np.abs(values[..., None] - np.expm1(s)[:, None]).min(-1), -1)
+            delta = values[np.arange(size), nearest]
+            left, right = (vectors.reshape(units.shape) for vectors in vectors_of(balanced, delta))
+            state, participation = np.zeros((size, n, 1), complex), np.zeros((size, n))
+            state[:, inner, 0], participation[:, inner] = right * units, np.abs(left * right)
+            for lead in leads:
+                state[:, lead, 0] = np.where(delta == 0, 0.0, (E[:, lead] * state[..., 0]).sum(-1) / delta)
+            taking = participation > APART * participation.max(-1, keepdims=True)
+            rows, shown = _shown_by(loops.drawing, ticks.states, drift, taking)
+            moved = np.concatenate([*_in_ticks(ticks.kind.tolist(), changes, state, rows)], axis=-1)
+            moved[~shown] = 0.0
+            yield lines_of(moved, np.log1p(delta).real + 1j * s[:, 0].imag, period)
+
+
+def _shown_by(drawing: Drawing, states: tuple[str, ...], drift: MarginalModes, taking) -> tuple[np.ndarray, np.ndarray]:
+    """The states that a spectrum shows as rows over states that are relative to others, `(n, n)`, and which it shows of modes
+    in which the states `taking` take part, masks `(..., n)`.
+
+    They are the states of plants, also a position of theirs that nothing else reads; what programs remember, a spectrum shows
+    as stairs. Without a plant all are shown.
+    """
+    starts = [plant.start(block.name) for plant in drawing.plants for block in plant.members]
+    starts += [f"{block.name}." for block in drawing.alone if block.plant]
+    blocks, rows, taking = np.array([name.rpartition(".")[0] for name in states]), np.eye(len(states)), taking.copy()
+    for lead, factors in drift.constant:
+        rows[[index for index, _ in factors], lead] = [factor for _, factor in factors]
+        taking[..., lead] = (taking & (blocks == blocks[lead])).any(-1)
+    plants = taking & [name.startswith(tuple(starts)) for name in states]
+    return rows, np.where(plants.any(-1, keepdims=True), plants, taking)
+
+
+def _in_ticks(kinds, changes, state, rows):
+    """Yield `rows` times the states, complex `(..., n, columns)`, in each tick of a frame.
+
+    kinds: of each tick. changes: per kind, the matrix, and what is added to each column, or None.
+    """
+    at = rows.argmax(-1)
+    picked = (rows == np.eye(rows.shape[-1])[at]).all()  # which takes a tenth of a product's time
+    for kind in kinds:
+        yield state[..., at, :] if picked else times(rows, state)
+        matrix, added = changes[kind]
+        state = times(matrix, state)
+        if added is not None:
+            state += added
+
+
+def strongest_in_cut(drawing: Drawing, opened: Opened, place, omega, bound: RequiredRegion | None) -> np.ndarray:
+    """The strongest line (Hz) of the modes of frequency omega, `(n,)`, of the slices at `place` of loops cut at a number.
+
+    bound: see `Question`.
+    """
+    loops, label, hz = opened.loops, opened.loop_of[place], np.abs(omega) / (2 * np.pi)
+    if loops.frame.ticks.kind.size == 1:
+        return hz
+    cut, n = loops.batch(int(opened.loop_of.max()) + 1), len(loops.frame.ticks.states)
+    period = np.broadcast_to(np.asarray(cut.period), cut.batch)[label]
+    s = (np.log(bound.radius_of(period)) if bound else 0.0) + 1j * omega * period
+    modes, order = ModesOfCut.of(drawing, loops, cut), np.argsort(label, kind="stable")
+    order = order[s[order] != 0] if cut.integrates else order  # there nothing moves but the integrator
+    few = max(1, MOST // (n * np.bincount(label[order]).max(initial=1)))
+    with np.errstate(all="ignore"):
+        rest = order[~(_share_of_first(modes, label, order, s, few) > 1 / 2)]
+        for batch in (rest[begin : begin + few] for begin in range(0, rest.size, few)):
+            moved = np.concatenate([*modes.in_ticks(label[batch], np.expm1(s[batch, None]))], axis=-1)
+            hz[batch] = lines_of(moved, s[batch], period[batch])[:, 0]
+    return hz
+
+
+def _share_of_first(modes, label, order, s, few):
+    """The share of the first line in what is shown of each mode, in this order, which is that of their loops `label`."""
+    first, begins, counts = np.unique(label[order], return_index=True, return_counts=True)
+    row, column = np.repeat(np.arange(first.size), counts), np.arange(order.size) - np.repeat(begins, counts)
+    index = np.repeat(order[begins][:, None], counts.max(initial=1), axis=1)  # of each loop's modes, filled up with its first
+    index[row, column] = order
+    share = np.empty(index.shape)
+    for batch in (slice(begin, begin + few) for begin in range(0, first.size, few)):
+        shown = modes.in_ticks(first[batch], np.expm1(s[index[batch]]))
+        share[batch] = share_of_first(shown, modes.loops.frame.ticks.kind.size, s[index[batch]])
+    return share[row, column]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModesOfCut:
+    """Modes of loops that are cut at a number: what a product of 1 moves, `(z - A)^-1 B`, whatever the number.
+
+    rows: what a spectrum shows, over the states. inner: where the states of the cut are among them. force: the input that the
+    product is.
+    """
+
+    loops: OpenLoops
+    cut: LinearFractional
+    rows: np.ndarray
+    inner: np.ndarray
+    force: int
+
+    @staticmethod
+    def of(drawing: Drawing, loops: OpenLoops, cut: LinearFractional) -> "ModesOfCut":
+        """The modes of a batch of loops."""
+        states = loops.frame.ticks.states
+        inner, all_states = np.array([states.index(name) for name in cut.states]), np.arange(len(states))
+        rows, shown = cut.remembered("shown", lambda: _shown_by(drawing, states, loops.drift, np.isin(all_states, inner)))
+        return ModesOfCut(loops, cut, rows[shown], inner, loops.drawn.inputs.index(PRODUCT))
+
+    def in_ticks(self, index, w):
+        """What is shown in each tick, of the loops `index`, `(k,)`, and their modes of eigenvalue 1 + w, `(k, columns)`."""
+        cut, frame, ticks = self.cut, self.loops.frame, self.loops.frame.ticks
+        kinds, n = ticks.kind.tolist(), len(ticks.states)
+        single = cut.batch[0] == index.size == 1 and len(kinds) * len(self.rows) * max(n, w.shape[-1]) <= MOST
+        pole, mode = polynomials(cut.remembered("form", lambda: self._form(index)) if single else self._form(index), w)
+        state = np.zeros((index.size, n, w.shape[-1]), complex)
+        state[:, self.inner] = mode / pole[:, None]
+        for lead in self.loops.drift.leads:
+            moved = (_of_loops(frame.E, index)[..., lead, :, None] * state).sum(-2) + _of_loops(frame.B, index)[..., lead, :1]
+            state[:, lead] = np.where(w == 0, 0.0, moved / w)
+        if single:
+            all_ticks = cut.remembered("ticks", self._in_one_product)
+            moved = times(all_ticks.reshape(-1, n + 1), np.append(state[0], np.ones((1, w.shape[-1])), axis=0))
+            return moved.reshape(len(kinds), 1, len(self.rows), -1)
+        changes = []
+        for tick in ticks.maps:
+            force = _of_loops(tick.B, index)[..., self.force, None] if np.any(tick.B[..., self.force]) else None
+            changes.append((np.eye(n) + _of_loops(tick.E, index), force))
+        return _in_ticks(kinds, changes, state, self.rows)
+
+    def _form(self, index):
+        E, B = self.cut.E[index], self.cut.B[index]
+        return reduced(in_even_units(E, B, np.broadcast_to(np.eye(self.inner.size), E.shape)))
+
+    def _in_one_product(self):
+        """What is shown in all ticks, as rows over the states and the product of a single loop, `(ticks, rows, n + 1)`."""
+        ticks, rows = self.loops.frame.ticks, self.rows
+        n = len(ticks.states)
+        matrices = np.tile(np.eye(n + 1), (len(ticks.maps), 1, 1))
+        for matrix, tick in zip(matrices, ticks.maps, strict=True):
+            matrix[:n] += np.append(tick.E.reshape(n, n), tick.B[..., self.force].reshape(n, 1), axis=-1)
+        changes = [(matrix, None) for matrix in matrices]
+        return np.stack([*_in_ticks(ticks.kind.tolist(), changes, np.eye(n + 1), np.append(rows, 0 * rows[:, :1], axis=-1))])
+
+
+def _of_loops(arrays, index):
+    """The arrays of some loops of a batch; one array is that of all loops."""
+    return arrays[index] if arrays.ndim > 2 and len(arrays) > 1 else arrays
+
+
+def vectors_of(E, w):
+    """Return the left and the right eigenvector next to w of each matrix, `(..., 1, n)` and `(..., n, 1)`, of product 1.
+
+    They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
+    """
+    # Not quite at w: at an eigenvalue there is no inverse, and next to two of them the inverse is not known.
+    step, back = BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)), np.full(E.shape, np.nan + 0j)
+    for farther in FARTHER:
+        rest = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
+        if rest.size:
+            back[rest] = inverse(E[rest] - (w + farther * step)[rest, None, None] * np.eye(E.shape[-1]))
+    start = np.cos(np.arange(1, E.shape[-1] + 1))
+    right, left = back @ start[:, None], start @ back
+    right, left = (v / np.abs(v).max((-1, -2) if v.ndim > 2 else -1, keepdims=True) for v in (right, left))
+    right, left = back @ right, left[:, None] @ back
+    right, left = (v / np.abs(v).max((-1, -2), keepdims=True) for v in (right, left))
+    return left / (left @ right), right
+
+
+def lines_of(moved, s, period) -> np.ndarray:
+    """Return the strongest line of modes (Hz), and the second one or NaN, `(..., 2)`, from states in each tick.
+
+    moved: `(..., states, ticks)`. s: logarithm of the eigenvalue, and period of the frame (s), `(...)`. The share of a line is
+    its mean share in the energy of each state, whatever their units are. If all of them rest, the line is that of s itself.
+    """
+    ticks, theta = moved.shape[-1], s.imag[..., None]
+    turns, index = np.round(np.fft.fftfreq(ticks) * ticks).astype(int), np.arange(ticks)
+    with np.errstate(all="ignore"):
+        energy = np.abs(np.fft.fft(moved * np.exp(-s[..., None] * index / ticks)[..., None, :])) ** 2
+        share = np.nan_to_num(energy / energy.sum(-1, keepdims=True)).sum(-2)
+        share = np.nan_to_num(share / share.sum(-1, keepdims=True))
+    half = np.where(np.abs(theta) >= np.pi - REAL, np.sign(theta), 0).astype(int)
+    conjugate = np.where((np.abs(theta) <= REAL) | (half != 0), (-turns - half) % ticks, index)
+    share = share + np.where(conjugate == index, 0.0, np.take_along_axis(share, conjugate, -1))
+    first = np.argmax(share, -1)[..., None]
+    rest = np.where((index == first) | (index == np.take_along_axis(conjugate, first, -1)), 0.0, share)
+    both = np.concatenate([first, np.argmax(rest, -1)[..., None]], -1)
+    hz = np.abs(theta / (2 * np.pi) + turns[both]) / np.asarray(period)[..., None]
+    hz[..., 1] = np.where(rest.max(-1) > SECOND, hz[..., 1], np.nan)
+    return hz
+
+
+def share_of_first(observed, ticks, s) -> np.ndarray:
+    """Return the share of the line of s itself, as `lines_of` has it, `(..., columns)`; observed: the states, tick by tick,
+    `(..., states, columns)`, or an array of all of them."""
+    near, total, turn, step = 0.0, 0.0, np.ones_like(s)[..., None, :], np.exp(-s / ticks)[..., None, :]
+    if isinstance(observed, np.ndarray):
+        moved = observed * np.multiply.accumulate(np.stack([turn, *[step] * (ticks - 1)]))
+        near, total = moved.sum(0), (moved.real**2 + moved.imag**2).sum(0)
+    else:
+        for states in observed:
+            moved = states * turn
+            near, total, turn = near + moved, total + (moved.real**2 + moved.imag**2), turn * step
+    share = (near.real**2 + near.imag**2) / (ticks * total)
+    return np.nanmean(share, axis=-2) * np.where(np.abs(s.imag) >= np.pi - REAL, 2, 1)

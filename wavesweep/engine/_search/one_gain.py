@@ -1,0 +1,56 @@
+"""A cut at the number, where it is one scalar gain of a frame: the unit circle is searched for crossings.
+
+Applies if the frame without the number has a cut. All crossings are roots of one real polynomial; between two of them the
+number of eigenvalues outside of the circle is counted, and the count is proved by signs or discs.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.engine._monodromy.cut import FIRST, SECOND
+from wavesweep.engine._search.open_loops import Opened, by_zeros
+from wavesweep.engine._search.question import Question, RequiredRegion, Rest, Slices
+from wavesweep.engine._stability.intervals import Intervals, by_slice, in_place
+from wavesweep.engine._stability.stable import stable_intervals
+from wavesweep.engine.doubts import Doubt
+from wavesweep.engine.rows import different
+
+
+def applies(question: Question, slices: Slices) -> bool:  # noqa: ARG001
+    """Whether the loops are known without the number, and can be cut there."""
+    return slices.opened is not None and slices.opened.loops.cut is not None
+
+
+def find(question: Question, slices: Slices, rest: Rest) -> Intervals:
+    """The intervals from cuts; columns in doubt that share a loop are cut one by one, then the rest is asked."""
+    loops, opened = slices.loops, slices.opened
+    intervals = of_cut(opened, question.span, question.bound)
+    doubtful = different(intervals.column[intervals.doubt != Doubt.NONE])
+    if not doubtful.size:
+        return intervals
+    if opened.alone or slices.size == 1:
+        return in_place(intervals, doubtful, rest(question, Slices(loops.some(doubtful), doubtful.size)))
+    for alike in by_zeros(loops, doubtful):
+        columns = doubtful[alike]
+        few = loops.some(columns)
+        find_port = question.find_port if opened.loops.port else None
+        alone = Slices(few, columns.size, Opened.of_each(few, question.number, columns.size, find_port=find_port))
+        answer = find(question, alone, rest) if applies(question, alone) else rest(question, alone)
+        intervals = in_place(intervals, columns, answer)
+    return intervals
+
+
+def of_cut(opened: Opened, span: tuple[float, float], bound: RequiredRegion | None = None) -> Intervals:
+    """The intervals of slices whose loops are cut, sorted by slice; loops with equally many slices go together."""
+    cut = opened.loops.batch(int(opened.loop_of.max()) + 1)
+    order, counts = np.argsort(opened.loop_of, kind="stable"), np.bincount(opened.loop_of)
+    starts, batches = np.cumsum(counts) - counts, []
+    for count in different(counts[counts > 0]).tolist():
+        alike = np.flatnonzero(counts == count)
+        slices = order[starts[alike][:, None] + np.arange(count)]
+        loops = cut if alike.size == cut.batch[0] else cut.at(alike)
+        radius = bound and bound.radius_of(loops.period)
+        intervals = stable_intervals(loops, SECOND if opened.swapped else FIRST, span, opened.second[slices], radius)
+        batches.append(replace(intervals, column=slices.reshape(-1)[intervals.column]))
+    return by_slice(batches)

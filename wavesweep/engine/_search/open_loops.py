@@ -1,0 +1,169 @@
+"""Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from wavesweep.engine._drawing.drawing import Drawing, name_of, path_of
+from wavesweep.engine._loops.algebraic import WORST_CONDITION
+from wavesweep.engine._loops.from_drawing import BESIDE, FACTOR, PRODUCT, Ports, scalar_place, shares_wire
+from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._monodromy.cut import LinearFractional
+from wavesweep.engine._monodromy.drift import MarginalModes
+from wavesweep.engine._monodromy.open_frame import OpenFrame, cut_of, open_frame
+from wavesweep.engine.errors import IllPosedLoopError
+from wavesweep.engine.loop import Loops
+from wavesweep.engine.rows import distinct, distinct_rows
+
+# From the blocks of loops without some numbers, their drawing, these numbers, and the signals of theirs that the frame is
+# opened at, to a port that the frame is to show as well; None for none.
+FindPort = Callable[[MultirateLoop, Drawing, tuple[str, ...], tuple[str, ...]], Ports | None]
+
+ANY = np.array([0.5, 2.0])  # a number that varies
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
+FEW = 200  # loops at most that are remembered together; a chunk of a large sweep is never asked again
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoops:
+    """Loops without a number that is one scalar gain of their frame.
+
+    port: whose input the frame has as well, and whose reaction it shows. second: another number of the same wire, that they are
+    without as well (see `shares_wire`), or empty. conserved: whether a combination of states drifts in the loops with the
+    number.
+    """
+
+    drawn: MultirateLoop
+    frame: OpenFrame
+    drift: MarginalModes
+    port: Ports | None = None
+    second: str = ""
+    conserved: bool = False
+    memo: dict = field(default_factory=dict, init=False, repr=False)  # see `remembered`
+
+    def remembered(self, name: str, make: Callable[[], Any]) -> Any:
+        """What was made of these loops under that name, or is made now."""
+        if name not in self.memo:
+            self.memo[name] = make()
+        return self.memo[name]
+
+    @cached_property
+    def cut(self) -> LinearFractional | None:
+        """The loops cut at the number, or at the two numbers; None if their drift cannot be represented in a cut."""
+        return cut_of(self.frame, self.drift, 1 + bool(self.second), conserved=self.conserved)
+
+    def batch(self, size: int) -> LinearFractional:
+        """The cut as a batch of `size` loops."""
+        return self.cut.remembered(("batch", size), lambda: self.cut.as_batch(size))
+
+
+def open_loops(
+    loops: Loops, number: str, second: str = "", *, find_port: FindPort | None = None, per_loop: bool = False
+) -> OpenLoops | None:
+    """The loops without a number that is one scalar gain of a frame; None if it is not one.
+
+    second: another number of the same wire, without which they are as well; None if they drift in another way without it.
+    find_port: of a port that the frame is to show. per_loop: see `product_with_errors`.
+    """
+    drawing = loops.drawing
+    if not scalar_place(drawing, number):
+        return None
+    read, both = (FACTOR, BESIDE)[: 1 + bool(second)], dict.fromkeys(map(path_of, filter(None, (number, second))), ANY)
+    closed, loops = loops.changed(both).drift(), loops.changed(dict.fromkeys(both, 0.0))
+    drift = loops.drift(number, read, second)
+    if drift.varying:
+        return None
+    if second:
+        with_second = loops.changed({path_of(second): ANY}).drift(number, read, second)
+        if (with_second.constant, with_second.varying) != (drift.constant, drift.varying):
+            return None
+    conserved = bool(closed.varying)
+    if conserved and len(closed.constant) + len(closed.varying) != len(drift.constant):
+        return None
+    drawn = loops.drawn(number, second)
+    port = find_port(drawn, drawing, (number, second), read) if find_port else None
+    shown = (port.force, (port.reaction,)) if port else ("", ())
+    with drawn.naming_blocks(), np.errstate(all="ignore"):
+        frame = open_frame(drawn, drift, PRODUCT, read, *shown, per_loop=per_loop)
+    return frame and OpenLoops(drawn, frame, drift, port, second, conserved)
+
+
+@lru_cache(maxsize=8)  # compiled loops are asked again and again
+def remembered_loops(drawing, items, number, second, find_port):
+    """`open_loops` of a single loop or of few; items: their numbers, in tuples over the loops."""
+    values = {path: np.array(value) if isinstance(value, tuple) else value for path, value in items}
+    return open_loops(Loops(drawing, values), number, second, find_port=find_port)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """Slices with their loops without the number, and perhaps without another one as well.
+
+    loop_of: the loop of each slice. second: the values of the other number. swapped: whether the loops are cut at that one, as
+    at a stiffness for intervals of the damping. alone: whether each slice has a loop and bounds on rounding of its own.
+    """
+
+    loops: OpenLoops
+    loop_of: np.ndarray
+    second: np.ndarray
+    swapped: bool = False
+    alone: bool = False
+
+    @staticmethod
+    def of(loops: Loops, number: str, size: int, *, find_port: FindPort | None = None) -> "Opened | None":
+        """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
+
+        loops: those of the slices. Slices that differ in another number of the same wire alone have one loop, which is without
+        that number as well; of several such numbers one that is varied. find_port: see `open_loops`.
+        Errors: IllPosedLoopError if the loops have no solution without the number.
+        """
+        path = varied_beside(loops, number)
+        for swapped in (False, True) if path else ():
+            with suppress(IllPosedLoopError):
+                opened = _without(loops, number, size, path, swapped, find_port=find_port)
+                if opened and opened.loops.cut:
+                    # Loops of direct terms that the second number closes have to have solutions.
+                    direct = opened.loops.frame.D[..., int(not swapped), 0]
+                    direct = np.broadcast_to(direct, (int(opened.loop_of.max()) + 1,))[opened.loop_of]
+                    through = opened.second * direct
+                    if (1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all():
+                        return opened
+        return _without(loops, number, size, find_port=find_port)
+
+    @staticmethod
+    def of_each(loops: Loops, number: str, size: int, *, find_port: FindPort | None = None) -> "Opened | None":
+        """`of` slices that have a loop each, with bounds on rounding of its own."""
+        return _without(loops, number, size, alone=True, find_port=find_port)
+
+
+def by_zeros(loops: Loops, columns: np.ndarray) -> list[np.ndarray]:
+    """Places of the columns whose numbers are zero alike, together."""
+    return distinct([v[columns] == 0 for v in loops.values.values() if np.ndim(v)], columns.size)
+
+
+def varied_beside(loops: Loops, number: str) -> str:
+    """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last one; else empty."""
+    paths = [path for path, v in loops.values.items() if np.ndim(v) and shares_wire(loops.drawing, number, name_of(path))]
+    return paths[-1] if paths else ""
+
+
+def _without(loops, number, size, path="", swapped=False, *, alone=False, find_port):
+    """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
+    loop_of, second, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
+    numbers = numbers[::-1] if swapped else numbers
+    if path:
+        distinct_in = {name: v for name, v in loops.values.items() if np.ndim(v) and name != path}
+        first, loop_of = distinct_rows(distinct_in, size)
+        second, loops = loops.values[path], loops.some(first) if first.size > 1 else loops.one(first[0])
+        loops = loops.changed({path: 0.0})
+    elif size == 1 and not alone:
+        loops = loops.one(0)
+    if alone or max(map(np.size, loops.values.values()), default=1) > FEW:
+        without = open_loops(loops, *numbers, find_port=find_port, per_loop=alone)
+    else:
+        without = remembered_loops(loops.drawing, loops.items, *numbers, find_port)
+    return without and Opened(without, loop_of, second, swapped, alone)

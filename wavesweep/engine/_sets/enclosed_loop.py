@@ -1,0 +1,483 @@
+"""The blocks of a drawn loop with some of its numbers anywhere in a cell, and the ticks that they make.
+
+What the blocks do is written in `loops.definitions`, for numbers of every kind; here the numbers are Taylor models of the sides
+of the cell. Names of states and ports are those of the loop in doubles, whose structure this follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+from flint import arb, ctx
+
+from wavesweep.engine._drawing.block_types import TYPES
+from wavesweep.engine._drawing.drawing import Drawing, name_of, scalars
+from wavesweep.engine._drawing.drawn_block import DELTA, DrawnBlock, Plant
+from wavesweep.engine._drawing.expressions import (
+    FUNCTIONS,
+    ONE,
+    Tree,
+    constants_of,
+    evaluate,
+    named,
+    names_in,
+    value_of,
+)
+from wavesweep.engine._loops import dead_time, definitions
+from wavesweep.engine._loops.blocks import realisation
+from wavesweep.engine._loops.filters import sections
+from wavesweep.engine._loops.multirate import MultirateLoop
+from wavesweep.engine._loops.values import keys_with
+from wavesweep.engine._sets.taylor_models import BITS, Polynomials, TaylorModel, UnresolvedError
+
+CONTINUOUS = ("mass", "inertia", "mass_matrix", "spring", "ss", "tf")
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """A side t of a cell, of the number with this path.
+
+    The number is t itself if `zero` is NaN; `zero + exp(t)` for one that changes by a factor; `zero + (end - zero)/(1 +
+    exp(-t))` for one that also comes near to an end.
+    """
+
+    path: str
+    zero: float = np.nan
+    end: float = np.inf
+
+    def number(self, t: Any) -> Any:
+        """Return the number at places of the side, doubles or arrays."""
+        with np.errstate(all="ignore"):
+            if np.isnan(self.zero):
+                return np.array(t)
+            return self.zero + (np.exp(t) if np.isinf(self.end) else (self.end - self.zero) / (1 + np.exp(-t)))
+
+    def place(self, number: Any) -> Any:
+        """Return t at numbers, doubles or arrays."""
+        with np.errstate(all="ignore"):
+            if np.isnan(self.zero):
+                return np.array(number)
+            above = number - self.zero
+            return np.log(above if np.isinf(self.end) else above / (self.end - number))
+
+    def model(self, t: Any) -> Any:
+        """Return the number at a place that is a model or an arb."""
+        if np.isnan(self.zero):
+            return t
+        return self.zero + (t.exp() if np.isinf(self.end) else (self.end - arb(self.zero)) / (1 + (-t).exp()))
+
+
+class BlockModel(NamedTuple):
+    """A block `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]` in a cell."""
+
+    E: Polynomials
+    B: Polynomials
+    C: Polynomials
+    D: Polynomials
+
+
+class EnclosedLoop:
+    """A drawn loop of which some numbers are anywhere in a cell.
+
+    drawing, values: of one loop, flat; values have the whole ticks of dead times. sides: of the cells.
+    """
+
+    def __init__(self, drawing: Drawing, values: Mapping[str, Any], sides: Sequence[Side], order: int) -> None:
+        self.drawing, self.sides, self.order = drawing, tuple(sides), order
+        numbers = {name: value for name, value in scalars(values).items() if value is not None}
+        self.known = dead_time.built(drawing, numbers)
+        self.names = tuple(name_of(side.path) for side in sides)
+        self.kept: dict[Any, Any] = {}
+        self.last: tuple[np.ndarray, LoopModel] | None = None  # the cell that was asked for last
+
+    def over(self, cell: np.ndarray, known: dict[Any, BlockModel] | None = None) -> LoopModel:
+        """Return the blocks and the gains of the wires in a cell `(2, sides)`.
+
+        known: blocks in this cell, of loops with the same values and sides; those that are the same here are taken from there.
+        Errors: UnresolvedError if the cell is too wide for a bound; its number is the index of a side.
+        """
+        if self.last is not None and np.array_equal(self.last[0], cell):
+            return self.last[1]
+        wide = np.flatnonzero(cell[0] < cell[1])
+        with ctx.workprec(BITS):
+            try:
+                model = _Evaluation(self, cell, wide, {} if known is None else known).model()
+            except UnresolvedError as error:
+                raise UnresolvedError(None if error.number is None else int(wide[error.number])) from None
+        self.last = cell, model
+        return model
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopModel:
+    """The blocks of a loop by name, and the gains of its junctions, in a cell."""
+
+    blocks: Mapping[str, BlockModel]
+    sums: Mapping[str, Mapping[str, Any]]
+    numbers: int
+    order: int
+
+    def tick(
+        self, loop: MultirateLoop, place: int, held: Mapping[str, Sequence[str]], exact: Collection[str] = ()
+    ) -> Polynomials:
+        """Return the map of a tick less the identity, `(n, n)`, with the states of `Ticks.of`.
+
+        loop: the same in doubles, whose blocks run as its schedule says. place: of the tick in its frame. held: the ports that
+        each block holds. exact: blocks whose entries in doubles are what they are.
+
+        With the blocks side by side, `y = C x + D u` and the wires `u = K y` give `(I - K D) u = K C x`.
+        """
+        placed = [scheduled.block for scheduled in loop.placed]
+        runs = [bool(scheduled.runs(place + 1)[place]) for scheduled in loop.placed]
+        models = [
+            self._exactly(block) if block.name in exact or block.name not in self.blocks else self.blocks[block.name]
+            for block in placed
+        ]
+        n = sum(len(block.states) + len(held[block.name]) for block in placed)
+        ports = [f"{block.name}.{port}" for block in placed for port in block.inputs]
+        made = [f"{block.name}.{port}" for block in placed for port in block.outputs]
+        A, B, C, D = (self._zeros(*shape) for shape in ((n, n), (n, len(ports)), (len(made), n), (len(made), len(ports))))
+        state = entry = out = 0
+        for block, model, on in zip(placed, models, runs, strict=True):
+            own = slice(state, state + len(block.states))
+            into = slice(entry, entry + len(block.inputs))
+            rows = [block.outputs.index(port) for port in held[block.name]]
+            holding = np.arange(own.stop, own.stop + len(rows))
+            shown = slice(out, out + len(block.outputs))
+            if on:
+                for whole, part, place_of in (
+                    (A, model.E, (own, own)),
+                    (B, model.B, (own, into)),
+                    (C, model.C, (shown, own)),
+                    (D, model.D, (shown, into)),
+                    (A, model.C.at(rows, range(model.C.rest.shape[1])), (holding, own)),
+                    (B, model.D.at(rows, range(model.D.rest.shape[1])), (holding, into)),
+                ):
+                    whole.terms[:, *place_of] = part.terms
+                    whole.rest[place_of] = part.rest
+                A.terms[0, holding, holding] = -1.0
+            else:
+                C.terms[0, [out + row for row in rows], holding] = 1.0
+            state, entry, out = own.stop + len(rows), into.stop, shown.stop
+        K = self._wires(loop, ports, made)
+        return A + B @ self._closed(K @ D, K @ C)
+
+    def parts(self) -> Iterator[tuple[np.ndarray, float]]:
+        """Yield the sizes of the terms of each matrix of a block, and of each gain, and what is left out of it."""
+        for block in self.blocks.values():
+            for matrix in block:
+                yield np.abs(matrix.terms).reshape(len(matrix.terms), -1).sum(1), float(matrix.rest.sum())
+        for terms in self.sums.values():
+            for gain in terms.values():
+                if isinstance(gain, TaylorModel):
+                    yield np.abs(gain.terms), gain.rest
+
+    def _zeros(self, *shape):
+        return Polynomials.constant(np.zeros(shape), self.numbers, self.order)
+
+    def _exactly(self, block):
+        return BlockModel(*(Polynomials.constant(getattr(block, name), self.numbers, self.order) for name in "EBCD"))
+
+    def _wires(self, loop, ports, made):
+        """The gains from outputs to ports, those of other junctions put in."""
+        traced: dict[str, dict[str, Any]] = {signal: {signal: 1} for signal in made} | {signal: {} for signal in loop.inputs}
+
+        def trace(signal):
+            if signal not in traced:
+                gains: dict[str, Any] = {}
+                terms = self.sums[signal] if loop.sums.get(signal) else {}
+                for source, gain in terms.items():
+                    for end, factor in trace(source).items():
+                        gains[end] = gains.get(end, 0) + gain * factor
+                traced[signal] = gains
+            return traced[signal]
+
+        rows = [[trace(port).get(signal, 0) for signal in made] for port in ports]
+        return Polynomials.of_entries(rows, (len(ports), len(made)), self.numbers, self.order)
+
+    def _closed(self, L, R):
+        """The solution of `u = L u + R`; without a loop in L it takes no inverse."""
+        acts = L.whole > 0
+        steps, reached = 0, np.eye(len(acts), dtype=bool)
+        while reached.any() and steps <= len(acts):
+            steps, reached = steps + 1, (reached.astype(float) @ acts) > 0
+        if steps <= len(acts):
+            found = R
+            for _ in range(steps - 1):
+                found = R + L @ found
+            return found
+        ring = np.flatnonzero((acts | acts.T).any(0))
+        one = Polynomials.constant(np.eye(ring.size), self.numbers, self.order)
+        solved = (one - L.at(ring, ring)).inverse() @ R.at(ring, range(R.rest.shape[1]))
+        found = Polynomials(R.terms.copy(), R.rest.copy(), self.numbers, self.order)
+        found.terms[:, ring], found.rest[ring] = solved.terms, solved.rest
+        return found
+
+
+class _Evaluation:
+    """One cell of a loop: the values of its expressions, and the blocks that these make."""
+
+    def __init__(self, loop: EnclosedLoop, cell: np.ndarray, wide: np.ndarray, known: dict[Any, BlockModel]) -> None:
+        self.loop, self.numbers, self.order, self.known = loop, wide.size, loop.order, known
+        self.values = {}
+        for at, (name, side) in enumerate(zip(loop.names, loop.sides, strict=True)):
+            low, high = map(float, cell[:, at])
+            if low < high:
+                value = TaylorModel.side(int(np.searchsorted(wide, at)), low, high, wide.size, loop.order)
+            else:
+                value = arb(low)
+            self.values[name] = side.model(value)
+        self.library = SimpleNamespace(
+            **{name: _function(name) for name in FUNCTIONS}, pi=arb.pi(), hypot=lambda a, b: _function("sqrt")(a * a + b * b)
+        )
+
+    def model(self) -> LoopModel:
+        drawing = self.loop.drawing
+        rate = self.value(drawing.tick_hz)
+        tick = 1 / rate
+        blocks = {block.name: self._once(block, self._block, block, tick) for block in drawing.alone if not block.dead_time}
+        blocks |= {name: self._dead_time(name) for name in drawing.dead_times}
+        shares = self._shares(rate)
+        blocks |= {plant.name: self._once(plant, self._plant, plant, tick, shares) for plant in drawing.plants}
+        inside = drawing.inside
+        sums = {
+            inside.get(port, port): {inside.get(signal, signal): self.value(gain) for signal, gain in terms}
+            for port, terms in drawing.wires
+        }
+        if drawing.dead_times:
+            sums = dead_time.joined(sums, drawing.plants, inside, "", "")
+        return LoopModel(blocks, sums, self.numbers, self.order)
+
+    def _shares(self, rate):
+        """The share s of each dead time of `(m - s)` ticks.
+
+        Errors: UnresolvedError if it may be of other whole ticks somewhere in the cell, or if another one may come before it.
+        """
+        drawing, known = self.loop.drawing, self.loop.known
+        shares = {name: known[f"block.{name}.ticks"] - self.value(tree) * rate for name, tree in drawing.dead_times.items()}
+        for path, names in drawing.building.items():
+            total = sum(shares[name] for name in names)
+            low, high = (0, 1) if len(names) == 1 else (1, 2) if known[path] else (0, 1)
+            for beyond in (low - total, total - high):
+                if _largest(beyond) > dead_time.ROUNDED * (1 + known[f"block.{names[0]}.ticks"]):
+                    raise UnresolvedError(beyond.widest() if isinstance(beyond, TaylorModel) else None)
+        return shares
+
+    def _once(self, block, make, *arguments):
+        """The model of a block, kept for all cells if it reads none of the sides, and else for other loops in this cell."""
+        trees = [self.loop.drawing.tick_hz, *(tree for _, tree in block.trees())]
+        if isinstance(block, Plant):
+            timed = {name for _, name in (*block.arriving, *block.sensed)}
+            trees += [tree for name, tree in self.loop.drawing.dead_times.items() if name in timed]
+        if any(self.reads(tree) for tree in trees):
+            kept, key = self.known, block
+        else:
+            kept, key = self.loop.kept, (block.name, self.numbers)
+        if key not in kept:
+            kept[key] = make(*arguments)
+        return kept[key]
+
+    def reads(self, tree: Tree) -> bool:
+        """Whether a tree reads a number of the sides."""
+        return any(name in self.values for name, _ in names_in(tree))
+
+    def value(self, tree: Tree) -> Any:
+        """The value of a tree: a model, or an arb if it reads none of the sides."""
+        numbers = {constant: arb(constant) for constant in constants_of(tree)}
+        for name, _ in names_in(tree):
+            numbers[name] = self.values[name] if name in self.values else arb(self.loop.known[name])
+        try:
+            return evaluate(named(tree), numbers, self.library)
+        except ZeroDivisionError:
+            raise UnresolvedError(None) from None
+
+    def _keys(self, block):
+        keys = keys_with(block, self.value, lambda tree: value_of(tree, self.loop.known))
+        if block.type == "ss" and not keys["D"]:
+            keys["D"] = [[0] * len(keys["inputs"]) for _ in keys["outputs"]]
+        return keys
+
+    def _block(self, block: DrawnBlock, tick: Any) -> BlockModel:
+        every = int(value_of(block.every, self.loop.known))
+        period = tick * every / max(1, len(block.phases))
+        if TYPES[block.type].formula:
+            of_names, keys = block.core(ONE, named=True), self._keys(block)
+            numbers = {name: value for name, value in keys.items() if not isinstance(value, str)} | {"T": period}
+            coefficients = []
+            for _, trees in of_names.keys[:2]:
+                coefficients.append([self._in_names(tree, numbers) for tree in trees])
+            discrete = of_names.keys[2][1]
+            if discrete == DELTA:
+                return self._arranged(definitions.controllable(*coefficients))
+            return self._discrete(*coefficients, [None] * len(coefficients[1]))
+        core = block.core(ONE)
+        keys = self._keys(core)
+        if core.type == "butterworth":
+            highpass = keys["pass"] == "high"  # noqa: S105 - the side that passes
+            return self._filter(keys["order"], keys["cutoff_hz"], highpass, period)
+        if core.type == "tf" and keys["discrete"] is True:
+            trees = dict(core.keys)
+            written = [None if dict(names_in(tree)) else float(evaluate(tree, {})) for tree in trees["den"]]
+            return self._discrete(keys["num"], keys["den"], written)
+        if core.type not in CONTINUOUS:
+            return self._arranged(definitions.running(core.type, period, keys, self.library.sqrt))
+        equations = definitions.continuous(core.type, keys)
+        if core.type == "spring":
+            return self._arranged(equations)
+        if keys.get("discrete"):
+            if keys["discrete"] is True:
+                E = [[entry - int(i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
+                equations = equations._replace(E=E)
+            return self._arranged(equations)
+        rates = self._arranged(equations)
+        return BlockModel(*self._held(rates.E, rates.B, period), rates.C, rates.D)
+
+    def _in_names(self, tree, numbers):
+        constants = {constant: arb(constant) for constant in constants_of(tree)}
+        try:
+            return evaluate(named(tree), {**numbers, **constants}, self.library)
+        except ZeroDivisionError:
+            raise UnresolvedError(None) from None
+
+    def _arranged(self, equations):
+        """The matrices of equations whose entries are models or numbers."""
+        n, p = len(equations.states), len(equations.D)
+        m = len(equations.D[0]) if p else 0
+        shapes = (n, n), (n, m), (p, n), (p, m)
+        return BlockModel(*(self._matrix(rows, shape) for rows, shape in zip(equations[1:], shapes, strict=True)))
+
+    def _matrix(self, rows, shape):
+        return Polynomials.of_entries(rows, shape, self.numbers, self.order)
+
+    def _discrete(self, num, den, written):
+        """A transfer function in z in the realisation of `blocks.tf`. written: coefficients of den that are plain numbers."""
+        delays, centre = realisation(written)
+        n = len(den) - 1 - delays
+        num = [0] * (len(den) - len(num)) + list(num)
+        shifted = [_recentred(centre, row[: n + 1]) for row in (num, den)]
+        equations = definitions.controllable(*shifted)
+        E = [[entry + (centre - 1) * int(i == j) for j, entry in enumerate(row)] for i, row in enumerate(equations.E)]
+        later = [coefficient / den[0] for coefficient in num[n + 1 :]]
+        return self._arranged(definitions.with_delays(equations._replace(E=E), later))
+
+    def _filter(self, order, cutoff_hz, highpass, period):
+        """A Butterworth filter: its sections in series, the first nearest to the input."""
+        E, B, C, D = [], [], [], 1
+        warped = self.library.tan(self.library.pi * cutoff_hz * period) if order else None
+        for e, b, c, d in sections(order, warped, highpass, self.library) if order else ():
+            n = len(E)
+            through = d[0][0]
+            E = [[*row, *[0] * len(e)] for row in E]
+            E += [[*(b_row[0] * entry for entry in C), *e_row] for b_row, e_row in zip(b, e, strict=True)]
+            B += [[b_row[0] * D] for b_row in b]
+            C = [*(through * entry for entry in C[:n]), *c[0]]
+            D = through * D
+        return self._arranged(definitions.Equations(tuple(range(len(E))), E, B, [C], [[D]]))
+
+    def _held(self, A, B, period):
+        """`exp(A T) - 1` and `int_0^T exp(A s) ds B`."""
+        n, m = B.rest.shape
+        both = Polynomials.constant(np.zeros((n + m, n + m)), self.numbers, self.order)
+        for part, columns in ((A, slice(n)), (B, slice(n, n + m))):
+            both.terms[:, :n, columns] = part.terms
+            both.rest[:n, columns] = part.rest
+        moved = both.scaled(period).exponential()
+        E = moved.at(range(n), range(n)) - Polynomials.constant(np.eye(n), self.numbers, self.order)
+        return E, moved.at(range(n), range(n, n + m))
+
+    def _plant(self, plant: Plant, period: Any, shares: Mapping[str, Any]) -> BlockModel:
+        """Blocks that act on each other by `u = K y + e`, e held over the period; see `loops.plant.plant_of`."""
+        inputs, outputs = plant.drawn_ports
+        members = [self._arranged(definitions.continuous(block.type, self._keys(block))) for block in plant.members]
+        A, B, C, D = (_diagonal([member[i] for member in members]) for i in range(4))
+        gains = [[0] * len(outputs) for _ in inputs]
+        for port, terms in plant.couplings:
+            for signal, gain in terms:
+                gains[inputs.index(port)][outputs.index(signal)] = self.value(gain)
+        K = self._matrix(gains, (len(inputs), len(outputs)))
+        L = D @ K
+        back, shown, through = B @ K, C, D
+        if L.whole.any():
+            M = (Polynomials.constant(np.eye(len(outputs)), self.numbers, self.order) - L).inverse()
+            shown, through = M @ C, M @ D
+        A, B = A + back @ shown, B + back @ through
+        E, G = self._held(A, B, period)
+        states = range(len(A.rest))
+        columns, rows_of_C, rows_of_D = [G], [shown], []
+        for port, name in plant.arriving:
+            columns.append(self._held(A, B.at(states, [inputs.index(port)]), shares[name] * period)[1])
+        nothing = Polynomials.constant(np.zeros((len(outputs), len(plant.arriving))), self.numbers, self.order)
+        rows_of_D.append(_joined([through, nothing], -1))
+        for signal, name in plant.sensed:
+            i = [outputs.index(signal)]
+            row = shown.at(i, states)
+            moved, pushed = self._held(A, B, shares[name] * period)
+            rows_of_C.append(row + row @ moved)
+            direct = [through.at(i, range(len(inputs))) + row @ pushed]
+            for port, earlier in plant.arriving:
+                j = [inputs.index(port)]
+                if self.loop.known[f"block.{earlier}.before.{name}"]:
+                    late = (shares[earlier] + shares[name] - 1) * period
+                    direct.append(through.at(i, j) + row @ self._held(A, B.at(states, j), late)[1])
+                else:
+                    direct.append(nothing.at([0], [0]))
+            rows_of_D.append(_joined(direct, -1))
+        return BlockModel(E, _joined(columns, -1), _joined(rows_of_C, -2), _joined(rows_of_D, -2))
+
+    def _dead_time(self, name):
+        """The block of a dead time, whose entries are whole numbers."""
+        drawing = self.loop.drawing
+        sensed = {signal for plant in drawing.plants for signal, delay in plant.sensed if delay == name}
+        arriving = any(name == delay for plant in drawing.plants for _, delay in plant.arriving)
+        others = any(signal not in sensed for signal, _ in dict(drawing.wires).get(f"{name}.u", ()))
+        ticks = self.loop.known[f"block.{name}.ticks"]
+        block = dead_time.block_of(name, ticks, sensed=bool(sensed), others=others, arriving=arriving)
+        return BlockModel(*(Polynomials.constant(getattr(block, name), self.numbers, self.order) for name in "EBCD"))
+
+
+def _largest(value):
+    """A bound on the largest value of a model or a ball."""
+    if isinstance(value, TaylorModel):
+        return value.terms[0] + float(np.abs(value.terms[1:]).sum()) + value.rest
+    return float(arb(value).upper())
+
+
+def _function(name):
+    """A function of models and balls."""
+
+    def applied(value):
+        return getattr(value if isinstance(value, TaylorModel | arb) else arb(value), name)()
+
+    return applied
+
+
+def _recentred(at, coefficients):
+    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again."""
+    sums = list(coefficients)
+    for end in range(len(sums), 1, -1):
+        for i in range(1, end):
+            sums[i] = sums[i] + at * sums[i - 1]
+    return sums
+
+
+def _diagonal(parts):
+    """Matrices along a diagonal."""
+    height, width = (sum(part.rest.shape[axis] for part in parts) for axis in (0, 1))
+    whole = Polynomials.constant(np.zeros((height, width)), parts[0].numbers, parts[0].order)
+    row = column = 0
+    for part in parts:
+        below, right = row + part.rest.shape[0], column + part.rest.shape[1]
+        whole.terms[:, row:below, column:right] = part.terms
+        whole.rest[row:below, column:right] = part.rest
+        row, column = below, right
+    return whole
+
+
+def _joined(parts, axis):
+    """Matrices side by side (axis -1) or below each other (-2)."""
+    terms = np.concatenate([part.terms for part in parts], axis)
+    return Polynomials(terms, np.concatenate([part.rest for part in parts], axis), parts[0].numbers, parts[0].order)

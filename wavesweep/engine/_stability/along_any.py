@@ -1,0 +1,307 @@
+"""Stable intervals along any number of a loop, from its eigenvalues."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavesweep.engine._monodromy.resolvent import DelayLines
+from wavesweep.engine._monodromy.rounding import uneven_units
+from wavesweep.engine._stability.covering import Tiles, proved_by_balls, regions_of, tiles_of
+from wavesweep.engine._stability.entries import DEGREES, EPS, panels_of
+from wavesweep.engine._stability.intervals import Intervals, doubts_of, intervals_of
+from wavesweep.engine._stability.reduced_equation import LONG, tiles_by_lines
+from wavesweep.engine._stability.regions import NEAR_ZERO, Regions
+from wavesweep.engine._stability.sampled_frames import Frames
+from wavesweep.engine.doubts import Doubt
+
+TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
+WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
+EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
+BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
+# Of the span, where the units of the states are found; not the middle, which may be 0.
+TYPICAL = (0.53, 0.37, 0.71, 0.013, 0.987)
+ENTRIES = 2**21  # of the polynomials of columns at a time, as far as their panels are two
+
+
+def stable_along_any(
+    frames: Callable[..., Any],
+    span: tuple[float, float],
+    columns: int,
+    period: np.ndarray,
+    *,
+    bounds: tuple[Any, Any] = (-np.inf, np.inf),
+    variable: str = "",
+    errors: Callable[..., Any] | None = None,
+    tight: Callable[..., Any] | None = None,
+    balls: Callable[..., Any] | None = None,
+    resolved: Any = None,
+    from_one: bool = False,
+) -> Intervals:
+    """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
+
+    period: of the frame, in s, `(columns,)`. The others, and the accuracy: see `regions_along_any`.
+    """
+    regions = regions_along_any(
+        frames,
+        span,
+        columns,
+        bounds=bounds,
+        variable=variable,
+        errors=errors,
+        tight=tight,
+        balls=balls,
+        resolved=resolved,
+        from_one=from_one,
+    )
+    return intervals_of(regions, doubts_of(regions, np.full(columns, Doubt.NONE)), period)
+
+
+def regions_along_any(
+    frames,
+    span,
+    columns: int,
+    *,
+    bounds=(-np.inf, np.inf),
+    variable="",
+    errors=None,
+    tight=None,
+    balls=None,
+    resolved=None,
+    from_one: bool = False,
+) -> Regions:
+    """The parts of the span = (low, high) of a parameter p in which each column is stable, unstable, or not known.
+
+    frames(column, p): `Frames` of these columns at these values, real or complex, in this order; or matrices `(...,
+    order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
+    columns. bounds: p beyond them has no loop, a number or `(columns,)` each.
+    errors(column, p): frames less identity in the same states, and bounds on the errors of their entries; by default these are
+    a few roundings.
+    variable: BENT, the logarithm of the distance from the low end and a TURN-th of the span, as stiffnesses and dampings have
+    poles below zero; FROM_ZERO, the logarithm of p from where ends are told from 0, for a span from 0, at which the loop need
+    not be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is that of p if high > WIDE low > 0,
+    as masses, impedances and cutoffs act by their ratios, or else p.
+    balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
+    resolved(column, low, high, offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
+    if scale is 0, with t from low to high, `(n,)` all; see `loops.resolution`. By default they have none anywhere.
+    tight(column, p): what errors does, with bounds that are tighter and take longer, for windows that are too wide otherwise.
+    from_one: whether an eigenvalue is exactly 1 at the low end of the span, see `leaving_one`; not for FROM_ZERO.
+
+    The entries of the frame are followed on panels as polynomials with a bound on their error (`entries`). From places on
+    these it is proved how far to both sides no eigenvalue is on the unit circle, and how many are outside (`dominance`). What
+    that leaves are windows about crossings, as narrow as ends are exact (`covering`). A part of the span that is neither is
+    not known: its column is in doubt, and the rest of it is given.
+    Accuracy: ends to 1e-9 relative, usually 1e-12; those that are as near to an end of the span as ends are exact are given as
+    that end.
+    """
+    low, high = span
+    if variable == FROM_ZERO:
+        low = EXACT * NEAR_ZERO * high
+    v = _variable_of(low, high, variable)
+    with np.errstate(all="ignore"):  # of the logarithm of what has none
+        bounds = np.stack([np.zeros(columns) + end for end in bounds])
+        bounds = np.where(bounds > low - v.unit, v.into(bounds), -np.inf)
+
+    def slack(t):
+        if v.slope is None:
+            return EXACT + 0 * t
+        return EXACT * (np.abs(v.out(t)) + NEAR_ZERO * (high - low)) / v.slope(t)
+
+    def through(function, column, t):
+        with np.errstate(over="ignore"):  # beside the largest doubles
+            p = v.out(t)
+        return function(column, p)
+
+    if errors is None:
+        errors = partial(_rounded, frames)
+    search = _Search(
+        frames=partial(through, frames),
+        errors=partial(through, errors),
+        tight=partial(through, errors if tight is None else tight),
+        span=(v.into(low), v.into(high)),
+        slack=slack,
+        balls=balls and _in_variable(balls, v.into, v.out),
+        resolved=resolved and (lambda column, low, high: resolved(column, low, high, v.offset, v.scale)),
+        from_one=from_one,
+    )
+    order = Frames.of(frames(np.zeros(1, int), np.array([(low + high) / 2]))).E.shape[-1]
+    few = max(1, ENTRIES // (2 * (DEGREES[-1] + 1) * order**2))
+    portions = []
+    for first in range(0, columns, few):
+        names = np.arange(first, min(first + few, columns))
+        portions.append(search.regions(names, bounds[:, names]))
+    regions = Regions.join(portions)
+    # 0 within the range is what it is but for rounding.
+    nothing = EPS * (high - low) if low < 0 < high else 0.0
+
+    def back(t, end, given):
+        """The values of p at ends t of regions; the range's end is given back as it was, and not as it comes out."""
+        p = v.out(t)
+        return np.where(t == end, given, np.where(np.abs(p) <= nothing, 0.0, p))
+
+    lows = back(regions.low, search.span[0], span[0])
+    highs = back(regions.high, search.span[1], span[1])
+    return replace(regions, low=lows, high=highs)
+
+
+class _Variable(NamedTuple):
+    """The variable t in which panels are taken: t = into(p), p = out(t) = offset + scale exp(t), or t itself if scale is 0.
+
+    slope: dp/dt as a function of t, None of a logarithm, whose ends are relative. unit: how far p may lie below the span.
+    """
+
+    into: Callable
+    out: Callable
+    slope: Callable | None
+    unit: float
+    offset: float
+    scale: float
+
+
+def _variable_of(low, high, variable):
+    if variable == BENT:
+        unit = (high - low) / TURN
+
+        def into(p):
+            return np.log1p((p - low) / unit)
+
+        def out(t):
+            return low + unit * np.expm1(t)
+
+        def slope(t):
+            return unit * np.exp(t)
+
+        return _Variable(into, out, slope, unit, low - unit, unit)
+    if low > 0 and high > WIDE * low:
+        return _Variable(np.log, np.exp, None, low, 0.0, 1.0)
+    return _Variable(_same, _same, np.ones_like, np.inf, 0.0, 0.0)
+
+
+def _same(p):
+    return p
+
+
+def _in_variable(balls, into, out):
+    """`balls` for ends in the variable."""
+
+    def proved_there(column, low, high):
+        a, b = float(out(low)), float(out(high))
+        intervals = balls(column, a, b)
+        if intervals is None:
+            return None
+        exact = {a: low, b: high}
+        return [(*(exact.get(end, float(into(end))) for end in row[:2]), *row[2:]) for row in intervals]
+
+    return proved_there
+
+
+def _rounded(frames, column, p):
+    E = Frames.of(frames(column, p)).E
+    return E, 4 * EPS * np.abs(E)
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """What is asked of columns in the variable: see `regions_along_any`. slack(t): how far an end may be off."""
+
+    frames: Callable
+    errors: Callable
+    tight: Callable
+    span: tuple[float, float]
+    slack: Callable
+    balls: Callable | None
+    resolved: Callable | None
+    from_one: bool
+
+    def regions(self, names, bounds) -> Regions:
+        """The regions of some columns."""
+        of_columns = _InEvenUnits.of(self, names)
+        points = of_columns.points
+        columns = names.size
+        resolved = self.resolved and (lambda column, low, high: self.resolved(names[column], low, high))
+        order = of_columns.ratio.shape[-1]
+        panels, lost = panels_of(of_columns.frames, of_columns.errors, self.span, columns, bounds, resolved, order)
+        found = [Tiles.of(np.zeros(0, int), *np.zeros((2, 0)), 0)]
+        for reduced, states in [] if panels is None else panels.without_forgotten():
+            errors = partial(_of_states, of_columns.errors, states)
+            tight = partial(_of_states, of_columns.tight, states)
+            tiles = tiles_by_lines(reduced, errors, points, self.span, self.slack)
+            if tiles is None:
+                functions = errors, tight
+                tiles = tiles_of(reduced, functions, self.span, columns, self.slack, from_one=self.from_one)
+            found.append(tiles)
+        tiles = Tiles.join(found)
+        attached = self.slack(self.span[0]), self.slack(self.span[1])
+        if self.balls is not None:
+
+            def balls(column, low, high):
+                return self.balls(int(names[column]), low, high)
+
+            tiles, lost = proved_by_balls(tiles, lost, self.span, columns, attached, balls)
+        regions = regions_of(tiles, lost, self.span, columns, attached)
+        return replace(regions, column=names[regions.column])
+
+
+@dataclass(frozen=True, slots=True)
+class _InEvenUnits:
+    """The frames of some columns of a search in units of the states in which no entry is large, see `uneven_units`.
+
+    points: of the span, at which the units were found. ratio: what an entry (i, j) is multiplied by, `(columns, n, n)`;
+    plain: whether it is 1.
+    """
+
+    search: _Search
+    names: np.ndarray
+    points: np.ndarray
+    ratio: np.ndarray
+    plain: bool
+
+    @classmethod
+    def of(cls, search: _Search, names) -> "_InEvenUnits":
+        low, high = search.span
+        points = low + (high - low) * np.array(TYPICAL)
+        columns = names.size
+        column = np.arange(columns)[:, None]
+        E = Frames.of(search.frames(names[column], np.tile(points, (columns, 1)))).E
+        E = np.where(np.isfinite(E).all((1, 2), keepdims=True), E, 0.0)
+        sizes = np.abs(E).reshape(columns, points.size, *E.shape[1:])
+        # Frames that grow are large in any units.
+        calmest = np.where(sizes.any((2, 3)), sizes.max((2, 3)), np.inf).argmin(1)
+        units = uneven_units(sizes[range(columns), calmest])
+        if E.shape[-1] >= LONG:
+            for line in DelayLines.of(E).lines:  # which then take over values as they are
+                units[:, line] = units[:, line[:1]]
+        ratio = units[:, None, :] / units[:, :, None]
+        return cls(search, names, points, ratio, not (units != 1).any())
+
+    def _scaled(self, E, column, t):
+        if self.plain:
+            return E
+        factors = self.ratio[np.broadcast_to(column, t.shape).ravel()]
+        return E * factors if E.shape[-1] == factors.shape[-1] else np.full_like(E, np.nan)
+
+    def frames(self, column, t) -> Frames:
+        """The frames of columns, counted from 0, at values of the variable."""
+        sampled = Frames.of(self.search.frames(self.names[column], t))
+        return replace(sampled, E=self._scaled(sampled.E, column, t))
+
+    def errors(self, column, t) -> tuple[np.ndarray, np.ndarray]:
+        """The same, each by itself, with bounds on the errors of entries."""
+        return self._with_bounds(self.search.errors, column, t)
+
+    def tight(self, column, t) -> tuple[np.ndarray, np.ndarray]:
+        """The same with tight bounds."""
+        return self._with_bounds(self.search.tight, column, t)
+
+    def _with_bounds(self, function, column, t):
+        column, t = np.broadcast_arrays(column, t)
+        E, bounds = function(self.names[column.ravel()], t.ravel())
+        return self._scaled(E, column, t), self._scaled(bounds, column, t)
+
+
+def _of_states(errors, states, column, t):
+    """Frames and bounds on their errors, of some of the states alone."""
+    E, bounds = errors(column, t)
+    return E[:, states[:, None], states], bounds[:, states[:, None], states]

@@ -1,0 +1,237 @@
+"""Crossings by adaptive arcs: slower than one polynomial, and reliable even if the poles crowd at several scales."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine._monodromy.cut import LinearFractional
+from wavesweep.engine._monodromy.resolvent import FEW_SOLVED, DelayLines, ManyStates, TriangularForm
+from wavesweep.engine._monodromy.unit_circle import on_circle
+from wavesweep.engine._stability.arc_panels import panel_roots
+from wavesweep.engine._stability.boundary import polish, polish_of_many_states
+from wavesweep.engine._stability.crossings import Crossings, at_both_ends, poles_at_one
+from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine._state_space import StateSpace
+
+SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
+END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
+MANY = 256  # so many open arcs of one column, and the column is given up
+RIM, WIDEST = 32, 0.01  # points of a circle about theta = 0, and its radius at most
+TINY = 1e-300
+MOST = 500_000  # states at points that are computed together
+MANY_STATES = 100  # beyond, columns are followed one by one, without inverses of their frames
+MOST_ERROR = 1e300  # of a value, in roundings of itself
+CAUTION = 20  # roundings of what is added up that two solves may cost
+
+
+def columns_together(order: int) -> int:
+    """How many columns of loops of so many states `arc_crossings` is to be given at once, in little memory."""
+    return 1 if order > MANY_STATES else max(1, 4 * MOST // order**3)
+
+
+def arc_crossings(cut: LinearFractional, along: str, fixed, span) -> Crossings:
+    """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
+
+    fixed: `(columns,)`, see `columns_together`. On each arc the boundary equation, without its poles and its zeros at z = +-1,
+    is interpolated at points of state space; see `panel_roots` for the proof. An arc is left out if the number is proved to be
+    beyond the span on it: if a filter transmits nothing there, the equation vanishes to a high order.
+    """
+    opened = cut.open_in(along, fixed)
+    lines = DelayLines.of(opened.E)
+    poles = np.linalg.eigvals(opened.E).astype(complex)
+    solver = lines
+    system = opened
+    if lines.solved.size > FEW_SOLVED:
+        solver = TriangularForm.of(opened.E)
+        system = solver.system(opened)
+    largest = max(map(abs, span))
+
+    @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
+    def sampled(column, theta):
+        of = np.zeros(1, int) if fixed.size == 1 else column  # many states are not copied for each panel
+        systems = StateSpace(*(matrix[of][:, None] for matrix in system))
+        value, size, beyond, unsure = _boundary(systems, solver, theta, largest, of)
+        magnitude = np.maximum(np.abs([value, beyond]), TINY)
+        phase = np.array([value, beyond], complex) / magnitude
+        log = np.log(magnitude)
+        # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
+        poles_of = poles[of][:, None, :]
+        distance = on_circle(theta)[..., None] - poles_of
+        distance_back = on_circle(-theta)[..., None] - poles_of.conj()
+        far = np.maximum(np.abs(distance), TINY)
+        far_back = np.maximum(np.abs(distance_back), TINY)
+        phase *= (distance / far * (distance_back / far_back)).prod(-1)
+        log += np.log(far).sum(-1) + np.log(far_back).sum(-1)
+        return phase, log, np.minimum([size, unsure] / magnitude, MOST_ERROR)
+
+    def sample(column, theta):
+        step = max(1, MOST // (theta.shape[-1] * cut.order))
+        parts = []
+        for first in range(0, column.size, step):
+            some = slice(first, first + step)
+            parts.append(sampled(column[some], theta[some]))
+        return tuple(np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+
+    edges = np.linspace(0, np.pi, 5)
+    column = np.repeat(np.arange(fixed.size), 4)
+    low = np.tile(edges[:-1], fixed.size)
+    high = np.tile(edges[1:], fixed.size)
+    roots = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
+    at = np.flatnonzero(roots.open_low)
+    if at.size:
+        loops = StateSpace(*(matrix[at] for matrix in opened))
+        roots.open_low[at] = ~_is_clear_next_to_one(loops, lines, poles[at])
+    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, lines, theta).value, roots)
+
+
+@np.errstate(all="ignore")
+def _is_clear_next_to_one(opened, lines, poles):
+    """Whether no crossing is within END_BIT of z = 1, whatever poles the loop has there, `(columns,)`.
+
+    With m eigenvalues that are 1 by the pattern of E, H has a pole of order m at most there. Its imaginary part is odd in
+    theta, so `f = Im K/sin(theta) |H|^2` has one of an even order q <= m + 1, and `F = theta^q f` is analytic on a disc that no
+    other eigenvalue is in. F(0) is the mean of its rim, and by Schwarz's lemma F is off from that by at most the largest
+    difference on the rim times the part of the way there.
+    """
+    E = opened.E
+    m = poles_at_one(E)
+    away = np.sort(np.abs(poles), axis=-1)
+    if m < away.shape[-1]:
+        radius = np.minimum(WIDEST, away[:, m] / 4)
+    else:
+        radius = np.full(len(E), WIDEST)
+    count, clear = count_outside(E / (2 * radius[:, None, None]) - np.eye(E.shape[-1]))
+    theta = radius[:, None] * np.exp(2j * np.pi * np.arange(RIM) / RIM)
+    value, size, _, _ = _boundary(StateSpace(*(matrix[:, None] for matrix in opened)), lines, theta)
+    q = m + m % 2
+    F = value * theta**q
+    noise = (np.finfo(float).eps * size * np.abs(theta) ** q).max(-1)
+    middle = F.mean(-1)
+    off = 2 * np.abs(F - middle[:, None]).max(-1) * 2 * END_BIT / radius  # twice, for what is between two points of the rim
+    return clear & (count == E.shape[-1] - m) & (np.abs(middle) > off + 2 * noise)
+
+
+class _BoundaryFunctions(NamedTuple):
+    """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of its terms; `1 - largest^2 |H|^2`, which is positive if |K| is
+    larger than `largest`, and the size of its terms."""
+
+    value: np.ndarray
+    size: np.ndarray
+    beyond: np.ndarray
+    unsure: np.ndarray
+
+
+@np.errstate(all="ignore")
+def _boundary(opened, solver, theta, largest=0.0, of=None) -> _BoundaryFunctions:
+    """Return the two functions of the boundary at angles theta; solver: delay lines of the loops, or their form, which they
+    are the loops `of` of.
+
+    `Im H(z) = -sin(theta) C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B`, `w(z) = z - 1`, by the resolvent identity: nothing cancels,
+    not even at the points of the circle on the real axis. theta may be complex.
+    """
+    E, B, C, D = opened
+    left = solver.row(E, C, -theta)
+    right = solver.reached(E, B, theta)
+    D = D[..., 0, 0]
+    terms = left * right
+    value = terms.sum(-1)
+    size = np.abs(terms).sum(-1)
+    # H at theta, by what B reaches, and at -theta, by what C reads.
+    forward = C[..., 0, :] * right
+    back = left * B[..., 0]
+    beyond = 1 - (largest * (forward.sum(-1) + D)) * (largest * (back.sum(-1) + D))
+    size_forward = largest * (np.abs(forward).sum(-1) + np.abs(D))
+    size_back = largest * (np.abs(back).sum(-1) + np.abs(D))
+    unsure = 1 + 2 * size_forward * size_back
+    if not np.iscomplexobj(theta):
+        value = value.real
+        beyond = beyond.real
+    if isinstance(solver, DelayLines):
+        roundings = CAUTION + max(map(len, solver.lines), default=0)
+        return _BoundaryFunctions(value, roundings * size, beyond, roundings * unsure)
+    of_value, of_gain = _errors_of_form(solver, of, left, right, theta)
+    roundings = CAUTION + E.shape[-1]
+    of_beyond = largest * of_gain * (size_forward + size_back + largest * of_gain * np.finfo(float).eps)
+    return _BoundaryFunctions(value, roundings * size + of_value, beyond, roundings * unsure + of_beyond)
+
+
+def _errors_of_form(form, of, left, right, theta):
+    """Return how far the errors of a form may move `left right`, and `C right` as well as `left B`, in roundings of 1.
+
+    of: the number of the loop in the form, `(panels,)`. Solves of T + X in place of T move the first to first order by
+    `left X R right` and `left R X right`, R the resolvent at -theta and at theta, and the others by `left X right`. That of a
+    diagonal T is 1 over the distance of the nearest eigenvalue. Schur's vectors are orthogonal, and the loop is real in its own
+    states, in even units, so by the resolvent identity the size of `R right` is that of the imaginary part of `right` in these
+    states, over sin(theta). On the rim, at complex theta, an order of magnitude is enough.
+    """
+    of_left = np.linalg.norm(left, axis=-1)
+    of_right = np.linalg.norm(right, axis=-1)
+    error = form.error[of, None] / np.finfo(float).eps
+    of_gain = error * of_left * of_right
+    if form.diagonal:
+        poles = form.frames[of]
+        apart = np.abs(on_circle(theta)[..., None] - poles).min(-1)
+        apart_back = np.abs(on_circle(-theta)[..., None] - poles).min(-1)
+        return of_gain * (1 / apart + 1 / apart_back), of_gain
+    if np.iscomplexobj(theta):
+        return of_gain, of_gain
+    own_right = right @ np.swapaxes(form.V[of], -1, -2)
+    own_left = left @ form.Z[of]
+    R_right = np.linalg.norm(own_right.imag, axis=-1) / np.abs(np.sin(theta))
+    left_R = np.linalg.norm(own_left.imag, axis=-1) / np.abs(np.sin(theta))
+    return error * (of_left * R_right + left_R * of_right), of_gain
+
+
+def _collect(cut, along, fixed, span, boundary, roots):
+    """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1 and -1."""
+    complete = np.ones(fixed.size, bool)
+    complete[roots.lost[0]] = False
+    complete[roots.overflown[0]] = False
+    inside = (roots.x > 0) & (roots.x < np.pi)
+    column = roots.column[inside]
+    seed = roots.x[inside]
+    jump = 2.0 * roots.slope_sign[inside]
+    largest = max(map(abs, span))
+    many = None
+    if cut.order > MANY_STATES:  # of a single column
+        many = ManyStates.of(cut.at(0).E)
+        inverses = np.zeros((0, *cut.E.shape[-2:]))
+        polished = polish_of_many_states(cut.at(0), many, along, fixed[0], seed, largest)
+    else:
+        polished, inverses = polish(cut.at(column), along, fixed[column], seed, largest)
+    astray = np.abs(polished.theta - seed) > roots.within[inside] + 1e-9
+    complete[column[~polished.converged | astray]] = False
+
+    order = np.lexsort((polished.theta, column))
+    theta = polished.theta[order]
+    new = np.ones(order.size, bool)
+    close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
+    new[1:] = (np.diff(column[order]) != 0) | ~close_by
+    at = order[new]
+    column = column[at]
+    theta = polished.theta[at]
+    value = polished.value[at]
+    jump = jump[at]
+
+    first = np.full(fixed.size, np.pi)
+    last = np.zeros(fixed.size)
+    np.minimum.at(first, column, theta)
+    np.maximum.at(last, column, theta)
+    of, low, high = roots.settled  # what lies there is not known
+    np.minimum.at(first, of[low > 0], low[low > 0])
+    np.maximum.at(last, of[high < np.pi], high[high < np.pi])
+    at_one = np.sign(boundary(first / 2))
+    at_minus_one = np.sign(boundary((np.pi + last) / 2))
+    ends, at_ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one, many)
+    complete &= ~(roots.open_low | roots.open_high)
+    return Crossings(
+        column=np.concatenate([column, ends.column]),
+        value=np.concatenate([value, ends.value]),
+        theta=np.concatenate([theta, ends.theta]),
+        jump=np.concatenate([jump, ends.jump]),
+        inverse=np.concatenate([at, len(inverses) + ends.inverse]),
+        inverses=np.concatenate([inverses, at_ends]),
+        complete=complete,
+        above=np.full(fixed.size, np.nan),
+        many=many,
+    )

@@ -1,0 +1,314 @@
+"""The stability boundary as a curve on the unit circle: point by point, polished to rounding, with its rounding errors.
+
+The characteristic equation is `unit = K x + B v` at each point, K and B being the first and the second number, as stiffness and
+damping of a wall: `1 = K G_x + B G_v`, multiplied by w if the loop integrates.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine._monodromy.cut import ADVANCE, FIRST, OFFSET, VELOCITY, LinearFractional
+from wavesweep.engine._monodromy.resolvent import Inverse, ManyStates
+from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
+
+ROUNDS = 12  # Newton from a seed of 8 digits needs 2
+LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
+NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
+NEAR = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """The terms of `unit = K*x + B*v` at points of the circle, scaled alike; each an array over the points."""
+
+    unit: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+    def along(self, name: str):
+        """Return (term of the number that is solved for, term of the fixed number)."""
+        return (self.x, self.v) if name == FIRST else (self.v, self.x)
+
+
+def terms_of(cut: LinearFractional, w: np.ndarray, G: np.ndarray, unit: np.ndarray | float = 1.0) -> Terms:
+    """Return the terms from the rows VELOCITY, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms.
+
+    unit: a factor that the rows of G have as well.
+    """
+    if not cut.integrates:
+        return Terms(unit + 0 * G[..., VELOCITY], G[..., OFFSET], G[..., VELOCITY])
+    return Terms(w * unit + 0 * G[..., VELOCITY], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., VELOCITY])
+
+
+def terms(cut: LinearFractional, w) -> Terms:
+    """Return the terms of the characteristic equation at `w = z - 1`; cut: one loop per point (leading axes as `w`).
+
+    Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, even if many poles crowd at z = 1.
+    """
+    return terms_and_inverse(cut, w)[0]
+
+
+def terms_and_inverse(cut: LinearFractional, w) -> tuple[Terms, np.ndarray]:
+    """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I - E` for `end_errors`."""
+    w = np.asarray(w)
+    resolvent = Inverse(inverse(_shifted(cut, w)))
+    return terms_of(cut, w, _outputs(cut, _states(cut, w, resolvent))), resolvent.matrix
+
+
+def real_terms(cut: LinearFractional, w: float, states: ManyStates) -> Terms:
+    """Return the terms of the characteristic equation of a single loop of many states at a real point, arrays of one."""
+    w = np.array([w])
+    G = _outputs(cut, _states(cut, w, states.at(w)))
+    return terms_of(cut, w, G.real)
+
+
+def _states(cut, w, resolvent):
+    """Return the states for a unit force.
+
+    One step of refinement makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980). That of a plain
+    solve is small only relative to the largest entry, and states may differ in size by ten decades.
+    """
+    state = resolvent.reached(cut.B)
+    return state + resolvent.reached(_left(cut, w, state))
+
+
+def _left(cut, w, state):
+    """Return what states leave of their equations, `B - (w I - E) state`."""
+    return cut.B - w[..., None, None] * state + _moved(cut.E, state)
+
+
+def _moved(E, state):
+    """Return `E state`; states of one loop at many points as one product."""
+    if E.ndim > 2 or state.ndim < 3:
+        return times(E, state)
+    return np.ascontiguousarray(times(E, state[..., 0].T).T)[..., None]
+
+
+def _shifted(cut, w):
+    """Return `w I - E`."""
+    w = np.asarray(w)
+    n = cut.E.shape[-1]
+    A = np.empty((*np.broadcast_shapes(w.shape, cut.E.shape[:-2]), n, n), np.result_type(w, cut.E))
+    np.negative(cut.E, out=A)
+    A.reshape(*A.shape[:-2], n * n)[..., :: n + 1] += w[..., None]
+    return A
+
+
+def times(matrix: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the product of matrices and columns `(..., n, 1)`, without a complex copy of real matrices.
+
+    BLAS rounds what is contiguous in another way than what is not, and last digits must not follow from how memory is laid out.
+    """
+    matrix = np.ascontiguousarray(matrix)
+    columns = np.ascontiguousarray(columns)
+    if np.iscomplexobj(matrix):
+        return matrix @ columns
+    return (matrix @ columns.view(float)).view(columns.dtype)
+
+
+def _outputs(cut, state):
+    """Return `C state + D`, `(..., 3)`."""
+    return (times(cut.C, state) + cut.D)[..., 0]
+
+
+def residual(t: Terms, K, B, least=0.0):
+    """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless; least: size of a further term."""
+    size = np.abs(t.unit) + np.abs(K * t.x) + np.abs(B * t.v) + least
+    return np.abs(t.unit - K * t.x - B * t.v) / size
+
+
+class PolishedCrossings(NamedTuple):
+    """theta: the angles (rad per frame). value: the number there. converged: whether Newton's last step is at rounding."""
+
+    theta: np.ndarray
+    value: np.ndarray
+    converged: np.ndarray
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> tuple[PolishedCrossings, np.ndarray]:
+    """Solve `Im K(theta) = 0`, `K = (unit - fixed*fixed_term)/solved`, by Newton's method from the seeds theta.
+
+    cut: one loop per seed. fixed: the other number, per seed. scale: the largest value of interest; if K is beyond it,
+    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K. Returns the crossings, and
+    the inverses of `w I - E` there or next to them, `(seeds, n, n)`.
+    Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
+    """
+    theta = theta.astype(float)
+    value = np.full(theta.shape, np.nan)
+    done = np.zeros(theta.shape, bool)
+    far_off = np.zeros(theta.shape, bool)
+    inverses = None
+    active = np.arange(theta.size)
+    for _ in range(ROUNDS):
+        if not active.size and inverses is not None:
+            break
+        loops = cut if active.size == theta.size else cut.at(active)
+        w = on_circle(theta[active])
+        resolvent = Inverse(inverse(_shifted(loops, w)))
+        curve, speed = _value_and_slope(loops, along, fixed[active], w, resolvent)
+        step = _newton(*curve, theta[active], scale)
+        theta[active] = step.theta
+        value[active] = step.value
+        done[active] = step.converged
+        if inverses is None:
+            inverses = resolvent.matrix
+        else:
+            inverses[active] = resolvent.matrix
+        far_off[active] = step.size * speed > NEAR
+        active = active[~step.last]
+    moved = np.flatnonzero(far_off)
+    if moved.size:  # by more than what one refinement makes up for
+        inverses[moved] = inverse(_shifted(cut.at(moved), on_circle(theta[moved])))
+    return PolishedCrossings(theta, value, done), inverses
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+def polish_of_many_states(
+    cut: LinearFractional, states: ManyStates, along: str, fixed: float, theta, scale
+) -> PolishedCrossings:
+    """`polish` for a single loop of many states, without inverses, and so in little memory."""
+    theta = theta.astype(float)
+    value = np.full(theta.shape, np.nan)
+    done = np.zeros(theta.shape, bool)
+    for first in range(0, theta.size, states.most):
+        active = np.arange(first, min(first + states.most, theta.size))
+        for _ in range(ROUNDS):
+            if not active.size:
+                break
+            w = on_circle(theta[active])
+            curve, _ = _value_and_slope(cut, along, fixed, w, states.at(w))
+            step = _newton(*curve, theta[active], scale)
+            theta[active] = step.theta
+            value[active] = step.value
+            done[active] = step.converged
+            active = active[~step.last]
+    return PolishedCrossings(theta, value, done)
+
+
+class _Step(NamedTuple):
+    """theta, value, converged: see `PolishedCrossings`. size: of the step. last: whether no other one is needed."""
+
+    theta: np.ndarray
+    value: np.ndarray
+    converged: np.ndarray
+    size: np.ndarray
+    last: np.ndarray
+
+
+def _newton(now, slope, theta, scale) -> _Step:
+    """A step of Newton's method from K(theta) and dK/dtheta; see `polish`."""
+    far = np.abs(now) > scale
+    slope = np.where(far, -slope / now**2, slope)
+    now = np.where(far, 1 / now, now)
+    step = -now.imag / slope.imag
+    step = np.where(np.isfinite(step), step, 0.0)
+    size = np.abs(step)
+    small = size <= LAST_STEP * np.minimum(theta, np.pi - theta)
+    least = NEAREST_END * theta
+    most = np.pi - NEAREST_END * (np.pi - theta)
+    estimate = now.real + step * slope.real  # its error is the square of the step
+    value = np.where(far, 1 / estimate, estimate)
+    return _Step(np.clip(theta + step, least, most), value, small & (slope.imag != 0), size, small)
+
+
+def _value_and_slope(cut, along, fixed, w, resolvent):
+    """Return K(theta) and dK/dtheta, complex, as a pair; and the relative change of the states per angle."""
+    state = _states(cut, w, resolvent)
+    turn = resolvent.reached(state)
+    G = _outputs(cut, state)
+    dG = -times(cut.C, turn)[..., 0]
+    with np.errstate(all="ignore"):
+        speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
+    slopes = Terms(0.0, dG[..., OFFSET], dG[..., VELOCITY])  # by w
+    if cut.integrates:
+        of_x = dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET]
+        slopes = Terms(1.0, of_x, w * dG[..., VELOCITY] + G[..., VELOCITY])
+    return _solved(terms_of(cut, w, G), slopes, along, fixed, w), speed
+
+
+def _solved(t, slopes, along, fixed, w):
+    """Return the number that solves the equation, and its derivative by theta, complex."""
+    solved, fixed_term = t.along(along)
+    d_solved, d_fixed = slopes.along(along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = (t.unit - fixed * fixed_term) / solved
+        by_w = (slopes.unit - fixed * d_fixed - value * d_solved) / solved
+        return value, by_w * (1j * (1 + w))
+
+
+def end_errors(cut: LinearFractional, along: str, fixed, value, w, on_axis, resolvent=None, least: float = 0.0):
+    """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
+
+    The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
+    without damping has one, has few digits of itself. The second result bounds the change of the value by the errors
+    of the loop's entries. The third is the residual that a rounding of every entry leaves.
+
+    cut: one loop per crossing. value: of the number. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
+    z = 1 or -1. resolvent: there or next to it. To first order an entry's change reaches the equation as
+    `y dE R B`, R the resolvent and y what it makes of the row that the numbers read, and so does the value; if that
+    grazes the real axis, the angle changes by `Im dK/Im K'`, which moves K by `Re K'` times as much.
+    """
+    w = np.asarray(w)
+    pair = (value, fixed) if along == FIRST else (fixed, value)
+    if resolvent is None:
+        resolvent = Inverse(inverse(_shifted(cut, w)))
+    state = _states(cut, w, resolvent)
+    G = _outputs(cut, state)
+    t = terms_of(cut, w, G)
+    left = _adjoint(cut, w, _read_row(cut, w, pair, cut.C), resolvent)
+    slope = (left * state[..., 0]).sum(-1)
+    if cut.integrates:
+        slope = slope + 1 - pair[0] * G[..., OFFSET] - pair[1] * G[..., VELOCITY]
+    with np.errstate(all="ignore"):
+        solved, _ = t.along(along)
+        turned = slope / solved * (1j * (1 + w))
+        grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
+        further = least * np.abs(solved)
+        size = np.abs(t.unit) + np.abs(pair[0] * t.x) + np.abs(pair[1] * t.v) + further
+        size = np.where(size > 0, size, 1)  # at K = 0 the equation is 0 = 0 by structure
+        sizes = np.abs(w), (np.abs(pair[0]), np.abs(pair[1])), np.abs(left), np.abs(state)
+        rounding, error = _with_errors(cut, *sizes, _left(cut, w, state))
+        moved = error / np.abs(solved) * grazing
+        return residual(t, *pair, further), moved, rounding / size
+
+
+def _read_row(cut, w, pair, rows):
+    """Return the row that the two numbers read, `(..., n)`; rows: those of C, `(..., 3, n)`."""
+    K = np.asarray(pair[0])[..., None]
+    B = np.asarray(pair[1])[..., None]
+    w = w[..., None]
+    if not cut.integrates:
+        return K * rows[..., OFFSET, :] + B * rows[..., VELOCITY, :]
+    return K * rows[..., ADVANCE, :] + K * w * rows[..., OFFSET, :] + B * w * rows[..., VELOCITY, :]
+
+
+def _adjoint(cut, w, row, resolvent):
+    """Return `row (w I - E)^-1`, `(..., n)`, refined."""
+    left = resolvent.row(row)
+    missed = row - w[..., None] * left + _moved(np.swapaxes(cut.E, -1, -2), left[..., None])[..., 0]
+    change = resolvent.row(missed)
+    smaller = np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True)
+    # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.
+    return left + np.where(smaller, change, 0.0)
+
+
+def _with_errors(cut, w, pair, reach, size, missed):
+    """Return the errors of the characteristic equation, `(...)`, all arguments but the last being sizes.
+
+    The first are those of a rounding of every entry and of the solve itself, the second ones those of the bounds on the errors
+    of the entries, and of the solve. reach, size: of adjoint and states. missed: what the states leave of their equations.
+    """
+
+    def in_equation(E, B, C, D):
+        """What errors of the matrices that are so large reach the equation by."""
+        of_states = (reach * (E @ size + B)[..., 0]).sum(-1)
+        of_outputs = (_read_row(cut, w, pair, C) * size[..., 0]).sum(-1)
+        return of_states + of_outputs + _read_row(cut, w, pair, D)[..., 0]
+
+    of_solve = (reach * np.abs(missed)[..., 0]).sum(-1)
+    terms = in_equation(np.abs(cut.E), np.abs(cut.B), np.abs(cut.C), np.abs(cut.D))
+    rounding = np.finfo(float).eps * terms + of_solve
+    return rounding, rounding + in_equation(cut.dE, cut.dB, cut.dC, cut.dD)

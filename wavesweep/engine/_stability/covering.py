@@ -1,0 +1,625 @@
+"""The spans of columns covered by proofs of dominance, and by windows about the crossings that these leave open."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from wavesweep.engine._stability.dominance import DominanceTests, ExactFrames
+from wavesweep.engine._stability.entries import EPS, Panels, nodes, sizes_of
+from wavesweep.engine._stability.leaving_one import proved_from_one
+from wavesweep.engine._stability.regions import Regions
+from wavesweep.engine.doubts import Doubt
+from wavesweep.engine.rows import Rows, different
+
+NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
+CROSSING = 6  # steps towards a crossing on the panel's polynomials; from then on the frame at the place itself is taken
+BEYOND = 2 * CROSSING + 1  # steps of a short stretch whose crossing turned out to be beyond it: no window reaches into it
+FIRM = 2.5  # times what the errors of entries move a crossing by: half of a window about it, at least
+WIDENED, WIDEST = 2.0, 1e-3  # a window that is not proved even so gets wider with every try, up to this part of half a panel
+RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
+GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
+MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its panels; of all together
+FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
+SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
+FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
+TRACED = 2**20  # entries of matrices at a time, of which traces are taken
+CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
+SHORT = 1e-3  # of what an end may be off: a stretch so short is given up
+UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside
+
+
+@dataclass(frozen=True, slots=True)
+class Tiles(Rows):
+    """Parts of the spans of columns.
+
+    outside: number of eigenvalues outside the unit circle, or at least so many; UNKNOWN; WINDOW if some cross there, or
+    OVERLAID if another one is outside meanwhile. value, theta, miss, doubt: of a window: the crossing; the eigenvalue's angle
+    there; to what its distance from the circle is known, relative to what that changes by with the parameter if this is more;
+    Doubt.ROUNDING if the window is wider than ends may be off.
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    outside: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    miss: np.ndarray
+    doubt: np.ndarray
+
+    @classmethod
+    def of(cls, column, low, high, outside, doubt=Doubt.NONE) -> "Tiles":
+        nothing = np.full(column.size, np.nan)
+        return cls(column, low, high, outside + 0 * column, nothing, nothing, 0 * low, doubt + 0 * column)
+
+
+@dataclass(frozen=True, slots=True)
+class _OpenStretches(Rows):
+    """Stretches of panels to be proved; place: where the next test is; steps: that were made towards a crossing."""
+
+    panel: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    place: np.ndarray
+    steps: np.ndarray
+
+
+def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: bool = False) -> Tiles:
+    """Return the tiles that could be proved; errors: with tight ones; these, slack, from_one: see `regions_along_any`."""
+    unstable, open_ = _unstable_by_traces(panels)
+    done = [unstable]
+    if from_one:
+        beside, open_ = _beside_one(panels, errors[1], span[0], open_)
+        done.append(beside)
+    share = min(1.0, (FULL / panels.error.shape[-1]) ** 3)  # a test takes as long as a few products of matrices
+    panels_of_column = np.bincount(panels.column, minlength=columns)
+    tests_left = np.maximum(LEAST, share * (MOST_TESTS + FOR_EACH * panels_of_column))
+    for _ in range(ROUNDS):
+        column = panels.column[open_.panel]
+        np.subtract.at(tests_left, column, 1)
+        open_ = open_.take(tests_left[column] >= 0)
+        if not open_.panel.size:
+            break
+        with np.errstate(all="ignore"):
+            proved, open_ = _Round.of(panels, errors, span, slack, open_).results()
+        done += proved
+    return _with_ends_in_gaps(Tiles.join(done), errors[0], slack)
+
+
+def _beside_one(panels, errors, low, open_):
+    """The tiles next to the low end of the span, where an eigenvalue is 1, and what is left open."""
+    first = np.flatnonzero(open_.low == low)
+    if not first.size:
+        return Tiles.of(first, *np.zeros((2, 0)), 0), open_
+    panel = open_.panel[first]
+    reached, outside = proved_from_one(panels, panel, errors, low)
+    proved = reached > low
+    begin = open_.low.copy()
+    begin[first] = np.minimum(reached, open_.high[first])
+    tiles = Tiles.of(panels.column[panel], np.full(panel.size, low), begin[first], outside)
+    left = replace(open_, low=begin, place=(begin + open_.high) / 2)
+    return tiles.take(proved), left.take(begin < open_.high)
+
+
+def _with_ends_in_gaps(tiles, errors, slack):
+    """Add windows where a gap between a stable and an unstable tile is as narrow as ends are exact: the end is in it.
+
+    So it is where two eigenvalues meet on the circle, which are known to the root of rounding only.
+    """
+    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
+    before = tiles.outside[:-1]
+    after = tiles.outside[1:]
+    gap = tiles.low[1:] - tiles.high[:-1]
+    same_column = np.diff(tiles.column) == 0
+    ending = (np.minimum(before, after) == 0) & (np.maximum(before, after) > 0)
+    narrow = (gap > 0) & (gap <= slack(tiles.high[:-1]))
+    at = np.flatnonzero(same_column & ending & narrow)
+    if not at.size:
+        return tiles
+    column = tiles.column[at]
+    low = tiles.high[at]
+    high = tiles.low[at + 1]
+    value = (low + high) / 2
+    E, _ = errors(column, value)
+    z = 1 + np.linalg.eigvals(np.nan_to_num(E))
+    nearest = np.take_along_axis(z, np.abs(np.abs(z) - 1).argmin(1)[:, None], 1)[:, 0]
+    theta = np.abs(np.angle(nearest))
+    ends = Tiles(column, low, high, WINDOW + 0 * column, value, theta, high - low, Doubt.NONE + 0 * column)
+    return Tiles.join([tiles, ends])
+
+
+def _unstable_by_traces(panels):
+    """Tiles in which some eigenvalue is outside, as `|tr A| > n` or `|tr A A| > n` for all values there, and what is left open.
+
+    Far beyond the stable values entries are large and turn fast with the number, which would take thousands of tests.
+    """
+    n = panels.error.shape[-1]
+    degree = panels.coefficients.shape[1] - 1
+    number = np.arange(panels.low.size)
+    proved = np.zeros((number.size, CELLS), bool)
+    with np.errstate(all="ignore"):
+        large = (np.abs(_traces(panels.coefficients, np.linspace(-1, 1, 5))) > n).any((0, 2))
+        candidates = np.flatnonzero(large)
+        # A copy is spared where all are candidates.
+        coefficients = panels.coefficients if candidates.size == number.size else panels.coefficients[candidates]
+        points, transform = nodes(2 * degree)
+        size = np.eye(n) + sizes_of(coefficients)
+        error = panels.error[candidates] + 8 * degree * EPS * size
+        of_trace = np.trace(error, axis1=1, axis2=2)
+        of_square = np.einsum("pij,pji->p", 2 * size + error, error)
+        for trace, off in zip(_traces(coefficients, points), (of_trace, of_square), strict=True):
+            # Its Chebyshev series on each cell: the first coefficient less the sizes of all others is the least there.
+            on_cells = np.einsum("ckl,pl->pck", _restrictions(2 * degree), trace @ transform.T)
+            least = np.abs(on_cells[..., 0]) - np.abs(on_cells[..., 1:]).sum(-1)
+            proved[candidates] |= least > n + off[:, None]
+    edges = panels.middle[:, None] + panels.half[:, None] * np.linspace(-1, 1, CELLS + 1)
+    edges = np.clip(edges, panels.low[:, None], panels.high[:, None])
+    edges[:, [0, -1]] = np.stack([panels.low, panels.high], 1)
+    # Neighbouring cells that are alike are one stretch.
+    first = np.diff(proved, axis=1, prepend=~proved[:, :1])
+    last = np.append(first[:, 1:], np.full((number.size, 1), True), axis=1)
+    panel = np.nonzero(first)[0]
+    low = edges[:, :-1][first]
+    high = edges[:, 1:][last]
+    done = proved[first] & (high > low)
+    left = ~proved[first] & (high > low)
+    open_ = _OpenStretches(panel, low, high, (low + high) / 2, 0 * panel)
+    return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_.take(left)
+
+
+def _traces(coefficients, x):
+    """Return `tr A` and `tr A A` at places x of panels, `(2, panels, places)`."""
+    m, k, n, _ = coefficients.shape
+    T = chebyshev.chebvander(x, k - 1)
+    traces = np.zeros((2, m, x.size))
+    portion = max(1, TRACED // (x.size * n * n))
+    for first in range(0, m, portion):
+        index = slice(first, first + portion)
+        E = (T @ coefficients[index].reshape(-1, k, n * n)).reshape(-1, x.size, n, n)
+        A = np.eye(n) + E
+        traces[0, index] = np.trace(A, axis1=2, axis2=3)
+        traces[1, index] = np.einsum("pxij,pxji->px", A, A)
+    return traces
+
+
+@cache
+def _restrictions(degree):
+    """Chebyshev coefficients on each cell of [-1, 1] of the Chebyshev polynomials, `(CELLS, degree + 1, degree + 1)`."""
+    x, transform = nodes(degree)
+    middles = (np.arange(CELLS) + 0.5) * 2 / CELLS - 1
+    return transform @ chebyshev.chebvander(middles[:, None] + x / CELLS, degree)
+
+
+@dataclass(frozen=True, slots=True)
+class _Nearest:
+    """Of each test the eigenvalue that crosses nearest to its place, as it seems.
+
+    h: of the crossing, in halves of a panel from the place; value: of the parameter there. unsure: bound on the eigenvalue's
+    error; slope: of its distance from the circle; theta: its angle at the crossing. miss: see `Tiles`.
+    """
+
+    h: np.ndarray
+    value: np.ndarray
+    unsure: np.ndarray
+    slope: np.ndarray
+    theta: np.ndarray
+    miss: np.ndarray
+
+    @classmethod
+    def of(cls, models: DominanceTests, roots, place, half) -> "_Nearest":
+        index = np.argmin(np.abs(roots), 1)
+
+        def chosen(facts):
+            return np.take_along_axis(facts, index[:, None], 1)[:, 0]
+
+        h = chosen(roots)
+        unsure = chosen(models.unsure)
+        slope = chosen(models.slope)
+        miss = unsure / np.maximum(1, np.abs(slope * place) / half)
+        return cls(h, place + half * h, unsure, slope, models.angle(index, h), miss)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sides:
+    """The places from which on both sides of tests are proved, and how far they are.
+
+    inner: the two ends next to the place, or those of the window about a crossing; reached: how far it is proved from these;
+    proved: whether that is any way at all; outside: number of eigenvalues outside there. Each is a pair, below and above.
+    """
+
+    inner: list[np.ndarray]
+    reached: list[np.ndarray]
+    proved: list[np.ndarray]
+    outside: list[np.ndarray]
+
+
+@dataclass(frozen=True, slots=True)
+class _Round:
+    """One test of each open stretch: what it proves, and what is left open.
+
+    A test whose place is next to a crossing proves both sides of it, from a window about it on; one that is on its way there
+    proves nothing; any other proves what it can on both sides of its place.
+
+    models: the eigenvalues about the places (see `DominanceTests`), as functions of h, the distance in halves of a panel;
+    radius: of the circle that they are held against; pad: to what a place is known. crossing: the nearest one; at_end: -1 or 1
+    if that counts as an end of the span. closing, toward: whether a test is next to a crossing, or on its way there. begin: the
+    h from which on both sides are proved, so the window is between; roots: the h of all other crossings. rough: whether the
+    window is wider than ends may be off; overlaid: whether another eigenvalue is outside in it. short: lengths that are given
+    up.
+    """
+
+    open: _OpenStretches
+    span: tuple[float, float]
+    column: np.ndarray
+    half: np.ndarray
+    pad: np.ndarray
+    short: np.ndarray
+    models: DominanceTests
+    radius: np.ndarray
+    crossing: _Nearest
+    at_end: np.ndarray
+    closing: np.ndarray
+    toward: np.ndarray
+    begin: tuple[np.ndarray, np.ndarray]
+    roots: np.ndarray
+    rough: np.ndarray
+    overlaid: np.ndarray
+
+    @classmethod
+    def of(cls, panels, errors, span, slack, open_: _OpenStretches) -> "_Round":
+        place = open_.place
+        column = panels.column[open_.panel]
+        half = panels.half[open_.panel]
+        pad = 4 * EPS * np.abs(span).max() / half
+        length = (open_.high - open_.low) / half
+        x = (place - panels.middle[open_.panel]) / half
+        exact = _exact_frames(errors, column, open_, panels.error.shape[-1])
+        models = DominanceTests.of(panels, open_.panel, x, pad, length / 2, exact)
+        radius = models.radius()
+        roots = models.crossings()
+        crossing = _Nearest.of(models, roots, place, half)
+        h = crossing.h
+
+        low, high = (np.maximum(slack(end), 4 * EPS * np.abs(end)) for end in span)
+        at_end = np.where(crossing.value - span[0] <= low, -1, 0)
+        at_end[span[1] - crossing.value <= high] = 1
+
+        # The window: eps to both sides of the crossing, and of those that are within three of these.
+        off = np.where(at_end < 0, np.maximum(slack(place), low), slack(place)) / half
+        moved = crossing.unsure / np.abs(crossing.slope)
+        eps = np.maximum(np.where(at_end < 0, 0.9, 0.1) * off, FIRM * moved)
+        tries = np.where(open_.steps < BEYOND, np.maximum(open_.steps - CROSSING - 2, 0), 0)
+        eps = np.fmin(eps * WIDENED**tries, WIDEST)
+
+        middle = (open_.low + open_.high - 2 * place) / half / 2
+        inside = (np.abs(h - middle) <= 0.51 * length) & (radius == 1)
+        closing = inside & (np.abs(h) <= NEAR)
+        closing &= (h + eps > (open_.low - place) / half) & (h - eps < (open_.high - place) / half)
+        closing &= (open_.steps < BEYOND) | ((crossing.value > open_.low) & (crossing.value < open_.high))
+        under_way = (open_.steps > 0) & (open_.steps < CROSSING)
+        toward = inside & ~closing & under_way & (np.abs(h) < 0.3 * length)
+
+        closed = closing[:, None] & (np.abs(roots - h[:, None]) < 3 * eps[:, None])
+        below = np.where(closed, roots, np.inf).min(1) - eps
+        above = np.where(closed, roots, -np.inf).max(1) + eps
+        return cls(
+            open_,
+            span,
+            column,
+            half,
+            pad,
+            short=SHORT * slack(place),
+            models=models,
+            radius=radius,
+            crossing=crossing,
+            at_end=at_end,
+            closing=closing,
+            toward=toward,
+            begin=(np.where(closing, below, 0.0), np.where(closing, above, 0.0)),
+            roots=np.where(closed, np.inf, roots),
+            rough=(moved > off) | (eps > FIRM * off),
+            overlaid=((models.excess > 0) & ~closed).any(1),
+        )
+
+    def results(self) -> tuple[list[Tiles], _OpenStretches]:
+        """Return the new tiles, and the stretches that are open."""
+        open_ = self.open
+        sides = self._sides()
+        below, above = sides.inner
+        whole = (sides.proved[0] | (below <= open_.low)) & (sides.proved[1] | (above >= open_.high))
+        failed = self.closing & ~whole
+        sharper = self.rough & (open_.steps <= CROSSING + 1)
+        again = self.closing & (failed | sharper) & (open_.steps < 2 * CROSSING)
+        tiles = []
+        for low, high, proved, outside in (
+            (sides.reached[0], below, sides.proved[0], sides.outside[0]),
+            (above, sides.reached[1], sides.proved[1], sides.outside[1]),
+        ):
+            new = proved & ~again
+            tiles.append(Tiles.of(self.column[new], low[new], high[new], outside[new]))
+        end_of_span = np.where(self.at_end < 0, *self.span)
+        value = np.where(self.at_end != 0, end_of_span, np.clip(self.crossing.value, below, above))
+        kind = np.where(self.overlaid, OVERLAID, WINDOW)
+        doubt = np.where(self.rough, Doubt.ROUNDING, Doubt.NONE)
+        windows = Tiles(self.column, below, above, kind, value, self.crossing.theta, self.crossing.miss, doubt)
+        new = self.closing & ~failed & ~again & (below < above)  # else the crossing is beyond the stretch
+        return [*tiles, windows.take(new)], self._left_open(sides, failed, again)
+
+    def _sides(self) -> _Sides:
+        """What is proved on both sides."""
+        open_ = self.open
+        inner = []
+        for h in self.begin:
+            of_window = np.clip(open_.place + self.half * h, open_.low, open_.high)
+            inner.append(np.where(self.closing, of_window, open_.place))
+        reached, outside = self._reached(inner)
+        return _Sides(inner, reached, [reached[0] < inner[0], reached[1] > inner[1]], outside)
+
+    def _left_open(self, sides, failed, again):
+        """The stretches that are open after a test: the same with a place next to the crossing, or what is left on both sides.
+
+        failed: windows that are not proved; again: tests to be repeated.
+        """
+        open_ = self.open
+        a = open_.low
+        b = open_.high
+        place = open_.place
+        below, above = sides.inner
+        moving = self.toward | again
+        steps = np.where(again, np.maximum(open_.steps, CROSSING), open_.steps) + 1
+        repeated = _OpenStretches(open_.panel, a, b, np.clip(self.crossing.value, a, b), steps)
+        stretches = [repeated.take(moving)]
+        width = above - below
+        halved = failed & (b - a > RETRIED * width)  # from elsewhere it may succeed
+        given_up = np.where(failed & ~halved, GIVEN_UP * width, 0.0)
+        low = np.where(sides.proved[0], sides.reached[0], sides.reached[0] - given_up)
+        high = np.where(sides.proved[1], sides.reached[1], sides.reached[1] + given_up)
+        left = (
+            (a, low, -1),
+            (high, b, 1),
+            (below, np.where(halved, place, below), 0),
+            (place, np.where(halved, above, place), 0),
+        )
+        for begin, end, sign in left:
+            long = np.flatnonzero((end - begin > self.short) & ~moving)
+            proved_end = end if sign < 0 else begin
+            gone = np.abs(proved_end - place)[long]
+            stretches.append(self._rest(long, begin[long], end[long], sign, gone))
+        return _OpenStretches.join(stretches)
+
+    def _rest(self, index, low, high, sign, gone):
+        """What is left to one side, to be tested where an eigenvalue seems to cross, if that is near to what is proved."""
+        before = self.open.take(index)
+        length = high - low
+        roots = self.roots[index]
+        ahead = np.where(sign * roots > 0, np.abs(roots), np.inf).min(1) * self.half[index]
+        place = before.place + sign * ahead
+        trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length)
+        trusted &= ahead < np.maximum(3 * gone, 0.5 * length)
+        trusted &= (self.radius[index] == 1) & (before.steps < CROSSING)
+        place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
+        crossing = self.crossing.value[index]
+        missed = (before.steps > CROSSING) & ((crossing < before.low) | (crossing > before.high))
+        steps = np.where(missed & (length <= 2.5 * NEAR * self.half[index]), BEYOND, trusted)
+        return _OpenStretches(before.panel, low, high, place, steps)
+
+    def _reached(self, inner):
+        """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there.
+
+        Shares of the way to the edge of the stretch, or to the next crossing, are tried until one is proved.
+        """
+        m = self.half.size
+        of = np.tile(np.arange(m), 2)  # the test that each side belongs to: those below, then those above
+        sign = np.repeat([-1.0, 1.0], m)
+        edge = np.concatenate([self.open.low, self.open.high])
+        begin = np.concatenate(self.begin)
+        ends = np.concatenate(inner)
+        outside = np.zeros(2 * m, int)
+        place = self.open.place[of]
+        half = self.half[of]
+        pad = sign * self.pad[of]
+        radius = self.radius[of]
+        whole = (edge - place) / half
+        far = np.abs(whole) > 1
+        extent = np.clip(whole, -1, 1) - begin
+        away = sign[:, None] * (self.roots[of] - begin[:, None])
+        to_next = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(extent)
+        first = np.where(radius == 1, np.fmin(1, to_next), 1.0)
+        todo = np.flatnonzero((sign * (edge - ends) > 0) & ~self.toward[of])
+        for factor in SHARES:
+            if not todo.size:
+                break
+            test = of[todo]
+            share = factor * first[todo]
+            advance = share * extent[todo]
+            start = np.where(begin[todo] == 0, 0.0, begin[todo] - pad[todo])
+            stop = begin[todo] + advance + pad[todo]
+            proved, count = self.models.prove(test, start, stop, radius[todo])
+            reached = place[todo] + half[todo] * (begin[todo] + advance)
+            reached = np.clip(reached, self.open.low[test], self.open.high[test])
+            reached = np.where(far[todo] | (share < 1), reached, edge[todo])
+            ends[todo[proved]] = reached[proved]
+            outside[todo[proved]] = count[proved]
+            todo = todo[~proved]
+        return np.split(ends, 2), np.split(outside, 2)
+
+
+def _exact_frames(errors, column, open_, n):
+    """The frames at the places next to crossings; from the second time on with tight bounds."""
+    tests = np.flatnonzero(open_.steps > CROSSING)
+    again = open_.steps[tests] > CROSSING + 1
+    E = np.empty((tests.size, n, n))
+    off = np.empty((tests.size, n, n))
+    for function, chosen in zip(errors, (~again, again), strict=True):
+        if chosen.any():
+            at = tests[chosen]
+            E[chosen], off[chosen] = function(column[at], open_.place[at])
+    return ExactFrames(tests, E, off)
+
+
+def proved_by_balls(tiles: Tiles, lost, span, columns: int, attached, balls) -> tuple[Tiles, tuple[np.ndarray, ...]]:
+    """Return the tiles, and the parts without panels, with stretches in doubt replaced by what is proved of these.
+
+    balls(column, low, high): the stable intervals from low to high as (low, high, low_theta, high_theta), None if they stay in
+    doubt; see `Tiles` for theta. lost, attached: see `regions_of`.
+    """
+    low_ends, high_ends = (Tiles.of(np.arange(columns), *np.full((2, columns), float(end)), 1) for end in span)
+    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
+    joined = Tiles.join([low_ends, tiles, high_ends])
+    joined = joined.take(np.argsort(joined.column, kind="stable"))
+    outer = np.isin(joined.low, span) & (joined.low == joined.high)
+    remains = np.ones(joined.column.size, bool)
+    new = []
+    pairs = _in_doubt(joined, outer, attached)
+    for column in different(joined.column[pairs[:, 0]]).tolist():
+        of_column = pairs[joined.column[pairs[:, 0]] == column]
+        if len(of_column) > FEW:
+            of_column = np.array([[of_column[0, 0], of_column[-1, 1]]])
+        for before, after in of_column.tolist():
+            a = float(joined.high[before])
+            b = float(joined.low[after])
+            intervals = balls(column, a, b)
+            if intervals is None:
+                continue
+            begins = bool(intervals) and intervals[0][0] == a
+            stops = bool(intervals) and intervals[-1][1] == b
+            agree_before = outer[before] or (joined.outside[before] == 0) == begins
+            agree_after = outer[after] or (joined.outside[after] == 0) == stops
+            if not (agree_before and agree_after):
+                continue  # what contradicts its neighbours is not taken for proved
+            remains[before + 1 : after] = False
+            new.append(_tiles_of_intervals(column, a, b, intervals))
+            elsewhere = (lost[0] != column) | (lost[2] <= a) | (lost[1] >= b)
+            lost = tuple(fact[elsewhere] for fact in lost)
+    return Tiles.join([joined.take(remains & ~outer), *new]), lost
+
+
+def _in_doubt(joined, outer, attached):
+    """Pairs of neighbouring tiles whose number outside is known, between which something is in doubt, `(pairs, 2)`.
+
+    joined: tiles by column and place, with one of no width at each end of the span, outer.
+    """
+    sure = np.flatnonzero(joined.outside >= 0)
+    first = sure[:-1]
+    last = sure[1:]
+    label_before = np.minimum(joined.outside[first], 1)
+    label_after = np.minimum(joined.outside[last], 1)
+    window = joined.outside <= WINDOW
+    plain = joined.outside == WINDOW
+    rough = joined.doubt != Doubt.NONE
+
+    def between(size):
+        """The sum over the windows between each two neighbours of `sure`."""
+        total = np.append(0.0, np.cumsum(np.where(window, size, 0.0)))
+        return total[last] - total[first + 1]
+
+    low = joined.high[first]
+    high = joined.low[last]
+    at_end = outer[first] | outer[last]
+    slack = 4 * EPS * np.abs(high) + np.where(outer[first], *attached) * at_end
+    open_ = high - low - between(joined.high - joined.low) > slack
+    doubtful = open_ | (between(plain & rough) > 0)
+    one_stable = label_before * label_after == 0
+    doubtful |= one_stable & (between(rough) > 0)
+    same = label_before == label_after
+    crossings = last - first > 1
+    returning = same & crossings & ((label_before == 0) | (between(plain) > 0))
+    without_crossing = ~crossings & ~same
+    doubtful |= ~at_end & (returning | without_crossing)
+    doubtful &= joined.column[first] == joined.column[last]
+    return np.stack([first, last], 1)[doubtful]
+
+
+def _tiles_of_intervals(column, a, b, intervals):
+    """Tiles from a to b: stable intervals, with unstable ones between, and windows without width where one begins or ends."""
+    rows = []
+    place = a
+    for low, high, *theta in intervals:
+        if low > a:
+            rows.append((place, low, 1, np.nan, np.nan))
+            rows.append((low, low, WINDOW, low, theta[0]))
+        rows.append((low, high, 0, np.nan, np.nan))
+        if high < b:
+            rows.append((high, high, WINDOW, high, theta[1]))
+        place = high
+    if place < b:
+        rows.append((place, b, 1, np.nan, np.nan))
+    low, high, outside, value, theta = map(np.array, zip(*rows, strict=True))
+    return Tiles(np.full(low.size, column), low, high, outside, value, theta, 0 * low, np.full(low.size, Doubt.NONE))
+
+
+def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
+    """Return the parts of the spans in which the loops are stable, unstable or not known; all of a column have its doubt.
+
+    lost: parts without panels, see `panels_of`. attached: from each end of the span, how far what is not known may reach
+    without a doubt, since a crossing there is given as at the end itself.
+    """
+    tiles = Tiles.join([tiles, _gaps(tiles, span, columns, attached)])
+    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
+    doubt = np.full(columns, Doubt.NONE)
+
+    def doubted(column, reason):
+        np.maximum.at(doubt, column, reason)
+
+    owner, low, high, overflown = lost
+    searched = (high > span[0] + attached[0]) & (low < span[1] - attached[1])
+    doubted(owner[searched].astype(int), np.where(overflown[searched] > 0, Doubt.OVERFLOW, Doubt.SEARCH))
+    doubted(tiles.column, np.where(tiles.outside == UNKNOWN, Doubt.CROWDED, Doubt.NONE))
+    # Inside a plain window all may be stable, also at an end of the span.
+    doubted(tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, Doubt.NONE))
+
+    at = np.flatnonzero(tiles.outside > WINDOW)
+    regions = tiles.take(at)
+    column = regions.column
+    label = np.sign(regions.outside)
+    first = np.append(True, np.diff(column) != 0)
+    last = np.append(first[1:], True)
+    # The tile before each part, and that after it: of neighbours it is the same.
+    neighbours = tiles.take(np.clip(np.concatenate([at - 1, at[-1:] + 1]), 0, tiles.column.size - 1))
+    is_window = neighbours.outside <= WINDOW
+    before = neighbours.take(slice(None, -1))
+    after = neighbours.take(slice(1, None))
+    crossed = is_window[:-1] & (before.column == column)
+    ending = is_window[1:] & (after.column == column)
+    low = np.where(first, span[0], np.where(crossed, before.value, regions.low))
+    high = np.where(last, span[1], np.append(low[1:], span[1]))
+    theta_low = np.where(crossed, before.theta, np.nan)
+    theta_high = np.where(ending, after.theta, np.nan)
+    miss_low = np.where(crossed, before.miss, 0.0)
+    miss_high = np.where(ending, after.miss, 0.0)
+    rough = np.maximum(np.where(crossed, before.doubt, Doubt.NONE), np.where(ending, after.doubt, Doubt.NONE))
+    doubted(column, np.where(label == 0, rough, Doubt.NONE))
+
+    label_before = np.where(first, UNKNOWN, np.append(UNKNOWN, label[:-1]))
+    same = ~first & (label_before == label)
+    # Between parts alike eigenvalues may touch the circle, or cross and return; without a crossing the counts agree.
+    unsure = crossed & same & ((label == 0) | (before.outside == WINDOW))
+    uncrossed = ~crossed & ~same & (np.minimum(label, label_before) >= 0)
+    doubted(column[~first & (unsure | uncrossed)], Doubt.COUNTS)
+
+    begin = np.flatnonzero(~same)
+    end = np.flatnonzero(np.append(~same[1:], True))
+    miss = np.maximum(miss_low[begin], miss_high[end])
+    ends = low[begin], high[end], theta_low[begin], theta_high[end]
+    return Regions(column[begin], *ends, label[begin], doubt[column[begin]], miss)
+
+
+def _gaps(tiles, span, columns, attached):
+    """What is between the tiles of each column, and before and behind them."""
+    tiles = tiles.take(np.lexsort((tiles.low, tiles.column)))
+    every = np.arange(columns)
+    low, high = (np.full(columns, float(end)) for end in span)
+    column = np.concatenate([every, tiles.column, every])
+    left = np.concatenate([low, tiles.low, high])
+    right = np.concatenate([low, tiles.high, high])
+    order = np.lexsort((right, left, column))
+    column = column[order]
+    left = left[order]
+    right = right[order]
+    gap = np.flatnonzero((np.diff(column) == 0) & (left[1:] > right[:-1]))
+    gaps = Tiles.of(column[gap], right[gap], left[gap + 1], UNKNOWN)
+    everything = (gaps.low == span[0]) & (gaps.high == span[1])
+    inside = (gaps.high > span[0] + attached[0]) & (gaps.low < span[1] - attached[1])
+    return gaps.take(everything | inside)

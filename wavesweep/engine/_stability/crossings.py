@@ -1,0 +1,343 @@
+"""Every crossing of every column: the values of a number at which eigenvalues meet the unit circle.
+
+The crossings of a column are the real roots of one polynomial, which is computed from samples on the circle.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.engine._monodromy.cut import ERRORS, FIRST, LinearFractional
+from wavesweep.engine._monodromy.hessenberg import in_even_units, polynomials, reduced
+from wavesweep.engine._monodromy.resolvent import ManyStates
+from wavesweep.engine._monodromy.unit_circle import inverse
+from wavesweep.engine._stability.boundary import polish, real_terms, terms_and_inverse, terms_of
+from wavesweep.engine._stability.real_roots import Roots, isolate
+
+SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
+FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
+NEAR_SEED = 1e-4  # of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed
+SMALL = 0.1  # of a resolvent, what errors of entries may change it by
+NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
+
+
+@dataclass(frozen=True, slots=True)
+class Polynomial:
+    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed number; roots in (-1, 1) are crossings.
+
+    base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either. value: `(..., 3, n + 1)`, in
+    the same basis; the number at a root is the first less y times the second, over the third. value_noise: `(..., 3)`,
+    bounds on the error of each of these coefficients. scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
+    """
+
+    base: np.ndarray
+    slope: np.ndarray
+    noise: np.ndarray
+    value: np.ndarray
+    value_noise: np.ndarray
+    scale: np.ndarray
+
+
+def warp_scale(cut: LinearFractional, *, alone: bool = False):
+    """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which they crowd least.
+
+    alone: without those that are divided out, see `sampled_polynomial`.
+    """
+    n = cut.E.shape[-1]
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        if alone:
+            n -= cut.poles_at_one
+            size = np.sort(np.abs(np.linalg.eigvals(cut.E)), axis=-1)
+            log_size = np.log(size[..., cut.poles_at_one :]).sum(-1)
+        else:
+            _, log_size = np.linalg.slogdet(cut.E)
+        mean = np.exp(np.nan_to_num(log_size, neginf=-0.5 * n) / max(n, 1))
+    return np.clip(mean, NEAREST, FARTHEST)
+
+
+def sampled_polynomial(cut: LinearFractional, along: str, scale, rough, *, alone: bool = False) -> Polynomial:
+    """Sample the boundary equation on the warped circle and return its polynomial.
+
+    rough: `(loops,)`, those whose noise counts the errors of their entries as well. alone: whether the other number is 0, and
+    its half of the polynomial is left out.
+
+    The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
+    `f(phi) = Im[(unit - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of
+    the closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
+
+    If m poles are exactly 1, as those of a mass under an integrator, d has the factor (z - 1)^m, and f, if there is only one
+    parameter, `(1 - cos phi)^(m // 2)`. It is divided out, since a root at z = 1 itself would hide others next to it.
+    """
+    count = cut.order + SPARE
+    phi = np.pi * np.arange(1, count + 1) / (count + 1)
+    solved, fixed, unit, w = _scaled(cut, np.exp(1j * phi), scale, along)
+    if alone:
+        fixed = 0 * fixed
+    transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
+
+    def largest(samples):
+        return np.abs(samples).max((0, -1))
+
+    on_unit = unit * solved.conj()
+    on_fixed = fixed * solved.conj()
+    factors = 0
+    if not np.any(fixed):
+        factors = (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
+    f_unit = on_unit
+    f_fixed = on_fixed
+    if factors:
+        f_unit = on_unit / (1 - np.cos(phi)) ** factors
+        f_fixed = on_fixed / (1 - np.cos(phi)) ** factors
+    of_curve = [f_unit.imag, -f_fixed.imag]
+    curve, noise = _sines(of_curve, [largest(f_unit), largest(f_fixed)], transform, cut.order - factors)
+    of_value = [on_unit.real * np.sin(phi), on_fixed.real * np.sin(phi), np.abs(solved) ** 2 * np.sin(phi)]
+    sizes = [largest(on_unit), largest(on_fixed), largest(solved) ** 2]
+    value, value_noise = _sines(of_value, sizes, transform, cut.order + 1)
+    at = np.flatnonzero(rough)
+    if at.size:
+        sizes = np.abs(unit[0, at]), np.abs(fixed[0, at]), np.abs(solved[0, at])
+        errors = np.stack(_errors_of_entries(cut.at(at), along, w[at], *sizes))
+        weight = 1 / (1 - np.cos(phi)) ** factors
+        noise[at] += 2 * (errors[:2] * weight).max(-1).T  # a mean times 2 sin
+        value_noise[at] += 2 * errors.max(-1).T
+    return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
+
+
+def poles_at_one(E) -> int:
+    """Return how many eigenvalues of `E` are exactly 0 in every loop because of where its entries are not zero.
+
+    E: `(..., n, n)`. States that depend on each other, directly or through others, are a block of a triangular matrix. One that
+    depends on itself in no way is a block of its own, whose eigenvalue is its diagonal entry, 0.
+    """
+    n = E.shape[-1]
+    reach = (E != 0).reshape(-1, n, n).any(0)
+    for _ in range(n.bit_length()):
+        reach = reach | ((reach.astype(int) @ reach) > 0)
+    return int((~np.diagonal(reach)).sum())
+
+
+def _sines(samples, size, transform, degree):
+    """Return the first coefficients of sine polynomials from their samples, and bounds on the errors of each of them.
+
+    samples: `(2, loops, points)` each, computed in two ways, whose difference shows the errors of either.
+    """
+    series = np.stack(samples, axis=-2) @ transform
+    floor = 4 * len(transform) * np.finfo(float).eps
+    beyond = np.abs(series[..., degree:]).max((0, -1))
+    apart = np.abs(series[0] - series[1]).max(-1)
+    return series[0, ..., :degree], 8 * np.maximum(beyond, apart) + floor * np.stack(size, axis=-1)
+
+
+def _scaled(cut, zeta, scale, along):
+    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(2, loops, points)` each.
+
+    They are computed a second time with the states in reverse order, since an orthogonal reduction leaves errors that no
+    polynomial shows by itself.
+    """
+    r = np.asarray(scale)[:, None]
+    a = (1 - r) / (1 + r)
+    bottom = 1 + a * zeta
+    w = (1 - a) * (zeta - 1) / bottom
+    n = cut.E.shape[-1]
+    loops = (np.broadcast_to(matrix, (*cut.batch, *matrix.shape[-2:])) for matrix in (cut.E, cut.B, cut.C))
+    system = in_even_units(*loops)
+    reverse = np.concatenate([system[n - 1 :: -1], system[n:]])[:, [0, *range(n, 0, -1)]]
+    both = reduced(np.concatenate([system, reverse], axis=-1))
+    pole, over = polynomials(both, np.concatenate([w, w]))
+    pole = pole.reshape(2, *w.shape)
+    over = over.reshape(2, len(w), -1, w.shape[-1])
+    size = bottom ** (n + cut.integrates)
+    size = size / np.abs(size * pole[0]).max(-1, keepdims=True)
+    pole = pole * size
+    outputs = over * size[:, None] + cut.D * pole[:, :, None]
+    terms = terms_of(cut, w, np.moveaxis(outputs, -2, -1), pole)
+    return *terms.along(along), terms.unit, w
+
+
+@np.errstate(all="ignore")
+def _errors_of_entries(cut, along, w, unit, fixed, solved):
+    """Return how far errors of the entries move `unit solved^*`, `fixed solved^*` and `|solved|^2`, infinite if not known.
+
+    unit, fixed, solved: sizes of these terms, `(loops, points)`. With the resolvent R and the bounds dE, the resolvent for
+    E + X is `R (1 - X R)^-1`, of which no entry is larger than those of `N |R|`, `N = (1 - |R| dE)^-1`. docs/proof.md,
+    "Entries that are known to few digits", has the bounds dG and q.
+    """
+    dE, dB, dC, dD = (getattr(cut, name)[:, None] for name in ERRORS)
+    one = np.eye(cut.E.shape[-1])
+    R = inverse(w[..., None, None] * one - cut.E[:, None])
+    RB = np.abs(R @ cut.B[:, None])
+    CR = np.abs(cut.C[:, None] @ R)
+    R = np.abs(R)
+    reach = R @ dE
+    known = np.isfinite(reach).all((-1, -2))
+    reach = np.where(known[..., None, None], reach, 0.0)
+    known &= np.abs(np.linalg.eigvals(reach)).max(-1, initial=0.0) < SMALL
+    reach = np.where(known[..., None, None], reach, 0.0)
+    NR = inverse(one - reach) @ R
+    c = CR + CR @ dE @ NR
+    entering = dE @ RB + dB
+    dG = (c @ entering + dC @ (RB + NR @ entering) + dD)[..., 0]
+    pole = unit / np.abs(w) if cut.integrates else unit
+    of_solved, of_fixed = terms_of(cut, np.abs(w), dG * pole[..., None], 0.0).along(along)
+    q = np.linalg.det(one - reach) ** -2.0
+    errors = []
+    for size, error in ((unit, 0.0), (fixed, of_fixed), (solved, of_solved)):
+        moved = size * of_solved + error * (solved + of_solved)
+        errors.append(np.where(known, moved * q + size * solved * (q - 1), np.inf))
+    return errors
+
+
+def angle(cosine, scale):
+    """Return theta in (0, pi) from cos(phi)."""
+    return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
+
+
+SLIVER = 1e-14  # of the span, at either end of it, in which a crossing counts as at that end: so are ends promised
+
+
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """A flat list of crossings that may be inside the span.
+
+    column: index of the column. value: of the number. theta: angle of the eigenvalue that crosses (rad per frame, 0 and pi
+    included). jump: growth of the count of unstable eigenvalues as the number grows past the value. inverse: index of
+    the inverse of `w I - E` at the crossing or next to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of
+    that column is proved complete. above: `(columns,)`, growth of the number of unstable eigenvalues from the low end of the
+    span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known. many: the resolvent of a
+    single loop of many states, of which there are no inverses.
+    """
+
+    column: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    jump: np.ndarray
+    inverse: np.ndarray
+    inverses: np.ndarray
+    complete: np.ndarray
+    above: np.ndarray
+    many: ManyStates | None = None
+
+
+def roots_of(polynomial: Polynomial, owner, fixed) -> Roots:
+    """Return the roots of the polynomials of columns with the loops `owner` and the other number `fixed`."""
+    coefficients = polynomial.base.take(owner, axis=0) + fixed[:, None] * polynomial.slope.take(owner, axis=0)
+    n = coefficients.shape[-1]
+    noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
+    roots = isolate(coefficients, noise * (n * (n + 1) / 2))
+    roots.proved[~np.isfinite(coefficients).all(-1)] = False
+    return roots
+
+
+def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial: Polynomial, roots: Roots) -> Crossings:
+    """Return the crossings of the columns with the loops `cut.at(owner)` and the other number `fixed`.
+
+    polynomial: of each loop, `(loops, ...)`; roots: of each column, see `roots_of`. The eigenvalue moves outward with the sign
+    of d Im K/d theta at an interior crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at
+    z = 1 and -1 it moves with the sign of the polynomial. A column in which a root may be at such an end itself (an undamped
+    device crosses twice at z = 1, at K = 0) is not complete. Crossings that are surely outside the span are only counted.
+    """
+    column, index = np.nonzero(roots.inside)
+    cosine = roots.value[column, index]
+    jump = -2.0 * roots.slope_sign[column, index]
+    side = _side(polynomial, owner[column], fixed[column], cosine, span)
+    above = np.bincount(column, jump * (side > 0), minlength=fixed.size)
+    near = side == 0
+    column = column[near]
+    cosine = cosine[near]
+    jump = jump[near]
+    seed = angle(cosine, polynomial.scale[owner[column]])
+    largest = max(map(abs, span))
+    polished, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, largest)
+    complete = roots.proved.copy()
+    # A polished angle far from its seed has left the root that the proof is about.
+    astray = ~(np.abs(polished.theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed))
+    complete[column[astray | ~polished.converged]] = False
+    ends, at_ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
+    complete &= ~(roots.open_at_one | roots.open_at_minus_one)
+    at = np.concatenate([np.arange(column.size), len(inverses) + ends.inverse])
+    column = np.concatenate([column, ends.column])
+    value = np.concatenate([polished.value, ends.value])
+    theta = np.concatenate([polished.theta, ends.theta])
+    jump = np.concatenate([jump, ends.jump])
+    # At an infinite value the jump tells on which side the eigenvalue arrives; of a very large one rounding decides the side.
+    low = span[0]
+    size = np.abs(value)
+    told = np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
+    growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
+    growth = np.where(size > FAR * largest, np.nan, growth)
+    growth = np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
+    above = above + np.bincount(column, growth, minlength=fixed.size)
+    above[~complete] = np.nan
+    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, at_ends]), complete, above)
+
+
+def _side(polynomial, owner, fixed, cosine, span):
+    """Return 1 or -1 for a root whose value is surely above or below the span, 0 for others.
+
+    The value is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
+    """
+    over = polynomial.value.take(owner, axis=0)
+    noise = polynomial.value_noise.take(owner, axis=0)
+    before = np.zeros_like(cosine)
+    now = np.ones_like(cosine)  # U_k, at most k + 1
+    twice = 2 * cosine
+    total = 0.0
+    weight = 0
+    for k in range(over.shape[-1]):
+        total = total + over[..., k] * now[:, None]
+        weight += k + 1
+        following = twice * now - before
+        before = now
+        now = following
+    first, second, lower = total.T
+    upper = first - fixed * second
+    unsure = weight * (noise[:, 0] + np.abs(fixed) * noise[:, 1])
+    low, high = span
+    above = upper - high * lower > unsure + weight * abs(high) * noise[:, 2]
+    below = upper - low * lower < -(unsure + weight * abs(low) * noise[:, 2])
+    return above.astype(int) - below
+
+
+class CrossingsAtEnds(NamedTuple):
+    """The crossings at z = 1 of every column, and then those at z = -1; see `Crossings`. Without one the value is infinite."""
+
+    column: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    jump: np.ndarray
+    inverse: np.ndarray
+
+
+def at_both_ends(
+    cut: LinearFractional, owner, along: str, fixed, sign_at_one, sign_at_minus_one, many=None
+) -> tuple[CrossingsAtEnds, np.ndarray]:
+    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there; many: see `Crossings`.
+
+    sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of the eigenvalue.
+    """
+    values = []
+    inverses = []
+    for w in (0.0, -2.0):
+        if many is None:
+            t, inverse = cut.remembered(w, lambda w=w: terms_and_inverse(cut, np.full(cut.batch, w)))
+            inverses.append(inverse)
+        else:
+            t = real_terms(cut.at(0), w, many)
+            inverses.append(np.zeros((0, *cut.E.shape[-2:])))
+        if w == 0.0 and cut.integrates:
+            values.append(np.full(fixed.shape, 0.0 if along == FIRST else np.inf))
+            continue
+        solved, fixed_term = t.along(along)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values.append((t.unit[owner] - fixed * fixed_term[owner]) / solved[owner])
+        if w == 0.0 and cut.poles_at_one and not cut.integrates:  # a mass that nothing brakes, but for this wall
+            values[-1] = np.where(fixed == 0, 0.0, values[-1])
+    ends = CrossingsAtEnds(
+        column=np.tile(np.arange(fixed.size), 2),
+        value=np.concatenate(values),
+        theta=np.repeat([0.0, np.pi], fixed.size),
+        jump=np.concatenate([sign_at_one, -sign_at_minus_one]),
+        inverse=np.concatenate([owner, owner + len(inverses[0])]),
+    )
+    return ends, np.concatenate(inverses)

@@ -1,0 +1,292 @@
+"""Entries of the frames of loops along a number: polynomials on panels of it, each entry with a bound on what it misses."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from wavesweep.engine._stability.sampled_frames import Frames, level, pole_inside
+from wavesweep.engine.rows import Rows
+
+DEGREES = (14, 28)  # of the polynomials; the points of the lower one are points of the higher one, too
+ORDER = 4  # of the remainder of Taylor's expansions of the polynomials
+MODEL = 1e-11  # of the largest entry, what the polynomials may miss: more makes tests fail, less makes panels
+NOISY = 1e-8  # the same where the values have larger errors than MODEL
+ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
+EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
+LEBESGUE = 4  # more than the constant of the points: how much the errors of values may add up to between them
+PLACES = (0, 1, 2)  # quarters of a panel, times two, at which errors of entries are bounded
+UNEVEN = 4.0  # times the bounds at these places: that at any other point of the panel
+OVERLAP = 0.035  # of its width a panel reaches beyond each end: a crossing next to it is found from both sides
+STEEP = 1e3  # ratio of the largest entries at places of a panel, unless they are below 1: errors are relative to the largest
+NARROW = 1e-9  # of the span: a panel this narrow that is not followed is given up
+FOLLOWED = 2**18  # entries of frames at the nodes of panels at a time
+MANY = 1024  # panels of a column, beyond which the rest is given up
+EPS = np.finfo(float).eps
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
+RIM = (RIM + 1 / RIM) / 2
+RIM.flags.writeable = False
+
+
+@dataclass(frozen=True, slots=True)
+class Panels(Rows):
+    """Polynomials in `x = (p - middle)/half`, for x from -1 to 1, of the entries of frames less identity.
+
+    column, low, high: the part of the span of a column that a panel is for; the polynomials reach a bit farther. coefficients:
+    of Chebyshev polynomials, `(panels, DEGREES[-1] + 1, n, n)`. error: of each entry, all over the panel, by interpolation and
+    by rounding of the frames, `(panels, n, n)`. rest: bound on the derivative of order ORDER over its factorial.
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    middle: np.ndarray
+    half: np.ndarray
+    coefficients: np.ndarray
+    error: np.ndarray
+    rest: np.ndarray
+
+    @classmethod
+    def joined(cls, batches):
+        """Return the panels of all batches, filled up to as many states as the largest has; those added have z = 0."""
+        most = max(batch.error.shape[-1] for batch in batches)
+        return cls.join([batch if batch.error.shape[-1] == most else batch.filled(most) for batch in batches])
+
+    def filled(self, order: int) -> "Panels":
+        """The same with as many states."""
+        n = self.error.shape[-1]
+
+        def padded(entries):
+            larger = np.zeros((*entries.shape[:-2], order, order))
+            larger[..., :n, :n] = entries
+            return larger
+
+        coefficients = padded(self.coefficients)
+        new = np.arange(n, order)
+        coefficients[:, 0, new, new] = -1
+        return replace(self, coefficients=coefficients, error=padded(self.error), rest=padded(self.rest))
+
+    def of_states(self, states) -> "Panels":
+        """The same without all other states."""
+
+        def chosen(entries):
+            return np.ascontiguousarray(entries[..., states[:, None], states])
+
+        return replace(self, coefficients=chosen(self.coefficients), error=chosen(self.error), rest=chosen(self.rest))
+
+    def without_forgotten(self) -> list[tuple["Panels", np.ndarray]]:
+        """Return the panels without states that are 0 at the end of every frame, or that nothing reads at its beginning, and
+        the indices of those that are left; panels that have the same ones together.
+
+        A row or a column of the frame is then 0, but for rounding on the diagonal, and the matrix is block-triangular.
+        """
+        n = self.error.shape[-1]
+        rest = self.error + sizes_of(self.coefficients[:, 1:])
+        nonzero = np.abs(self.coefficients[:, 0]) + rest > 0
+        moved = np.abs(self.coefficients[:, 0] + np.eye(n)) + rest
+        nonzero[:, range(n), range(n)] = moved[:, range(n), range(n)] >= 0.5
+        kinds, kind = np.unique(nonzero.reshape(-1, n * n), axis=0, return_inverse=True)
+        groups = {}
+        for number, entries in enumerate(kinds.reshape(-1, n, n)):
+            of_kind = np.flatnonzero(kind.ravel() == number)
+            groups.setdefault(tuple(_remembered(entries)), []).append(of_kind)
+        results = []
+        for remembered, of_kinds in groups.items():
+            states = np.array(remembered)
+            results.append((self.take(np.concatenate(of_kinds)).of_states(states), states))
+        return results
+
+
+def sizes_of(coefficients) -> np.ndarray:
+    """Return the sum of the sizes of the coefficients of each entry of panels; one by one, since all take much memory."""
+    return sum(np.abs(coefficients[:, k]) for k in range(coefficients.shape[1]))
+
+
+def _remembered(entries):
+    """The states that remain of frames in which only these entries may be nonzero; at least one."""
+    states = np.arange(len(entries))
+    while True:
+        nonzero = entries[states[:, None], states]
+        coupled = nonzero & ~np.eye(states.size, dtype=bool)
+        gone = ~nonzero.diagonal() & (~coupled.any(0) | ~coupled.any(1))
+        if not gone.any() or gone.all():
+            return states.tolist()
+        states = states[~gone]
+
+
+def panels_of(
+    frames, errors, span, columns: int, bounds, resolved=None, order: int = 1
+) -> tuple[Panels | None, tuple[np.ndarray, ...]]:
+    """Return panels on which the frames are followed, and the parts of the spans that are not: column, low, high, overflown.
+
+    frames, errors, bounds: see `stable_along_any`. resolved(column, low, high): whether frames have no narrow features there.
+    order: of the frames, by which panels are followed in portions. A panel that is not followed is halved.
+
+    The error of the polynomial f_n that has the values of f at n + 1 Chebyshev points, divided by the polynomial q that
+    vanishes there, is analytic where f is. So on the panel, where |q| <= 1, it is at most as large as on the rim of an ellipse
+    about it, where |q| > 10^5: entries are computed there at complex p. What lies between the points of the rim is taken as at
+    most twice as large. This holds if f has no pole inside (`pole_inside`). Rounding of the values adds as much as LEBESGUE
+    allows; its bounds are taken at both ends and in the middle.
+    """
+    column = np.arange(columns)
+    low, high = (np.full(columns, float(end)) for end in span)
+    least = NARROW * (span[1] - span[0])
+    count = np.ones(columns, int)
+    few = max(1, FOLLOWED // ((DEGREES[-1] + 1) * order**2))
+    done = []
+    lost = []
+    while column.size:
+        over = OVERLAP * (high - low)
+        lowest = bounds[0][column]
+        highest = bounds[1][column]
+        left = np.maximum(low - over, lowest)
+        right = np.minimum(high + over, highest)
+        middle = (left + right) / 2
+        half = (right - left) / 2
+        inside = (middle - EXTENT * half >= lowest) & (middle + EXTENT * half <= highest)
+        good = np.zeros(column.size, bool)
+        overflown = np.zeros(column.size, bool)
+        hopeless = np.zeros(column.size, bool)
+        chosen = np.flatnonzero(inside)
+        if resolved is not None and chosen.size:
+            chosen = chosen[resolved(column[chosen], left[chosen], right[chosen])]
+        for first in range(0, chosen.size, few):
+            portion = chosen[first : first + few]
+            spans = column[portion], low[portion], high[portion], middle[portion], half[portion]
+            with np.errstate(all="ignore"):
+                followed, at, finite = _followed(frames, errors, spans)
+            good[portion[at]] = True
+            overflown[portion] = ~finite.all(1)
+            hopeless[portion] = ~finite.any(1)
+            done += followed
+        np.add.at(count, column[~good], 1)
+        narrow = hopeless | ~good & ((high - low <= least) | (count[column] > MANY))
+        lost.append((column[narrow], low[narrow], high[narrow], overflown[narrow]))
+        again = ~good & ~narrow
+        low = low[again]
+        high = high[again]
+        cut_at = (low + high) / 2
+        column = np.tile(column[again], 2)
+        low, high = np.append(low, cut_at), np.append(cut_at, high)
+    panels = Panels.joined(done) if done else None
+    if not lost:
+        return panels, tuple(np.zeros((4, 0)))
+    return panels, tuple(np.concatenate(facts) for facts in zip(*lost, strict=True))
+
+
+def _followed(frames, errors, spans):
+    """Return panels, those among `spans` that are followed, which these are, and which frames are finite, `(spans, points)`.
+
+    spans: column, low, high, middle, half.
+    """
+    column, _, _, middle, half = spans
+
+    def sample(index, x):
+        sampled = Frames.of(frames(column[index, None], middle[index, None] + half[index, None] * x))
+        shape = index.size, x.size
+        E = sampled.E.reshape(*shape, *sampled.E.shape[1:])
+        return E, sampled.pivots.reshape(*shape, *sampled.pivots.shape[1:])
+
+    done = []
+    followed = []
+    open_ = np.arange(column.size)
+    A = None
+    for degree in DEGREES:
+        x, transform = nodes(degree)
+        if A is None:
+            A, pivots = sample(open_, x)
+            inner = level(pivots, np.where(np.abs(x) == 1, 0.5, 1.0))
+            finite = np.isfinite(A).all((2, 3))
+        else:
+            between, _ = sample(open_, x[1::2])
+            if between.shape[2:] != A.shape[2:]:
+                break
+            all_nodes = np.empty((open_.size, x.size, *A.shape[2:]))
+            all_nodes[:, ::2] = A
+            all_nodes[:, 1::2] = between
+            A = all_nodes
+        n = A.shape[-1]
+        c = np.einsum("kj,pjmn->pkmn", transform, A, optimize=True)
+        size = np.maximum(np.abs(A).max((1, 2, 3)), np.finfo(float).tiny)
+        last = np.abs(c[:, -2:]).max((1, 2, 3)) / size
+        least = np.abs(A).max((2, 3)).min(1)
+        calm = size < STEEP * np.maximum(1, least)
+        enough = MODEL if degree < DEGREES[-1] else NOISY
+        ready = np.flatnonzero((last < enough) & calm)
+        if ready.size:
+            rim, pivots = sample(open_[ready], RIM)
+            at = np.array(PLACES) * (degree // 2)
+            at_places = middle[open_[ready], None] + half[open_[ready], None] * x[at]
+            exact, off = errors(column[open_[ready], None], at_places)
+            if rim.shape[2:] == exact.shape[1:] == (n, n):
+                basis, vanishing = _rim(degree)
+                on_rim = np.einsum("rk,pkmn->prmn", basis, c[ready], optimize=True)
+                missed = 2 * np.abs(rim - on_rim).max(1) / vanishing
+                off = off + np.abs(exact - A[ready][:, at].reshape(exact.shape))
+                off = off.reshape(ready.size, -1, n, n).max(1)
+                fine = missed.max((1, 2)) < np.maximum(MODEL * size[ready], off.max((1, 2)))
+                fine &= ~pole_inside(pivots, inner[open_[ready]])
+                fine &= np.isfinite(off).all((1, 2))
+                error = missed + LEBESGUE * UNEVEN * off + 2 * degree * EPS * np.abs(c[ready]).sum(1)
+                ready = ready[fine]
+                done.append(_panels(spans, open_[ready], c[ready], error[fine]))
+                followed.append(open_[ready])
+            else:
+                ready = ready[:0]
+        if degree == DEGREES[-1] or not open_.size:
+            break
+        going = last ** (DEGREES[-1] / degree) < 100 * MODEL  # coefficients fall unevenly
+        going[ready] = False
+        going &= calm
+        open_ = open_[going]
+        A = A[going]
+        if not open_.size:
+            break
+    return done, np.concatenate([*followed, np.zeros(0, int)]), finite
+
+
+def _panels(spans, index, c, error):
+    k = np.arange(c.shape[1])
+    steepest = np.prod([(k**2 - i**2) / ((2 * i + 1) * (i + 1)) for i in range(ORDER)], 0)  # at x = 1 (Markov 1892)
+    padded = np.zeros((index.size, DEGREES[-1] + 1, *c.shape[2:]))
+    padded[:, : c.shape[1]] = c
+    rest = np.einsum("k,pkmn->pmn", np.abs(steepest), np.abs(c))
+    return Panels(*(fact[index] for fact in spans), padded, error, rest)
+
+
+@cache
+def nodes(degree):
+    """Return Chebyshev points of the second kind in [-1, 1], and the map from values there to Chebyshev coefficients."""
+    number = np.arange(degree + 1)
+    # Whole turns, and then halves, are taken out first: the cosine of a large angle has lost digits with the angle.
+    turn = np.outer(number, number) % (2 * degree)
+    turn = np.minimum(turn, 2 * degree - turn)
+    short = np.cos(np.pi * np.minimum(turn, degree - turn) / degree)
+    transform = np.where(2 * turn > degree, -short, short) * (2 / degree)
+    transform[:, [0, -1]] /= 2
+    transform[[0, -1]] /= 2
+    x = np.cos(np.pi * number / degree)
+    for array in (x, transform):
+        array.flags.writeable = False
+    return x, transform
+
+
+@cache
+def _rim(degree):
+    """Return the Chebyshev polynomials on the rim, and the least size there of the polynomial that vanishes at the nodes."""
+    basis = [np.ones_like(RIM), RIM]
+    for _ in range(degree - 1):
+        basis.append(2 * RIM * basis[-1] - basis[-2])
+    return np.stack(basis, axis=-1), np.abs(RIM * basis[-1] - basis[-2]).min()
+
+
+def taylor(x, degree) -> np.ndarray:
+    """Return the Taylor coefficients about x of the Chebyshev polynomials, `(points, ORDER, degree + 1)`."""
+    coefficients = np.zeros((ORDER, degree + 1, x.size))
+    coefficients[0, 0] = 1
+    coefficients[0, 1] = x
+    coefficients[1, 1] = 1
+    for k in range(2, degree + 1):
+        coefficients[:, k] = 2 * x * coefficients[:, k - 1] - coefficients[:, k - 2]
+        coefficients[1:, k] += 2 * coefficients[:-1, k - 1]
+    return np.ascontiguousarray(coefficients.transpose(2, 0, 1))

@@ -1,0 +1,208 @@
+"""All real roots in (-1, 1) of a polynomial known to within an error bound, with the proof that there are no others."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from wavesweep.engine._stability.bernstein import roots_by_sign
+from wavesweep.engine.rows import Rows
+
+EDGE = 1e-7  # so near to +-1 a root is not distinguished from one at the end itself
+
+
+@dataclass(frozen=True, slots=True)
+class Roots(Rows):
+    """Roots per row of coefficients.
+
+    value: `(rows, n-1)`, real. radius: distance from the value within which the true root is, and no other. inside: which of
+    them are real roots in (-1, 1). slope_sign: sign of the polynomial's derivative there. at_one, at_minus_one: sign of the
+    polynomial at 1 and -1. proved: `(rows,)`, whether the list is complete and right for every polynomial within the error
+    bound, except at the ends: open_at_one, open_at_minus_one are true if a root may be there, within EDGE of the end on either
+    side.
+    """
+
+    value: np.ndarray
+    radius: np.ndarray
+    inside: np.ndarray
+    slope_sign: np.ndarray
+    at_one: np.ndarray
+    at_minus_one: np.ndarray
+    proved: np.ndarray
+    open_at_one: np.ndarray
+    open_at_minus_one: np.ndarray
+
+    @property
+    def complete(self) -> np.ndarray:
+        """`(rows,)`, whether the list is proved and no root is at an end."""
+        return self.proved & ~self.open_at_one & ~self.open_at_minus_one
+
+
+def isolate(coefficients, noise) -> Roots:
+    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`.
+
+    coefficients: `(rows, n)`; noise: `(rows,)`. The roots are found by the signs of Bernstein coefficients (`roots_by_sign`),
+    and by Smith's discs (`by_discs`) in the rows that these leave undecided.
+    """
+    coefficients, noise = _of_size_one(coefficients, noise)
+    (row, value, within, slope), complete = roots_by_sign(coefficients, noise)
+    roots = _none(coefficients)
+    rank = np.arange(row.size) - np.searchsorted(row, row)
+    roots.value[row, rank] = value
+    roots.radius[row, rank] = within
+    roots.inside[row, rank] = True
+    roots.slope_sign[row, rank] = slope
+    roots.proved[complete] = True
+    rest = np.flatnonzero(~complete)
+    if rest.size:
+        discs = by_discs(coefficients[rest], noise[rest])
+        for field in fields(Roots):
+            getattr(roots, field.name)[rest] = getattr(discs, field.name)
+    return roots
+
+
+def by_discs(coefficients, noise) -> Roots:
+    """`isolate` by Smith's discs about the eigenvalues of the colleague matrix, the n-1 complex roots (Specht 1957; Good 1961).
+
+    Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations, of radius `r_i / weight_i`,
+    `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold all the roots, and an isolated disc holds exactly one.
+    |q(x_i)| is enlarged by the effect of the noise there. So if each disc that touches [-1, 1] is isolated and centred on the
+    real axis, no root can hide, not even two that lie close together: these would make their discs meet.
+    """
+    coefficients, noise = _of_size_one(coefficients, noise)
+    none = _none(coefficients)
+    if coefficients.shape[1] < 2:
+        return replace(none, proved=np.abs(coefficients).sum(-1) > 2 * noise)
+    roots = _eigenvalues(coefficients)
+    proved, radius, edge = _proof(coefficients, noise, roots)
+    again = np.flatnonzero(~proved)
+    if again.size:
+        proved[again], radius[again], edge[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
+    some = (np.abs(coefficients).max(-1) > 0)[:, None]
+    inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge & some
+    at_one, at_minus_one = at_ends(coefficients)
+    open_at_one = (edge & (roots.real > 0)).any(-1) | (np.abs(at_one) <= 2 * noise)
+    open_at_minus_one = (edge & (roots.real < 0)).any(-1) | (np.abs(at_minus_one) <= 2 * noise)
+    # The sign of the derivative at simple real roots, also if other roots are not proved: that of `lead prod (x_i - x_j)`.
+    apart = roots[:, :, None] - roots[:, None, :]
+    index = np.arange(roots.shape[1])
+    apart[:, index, index] = 1.0
+    size = np.abs(apart)
+    turns = apart / np.where(size > 0, size, 1)
+    return replace(
+        none,
+        value=roots.real,
+        radius=radius,
+        inside=inside,
+        slope_sign=np.sign(coefficients[:, -1:] * turns.prod(-1).real),
+        proved=proved,
+        open_at_one=open_at_one,
+        open_at_minus_one=open_at_minus_one,
+    )
+
+
+def _of_size_one(coefficients, noise):
+    """Return both divided by the largest coefficient of the row; of one that overflowed nothing is left but noise."""
+    size = np.abs(coefficients).max(-1, initial=0)
+    finite = np.isfinite(size)
+    size = np.where(size > 0, size, 1)
+    with np.errstate(all="ignore"):
+        coefficients = np.where(finite[:, None], coefficients / size[:, None], 0)
+        return coefficients, np.where(finite, noise / size, 1)
+
+
+def _none(coefficients) -> Roots:
+    """Return the value for no roots, with nothing proved."""
+    rows, n = coefficients.shape
+    empty = np.zeros((rows, max(n - 1, 0)))
+    closed = np.zeros(rows, bool)
+    signs = map(np.sign, at_ends(coefficients))
+    return Roots(empty, empty.copy(), empty > 0, empty.copy(), *signs, closed, closed.copy(), closed.copy())
+
+
+def at_ends(coefficients):
+    """Return the polynomial at 1 and at -1."""
+    weight = np.arange(1, coefficients.shape[1] + 1)
+    return (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** (weight - 1))).sum(-1)
+
+
+def _eigenvalues(coefficients):
+    """Return the complex roots `(rows, n-1)`: eigenvalues of the colleague matrix of the U basis."""
+    rows, n = coefficients.shape
+    lead = coefficients[:, -1]
+    tiny = np.finfo(float).eps ** 2  # a vanishing leading coefficient only sends roots far away
+    lead = np.where(np.abs(lead) < tiny, tiny, lead)
+    A = np.zeros((rows, n - 1, n - 1))
+    index = np.arange(n - 2)
+    A[:, index, index + 1] = A[:, index + 1, index] = 0.5
+    A[:, -1, :] -= 0.5 * coefficients[:, :-1] / lead[:, None]
+    return np.linalg.eigvals(A).astype(complex)
+
+
+def _evaluate(coefficients, x):
+    """Return the polynomial at x by the three-term recurrence, and a bound on the rounding error of that."""
+    before = np.zeros_like(x)
+    now = np.ones_like(x)
+    value = coefficients[:, :1] * now
+    size = np.abs(coefficients[:, :1]) * np.ones(x.shape)
+    twice = 2 * x
+    with np.errstate(over="ignore", invalid="ignore"):  # at roots sent far away by leading zeros, which prove nothing
+        for k in range(1, coefficients.shape[1]):
+            following = twice * now - before
+            before = now
+            now = following
+            term = coefficients[:, k : k + 1] * now
+            value = value + term
+            size = size + np.abs(term)
+    return value, 4 * coefficients.shape[1] * np.finfo(float).eps * size
+
+
+def _proof(coefficients, noise, roots):
+    """Return whether the discs about `roots` prove every real root in (-1, 1) except at the ends, their radii, and edge discs.
+
+    The first result is row by row; the last tells which discs are confined to an end.
+    """
+    value, rounding = _evaluate(coefficients, roots)
+    radius, apart = _discs(coefficients, roots, np.abs(value) + rounding + 2 * noise[:, None])
+    distance, beyond = _from_segment(roots)
+    touching = ~(distance > radius)
+    with np.errstate(over="ignore"):
+        lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
+    settled = lonely & (roots.imag == 0) & (-beyond > radius)
+    edge = touching & ~settled & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < EDGE)
+    proved = np.all(~touching | settled | edge, axis=-1) & np.all(np.isfinite(radius), axis=-1)
+    return proved, radius, edge
+
+
+def _from_segment(x):
+    """Return the distance of x from [-1, 1], and the distance of its real part beyond the ends (negative inside)."""
+    beyond = np.abs(x.real) - 1
+    return np.hypot(np.maximum(beyond, 0), x.imag), beyond
+
+
+def _spread(roots):
+    """Move crowded roots apart that lie away from the segment.
+
+    The theorem holds for any n-1 points. Pure delays put a multiple root at one point outside [-1, 1]; the computed roots crowd
+    there and their discs grow. Points on a small circle about it have discs of that circle's size.
+    """
+    distance, _ = _from_segment(roots)
+    apart = np.abs(roots[:, :, None] - roots[:, None, :])
+    index = np.arange(roots.shape[1])
+    apart[:, index, index] = np.inf
+    crowded = apart.min(-1, initial=np.inf) < 0.1 * distance
+    return roots + np.where(crowded, 0.04 * distance, 0) * np.exp(2.4j * index)
+
+
+def _discs(coefficients, roots, bound):
+    """Return radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the diagonal)."""
+    n = coefficients.shape[1]
+    apart = np.abs(roots[:, :, None] - roots[:, None, :])
+    index = np.arange(n - 1)
+    apart[:, index, index] = 1.0
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        log_product = np.log(apart).sum(-1) + np.log(np.abs(coefficients[:, -1:])) + (n - 1) * np.log(2.0)
+        share = np.exp(np.log(bound) - log_product)
+        # Half of the weight is dealt out evenly, for the small discs, and half in proportion, for the large ones.
+        radius = share / (0.5 / (n - 1) + 0.5 * share / share.sum(-1, keepdims=True))
+    apart[:, index, index] = np.inf
+    return radius, apart

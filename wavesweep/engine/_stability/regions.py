@@ -1,0 +1,279 @@
+"""Between the crossings: the count of unstable eigenvalues of each region, and whether it fits the crossings."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.engine._monodromy.cut import FIRST, LinearFractional
+from wavesweep.engine._monodromy.resolvent import Inverse
+from wavesweep.engine._monodromy.unit_circle import on_circle
+from wavesweep.engine._stability.boundary import end_errors
+from wavesweep.engine._stability.crossings import SLIVER, Crossings
+from wavesweep.engine._stability.spectrum import count_outside
+from wavesweep.engine.doubts import Doubt
+from wavesweep.engine.rows import Rows
+
+SMALL_RESIDUAL = 1e-9  # of what crosses inside an unstable part, where only the count matters
+USUAL = 64.0  # times rounding: what a polished end may leave of its equation
+FIRM = 1e-9  # of an end, what the errors of the loop's entries may move it by
+NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
+NARROW = 1e-6  # of the span; eigenvalues of so small a region are always counted
+SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
+MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
+
+
+@dataclass(frozen=True, slots=True)
+class Regions(Rows):
+    """Consecutive parts of the swept range, sorted by column and value; no eigenvalue crosses the circle inside one.
+
+    column, low, high; low_theta, high_theta: angle of the crossing at that end, NaN if only the range ends there. unstable:
+    number of eigenvalues outside the unit circle; -1 if that is not known. doubt: reason why the region is in doubt (see
+    `certificate`); NONE if rounding cannot change the label, both ends satisfy the characteristic equation, and the counts
+    change in agreement with the crossings. residual: the larger of the ends' relative residuals (0 at an end of the range).
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    low_theta: np.ndarray
+    high_theta: np.ndarray
+    unstable: np.ndarray
+    doubt: np.ndarray
+    residual: np.ndarray
+
+    @classmethod
+    def none(cls) -> "Regions":
+        """Return no regions."""
+        nothing = np.zeros(0)
+        no_number = np.zeros(0, int)
+        return cls(no_number, nothing, nothing, nothing, nothing, no_number, no_number, nothing)
+
+
+@dataclass(frozen=True, slots=True)
+class CutSpan:
+    """A span cut at its crossings: regions sorted by column and value, before they are labelled.
+
+    column, low, high, low_theta, high_theta: as in `Regions`. gain: growth of the number of unstable eigenvalues from the
+    region before, as the crossings predict it. has_previous, has_next: whether a region has a neighbour below, or above, it in
+    the same column. order: the crossings in the order of the regions' inner ends.
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    low_theta: np.ndarray
+    high_theta: np.ndarray
+    gain: np.ndarray
+    has_previous: np.ndarray
+    has_next: np.ndarray
+    order: np.ndarray
+
+    def at(self, share) -> np.ndarray:
+        """Return a point of each region, a share of its width from its low end."""
+        return self.low + share * (self.high - self.low)
+
+    def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
+        """Return regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
+        doubt = doubt.copy()
+        residual = np.zeros(self.column.size)
+        end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, Doubt.ROUNDING))
+        doubt[self.has_previous] = np.maximum(doubt[self.has_previous], end_doubt)
+        doubt[self.has_next] = np.maximum(doubt[self.has_next], end_doubt)
+        residual[self.has_previous] = error
+        residual[self.has_next] = np.maximum(residual[self.has_next], error)
+        ends = self.low, self.high, self.low_theta, self.high_theta
+        return Regions(self.column, *ends, unstable, doubt, residual)
+
+
+def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> CutSpan:
+    """Cut the span of every column at its crossings.
+
+    slack: distance from each end of the span within which a crossing counts as at that end.
+    """
+    low, high = span
+    near_low = np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    at_low = np.abs(value - low) <= near_low
+    at_high = np.abs(value - high) <= slack[1]
+    inside = np.flatnonzero((value > low) & (value < high) & ~at_low & ~at_high)
+    order = inside[np.lexsort((value[inside], column[inside]))]
+
+    every = np.arange(columns)
+    region = np.repeat(every, np.bincount(column[order], minlength=columns) + 1)
+    start = np.searchsorted(column[order], every) + every  # where each column's first region stands
+    later = np.ones(region.size, bool)
+    later[start] = False
+    earlier = np.append(later[1:], False)
+
+    theta_low = np.full(columns, np.nan)
+    theta_low[column[at_low]] = theta[at_low]
+    theta_high = np.full(columns, np.nan)
+    theta_high[column[at_high]] = theta[at_high]
+
+    lows = np.full(region.size, float(low))
+    lows[later] = value[order]
+    highs = np.full(region.size, float(high))
+    highs[earlier] = value[order]
+    low_theta = np.full(region.size, np.nan)
+    low_theta[start] = theta_low
+    low_theta[later] = theta[order]
+    high_theta = np.full(region.size, np.nan)
+    high_theta[~earlier] = theta_high
+    high_theta[earlier] = theta[order]
+    gain = np.zeros(region.size)
+    gain[later] = jump[order]
+    return CutSpan(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
+
+
+def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Crossings) -> Regions:
+    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
+
+    The count of the first region of each column follows from that of infinite values, which is one number of the loop, and from
+    the directions of all crossings between (`_first_counts`); the counts of the other regions follow from the directions of the
+    crossings before them. If eigenvalues were counted in a column's first region, they are also counted in every region whose
+    count comes to 0, which makes an interval stable; in narrow regions they are counted in all columns. If the crossings of a
+    column are not all proved, or one of its counts is not clear, every region of it is counted at many points, and a region has
+    no label if these disagree.
+    """
+    slack = SLIVER * (span[1] - span[0])
+    found = crossings.column, crossings.value, crossings.theta, crossings.jump
+    spans = cut_span(span, fixed.size, *found, (slack, slack))
+    first = np.flatnonzero(~spans.has_previous)
+    rise = np.cumsum(spans.gain)
+    rise -= rise[first][spans.column]
+
+    def matrices(index, value):
+        column = spans.column[index]
+        numbers = (value, fixed[column]) if along == FIRST else (fixed[column], value)
+        loops = cut.at(owner[column])
+        return loops.closed(*numbers), loops.errors_of_closed(*numbers)
+
+    least = np.minimum.reduceat(rise, first)
+    narrow = spans.high - spans.low < NARROW * (span[1] - span[0])
+    follows = np.isfinite(crossings.above) & ~narrow[first]
+
+    def count_first(columns):
+        return count_where_clear(spans, first[columns], matrices)
+
+    begins, counted = _first_counts(owner, crossings.above, follows, least, count_first)
+    unstable = (rise + begins[spans.column]).astype(int)
+    doubt = np.zeros(spans.column.size, int)
+    unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
+    unstable[unknown] = -1
+    doubt[unknown] = Doubt.COUNTS
+    stable = ~unknown & (unstable <= 0) & crossings.complete[spans.column]
+    claimed = np.flatnonzero(spans.has_previous & stable & (narrow | counted[spans.column]))
+    judged = count_where_clear(spans, claimed, matrices)
+    doubt[claimed] = np.maximum(doubt[claimed], np.where(judged == unstable[claimed], Doubt.NONE, Doubt.COUNTS))
+    error, end_doubt = _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable)
+    labelled = spans.labelled(unstable, doubt, end_doubt, error)
+    worst = np.where(crossings.complete, Doubt.NONE, Doubt.COUNTS)
+    np.maximum.at(worst, labelled.column, labelled.doubt)
+    again = np.flatnonzero(worst[spans.column] >= Doubt.COUNTS)
+    if not again.size:
+        return labelled
+    unstable[again] = count_where_all_agree(spans, again, matrices)
+    return replace(labelled, unstable=unstable)
+
+
+def _first_counts(owner, above, follows, least, count):
+    """Return the unstable eigenvalues in the first region of each column, -1 if not known, and whether they were counted there.
+
+    above: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
+    relative to the first region. count(columns): eigenvalues outside. At infinite values of the number as many
+    eigenvalues are outside as the loop has zeros there from the number's product to the signal that it multiplies, for any
+    value of the other one. That count less the growth at the crossings must be the same in the first and the last column of a
+    loop for which all crossings are known; then it holds for those between, unless a count there is negative.
+    """
+    columns = np.flatnonzero(follows)
+    new = np.diff(owner[columns], prepend=-1) != 0
+    first = columns[new]  # of each loop
+    last = columns[np.append(new[1:], True)[: columns.size]]
+    counted = np.ones(owner.size, bool)
+    counted[columns] = False
+    counted[first] = True
+    counted[last] = True
+    begins = np.full(owner.size, -1)
+    at = np.flatnonzero(counted)
+    begins[at] = count(at)
+
+    def at_infinity(columns):
+        return np.where(begins[columns] < 0, np.nan, begins[columns] + above[columns])
+
+    agreed = np.where(at_infinity(first) == at_infinity(last), at_infinity(first), np.nan)
+    of_loop = agreed[np.cumsum(new) - 1]
+    between = ~counted[columns]
+    left = (of_loop - above[columns])[between]
+    columns = columns[between]
+    sure = left + least[columns] >= 0
+    begins[columns[sure]] = left[sure]
+    again = columns[~sure]
+    begins[again] = count(again)
+    counted[again] = True
+    return begins, counted
+
+
+def _judged_ends(cut, owner, along, fixed, span, crossings, spans, unstable):
+    """Return residual and doubt of each inner end; ends of stable regions are in doubt if rounding could matter."""
+    error = np.zeros(spans.order.size)
+    doubt = np.zeros(spans.order.size, int)
+    of_stable = np.flatnonzero((unstable[spans.has_previous] == 0) | (unstable[spans.has_next] == 0))
+    ends = spans.order[of_stable]
+    column = crossings.column[ends]
+    value = crossings.value[ends]
+    theta = crossings.theta[ends]
+    places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
+    least = NEAR_ZERO * (span[1] - span[0])
+    if crossings.many is None:
+        resolvent = Inverse(crossings.inverses.take(crossings.inverse[ends], axis=0))
+        left, moved, usual = end_errors(cut.at(owner[column]), along, *places, resolvent, least)
+    else:
+        left, moved, usual = _errors_of_many_states(cut.at(owner[0]), along, places, crossings.many, least)
+    # At z = 1 an integrating loop meets the equation 0 = 0 at K = 0, by structure.
+    error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
+    clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
+    firm = moved <= FIRM * (np.abs(value) + least)
+    doubt[of_stable] = np.where(clear & firm, Doubt.NONE, Doubt.ROUNDING)
+    return error, doubt
+
+
+def _errors_of_many_states(loop, along, places, many, least):
+    """`end_errors` of a single loop of many states, in portions."""
+    errors = np.zeros((3, places[0].size))
+    for first in range(0, places[0].size, many.most):
+        portion = slice(first, first + many.most)
+        fixed, value, w, on_axis = (array[portion] for array in places)
+        errors[:, portion] = end_errors(loop, along, fixed, value, w, on_axis, many.at(w), least)
+    return errors
+
+
+def count_where_clear(spans: CutSpan, index, matrices):
+    """Count the regions `index` at the first of SHARES at which no eigenvalue is within rounding of the circle.
+
+    The count is -1 if no share is clear. matrices(regions, value): the frame-to-frame matrices less identity of these regions
+    at these values, and bounds on the errors of their entries.
+    """
+    unstable = np.full(index.size, -1)
+    for share in SHARES:
+        open_ = np.flatnonzero(unstable < 0)
+        if not open_.size:
+            break
+        again = index[open_]
+        count, sure = count_outside(*matrices(again, spans.at(share)[again]))
+        unstable[open_[sure]] = count[sure]
+    return unstable
+
+
+def count_where_all_agree(spans: CutSpan, index, matrices):
+    """Count the regions `index` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
+    unstable = np.full(index.size, -1)
+    agreed = np.ones(index.size, bool)
+    for share in MANY_SHARES:
+        count, sure = count_outside(*matrices(index, spans.at(share)[index]))
+        agreed &= ~sure | (unstable < 0) | (count == unstable)
+        unstable = np.where(sure & (unstable < 0), count, unstable)
+    return np.where(agreed, unstable, -1)
+
+
+def _place(theta):
+    """Return `w = exp(j theta) - 1`, exactly at both ends of the circle."""
+    return np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))

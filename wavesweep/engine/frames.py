@@ -1,0 +1,34 @@
+"""Frames: the ticks of a loop multiplied, what drifts in them, and loops cut at a number of their frame."""
+
+from typing import TYPE_CHECKING
+
+from wavesweep.engine import on_demand
+
+if TYPE_CHECKING:
+    from wavesweep.engine._monodromy.cut import ADVANCE, FIRST, OFFSET, SECOND, VELOCITY, LinearFractional
+    from wavesweep.engine._monodromy.drift import MarginalModes, consistent_solution, relative_row
+    from wavesweep.engine._monodromy.open_frame import OpenFrame
+    from wavesweep.engine._monodromy.open_ticks import OpenTicks
+    from wavesweep.engine._monodromy.periodic import Change, Ticks, in_a_row
+    from wavesweep.engine._monodromy.product import blocks_of, pattern_of, product_with_errors
+    from wavesweep.engine._monodromy.rounding import ENTRIES, ROUNDING, balance, both
+    from wavesweep.engine._monodromy.unit_circle import inverse, on_circle, solve
+    from wavesweep.engine._search.frames_along import frames_where_solvable
+    from wavesweep.engine._search.open_loops import FEW, TINY, Opened, by_zeros, open_loops
+    from wavesweep.engine._stability.sampled_frames import Frames, level, pole_inside
+else:
+    __getattr__ = on_demand(
+        {
+            "_monodromy.cut": ("ADVANCE", "FIRST", "LinearFractional", "OFFSET", "SECOND", "VELOCITY"),
+            "_monodromy.drift": ("MarginalModes", "consistent_solution", "relative_row"),
+            "_monodromy.open_frame": ("OpenFrame",),
+            "_monodromy.open_ticks": ("OpenTicks",),
+            "_monodromy.periodic": ("Change", "Ticks", "in_a_row"),
+            "_monodromy.product": ("blocks_of", "pattern_of", "product_with_errors"),
+            "_monodromy.rounding": ("ENTRIES", "ROUNDING", "balance", "both"),
+            "_monodromy.unit_circle": ("inverse", "on_circle", "solve"),
+            "_search.frames_along": ("frames_where_solvable",),
+            "_search.open_loops": ("FEW", "Opened", "TINY", "by_zeros", "open_loops"),
+            "_stability.sampled_frames": ("Frames", "level", "pole_inside"),
+        }
+    )

@@ -1,0 +1,34 @@
+"""Stable intervals along a number with their certificate: the search, its records, and what proves them."""
+
+from typing import TYPE_CHECKING
+
+from wavesweep.engine import on_demand
+
+if TYPE_CHECKING:
+    from wavesweep.engine._loops.resolution import Resolution, Side
+    from wavesweep.engine._search.at_ends import AtPort, buildable
+    from wavesweep.engine._search.interval_records import FAILURES, blank_records, record_type, unanswered
+    from wavesweep.engine._search.interval_search import Search, Searches
+    from wavesweep.engine._search.question import Prover, Question
+    from wavesweep.engine._stability.along_any import EXACT, stable_along_any
+    from wavesweep.engine._stability.boundary import terms_of, times
+    from wavesweep.engine._stability.intervals import Intervals
+    from wavesweep.engine._stability.positive import Cover, FunctionValues, any_positive, positive
+    from wavesweep.engine._stability.regions import NEAR_ZERO
+    from wavesweep.engine._stability.stable import stable_intervals
+else:
+    __getattr__ = on_demand(
+        {
+            "_loops.resolution": ("Resolution", "Side"),
+            "_search.at_ends": ("AtPort", "buildable"),
+            "_search.interval_records": ("FAILURES", "blank_records", "record_type", "unanswered"),
+            "_search.interval_search": ("Search", "Searches"),
+            "_search.question": ("Prover", "Question"),
+            "_stability.along_any": ("EXACT", "stable_along_any"),
+            "_stability.boundary": ("terms_of", "times"),
+            "_stability.intervals": ("Intervals",),
+            "_stability.positive": ("Cover", "FunctionValues", "any_positive", "positive"),
+            "_stability.regions": ("NEAR_ZERO",),
+            "_stability.stable": ("stable_intervals",),
+        }
+    )

@@ -1,0 +1,32 @@
+"""Responses with bounds on their errors: of ports over frequency, at rest, after a step, and at worst."""
+
+from typing import TYPE_CHECKING
+
+from wavesweep.engine import on_demand
+
+if TYPE_CHECKING:
+    from wavesweep.engine._response.at_hand import Route, port_of_loops, ports_of_batch, varied_rates
+    from wavesweep.engine._response.bounded_sums import joined, ordered_products, plus, times
+    from wavesweep.engine._response.gain import gain_of
+    from wavesweep.engine._response.lifted import Lifted, held_over_frame, over_frame
+    from wavesweep.engine._response.linear_systems import solved
+    from wavesweep.engine._response.peak import PeakGain, l1_norm
+    from wavesweep.engine._response.port import NoPositionError, Port, port_between, port_of
+    from wavesweep.engine._response.static import Response
+    from wavesweep.engine._response.steady import respond, static_response, transfer
+    from wavesweep.engine._response.step import BAND, MOST, Step, step_of
+else:
+    __getattr__ = on_demand(
+        {
+            "_response.at_hand": ("Route", "port_of_loops", "ports_of_batch", "varied_rates"),
+            "_response.bounded_sums": ("joined", "ordered_products", "plus", "times"),
+            "_response.gain": ("gain_of",),
+            "_response.lifted": ("Lifted", "held_over_frame", "over_frame"),
+            "_response.linear_systems": ("solved",),
+            "_response.peak": ("PeakGain", "l1_norm"),
+            "_response.port": ("NoPositionError", "Port", "port_between", "port_of"),
+            "_response.static": ("Response",),
+            "_response.steady": ("respond", "static_response", "transfer"),
+            "_response.step": ("BAND", "MOST", "Step", "step_of"),
+        }
+    )
