@@ -37,7 +37,7 @@ TERMS = 16.0  # errors of the entries of a map of a frame, in roundings of the s
 ANGLES = (0.0, 0.03, 0.3, 1.0, 2.0, np.pi)  # rad per frame: ends of the panels of a proof
 
 Covering = Callable[[object, list, int], Any]
-"""From functions, a box of numbers and a count of points to its `Cover` (see `stability.positive`), None without a solution."""
+"""From functions, a box of numbers and a count of points to its `Cover` (see `engine.intervals`), None without a solution."""
 
 Maps = Callable[[np.ndarray], tuple[LiftedMap, np.ndarray]]
 """From values of a number `(n,)`, real or complex, to the maps of a frame, and their pivots `(n, k)` (see `Frames`)."""

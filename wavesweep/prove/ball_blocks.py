@@ -1,6 +1,6 @@
 """The blocks that a spec can draw, in ball arithmetic: `x+ = A x + B u`, `y = C x + D u`.
 
-What they do is written in `loops.definitions`; here it is put in z and not in delta form, and plants are exact over a tick. An
+What they do is written in `_loops.definitions`; here it is put in z and not in delta form, and plants are exact over a tick. An
 entry is 0 exactly if it is 0 for every number in the balls of its keys.
 """
 

@@ -36,7 +36,7 @@ class BallLoop:
     """A drawn loop along one of its numbers; values: flat, as a spec has them.
 
     A frame maps states and outputs that something may read while their block does not run.
-    Errors: ValueError for a dead time in seconds, which `loops.dead_time.in_whole_ticks` gives in ticks.
+    Errors: ValueError for a dead time in seconds, which `Loops.in_whole_ticks` gives in ticks.
     """
 
     def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:

@@ -1,7 +1,7 @@
 """The blocks of a drawn loop with some of its numbers anywhere in a cell, and the ticks that they make.
 
-What the blocks do is written in `loops.definitions`, for numbers of every kind; here the numbers are Taylor models of the sides
-of the cell. Names of states and ports are those of the loop in doubles, whose structure this follows.
+What the blocks do is written in `_loops.definitions`, for numbers of every kind; here the numbers are Taylor models of the
+sides of the cell. Names of states and ports are those of the loop in doubles, whose structure this follows.
 """
 
 from __future__ import annotations
@@ -390,7 +390,7 @@ class _Evaluation:
         return E, moved.at(range(n), range(n, n + m))
 
     def _plant(self, plant: Plant, period: Any, shares: Mapping[str, Any]) -> BlockModel:
-        """Blocks that act on each other by `u = K y + e`, e held over the period; see `loops.plant.plant_of`."""
+        """Blocks that act on each other by `u = K y + e`, e held over the period; see `_loops.plant.plant_of`."""
         inputs, outputs = plant.drawn_ports
         members = [self._arranged(definitions.continuous(block.type, self._keys(block))) for block in plant.members]
         A, B, C, D = (_diagonal([member[i] for member in members]) for i in range(4))

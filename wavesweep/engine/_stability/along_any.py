@@ -85,7 +85,7 @@ def regions_along_any(
     as masses, impedances and cutoffs act by their ratios, or else p.
     balls(column, low, high): stable intervals of what is left in doubt, see `covering.proved_by_balls`; by default it stays so.
     resolved(column, low, high, offset, scale): whether frames have no narrow features for p = offset + scale exp(t), or p = t
-    if scale is 0, with t from low to high, `(n,)` all; see `loops.resolution`. By default they have none anywhere.
+    if scale is 0, with t from low to high, `(n,)` all; see `_loops.resolution`. By default they have none anywhere.
     tight(column, p): what errors does, with bounds that are tighter and take longer, for windows that are too wide otherwise.
     from_one: whether an eigenvalue is exactly 1 at the low end of the span, see `leaving_one`; not for FROM_ZERO.
 

@@ -70,7 +70,7 @@ class Cover:
 
 
 class Resolved(Protocol):
-    """Which boxes are narrow enough for the samples that are taken of functions, see `loops.resolution`."""
+    """Which boxes are narrow enough for the samples that are taken of functions, see `_loops.resolution`."""
 
     used: int
 
