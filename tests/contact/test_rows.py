@@ -87,6 +87,14 @@ def test_a_loop_that_is_unstable_without_its_wall_has_no_row():
     assert of_wall(spec) == {"verdict": "refuted", "counterexample": FREE}
 
 
+def test_a_row_of_a_loop_that_the_proof_is_not_about_says_that_it_is_in_doubt():
+    """Nothing brakes the handle: without its wall it has two poles at 1."""
+    handle = {"type": "mass", "mass": 0.1}
+    block = DRAWN["block"] | {"handle": handle}
+    (row,) = contact_rows(spec_of(DRAWN, block=block, sweep=DRAWN["sweep"])).itertuples()
+    assert (row.intervals, row.certified, row.doubt) == (0, False, "search")
+
+
 def test_a_spec_is_written_with_the_key_again():
     spec = spec_of(FIG4)
     assert spec.tables()["for_all"] == {"contact": True}

@@ -527,6 +527,22 @@ def test_nowhere_is_certified_where_frames_of_constant_lengths_have_no_stable_va
     assert found.certified[some].all()
 
 
+def test_nowhere_is_certified_where_one_combination_has_no_stable_value_and_another_has_some():
+    """An integrator `x + T u` with `u = -c K x` held over 1 or 2 ticks grows for every K > 0 if c = -1."""
+    blocks = {"p": {"type": "integrator"}, "h": {"type": "hold", "every": "n"}}
+    loop = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 45.0, "n": 1, "c": 1},
+        "block": blocks,
+        "wire": {"h.u": "p.y", "p.u": "-c*K*h.y"},
+        "sweep": {"along": "K", "K": {"start": 1, "stop": 100}},
+    }
+    varying = {"n": {"values": [1, 2], "varying": True}}
+    for signs, proved in (([1], True), ([1, -1], False)):
+        _, (row,) = for_all(loop, **varying, c={"values": signs})
+        assert (bool(row["intervals"]), row["certified"], row["settled"]) == (proved, True, True)
+
+
 @pytest.mark.slow
 def test_a_gaussian_is_nothing_far_from_its_peak_and_counts_at_it():
     """`x+ = (g + 0.3 exp(-300 (p - 0.2)^2 - 20 q^2)) x` is stable for all p and q up to g = 0.7."""

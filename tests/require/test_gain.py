@@ -60,6 +60,33 @@ def test_a_gain_and_a_radius_are_what_both_have_in_common():
     assert (row.certified, row.intervals) == (True, 0)  # at z = -1 it is 1 or more
 
 
+def test_a_gain_that_nearly_is_the_level_at_rest_is_not_taken_as_it_in_a_band_without_rest():
+    """`|H|^2 - 1 = s (b - 1) (b + 1 - a)/(s (1 - a) + a^2)` of `H = b + a (1 - b)/(z - 1 + a)`, with `s = |z - 1|^2`.
+
+    It falls with s below b = 1, so that a level next to 1 is met at the low end of the band.
+    """
+    a, level, theta = 0.5, 1 - 5e-10, 2e-4
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"a": a, "b": 0.5},
+        "block": {"x": {"type": "delay"}},
+        "wire": {"x.u": "(1 - a)*x.y + r"},
+        "ports": {"inputs": {"r": "r"}, "outputs": {"y": "b*r + a*(1 - b)*x.y"}},
+        "sweep": {"along": "b", "b": {"start": 0.2, "stop": 1.2}},
+    }
+    loop = wavesweep.compile(tables)
+    s = 4 * np.sin(theta / 2) ** 2
+    short = (1 - level**2) * (s * (1 - a) + a**2) / s
+    limit = np.roots([-1, a, 1 - a - short]).max()
+    assert limit < 0.996
+    band = {"band_hz": [theta * 1000 / (2 * np.pi), 500]}
+    (row,) = loop.stable_intervals(require={"gain": bounded("r", "y", level)["gain"] | band}).itertuples()
+    assert not (row.certified and row.high > limit)
+    (row,) = loop.stable_intervals(require=bounded("r", "y", 1.0)).itertuples()
+    assert row.certified
+    assert row.high == pytest.approx(1, rel=1e-8)
+
+
 def string_gain(h, theta, kp=0.5, step=0.05, ticks=4):
     """From the speed ahead to the own speed: held messages, an engine of 0.3 s, and commands `ticks` late."""
     A = np.array([[-1 / 0.3, 0, 0, 1 / 0.3], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0]])
