@@ -174,10 +174,12 @@ def test_what_is_checked_holds_in_exact_arithmetic_and_nothing_beside_it_passes(
     passed = 0
     for seed in range(200):
         rng = np.random.default_rng(seed)
-        n = int(rng.integers(1, 5))
+        n = int(rng.integers(2, 6))
         A, root = rng.normal(size=(n, n)), rng.normal(size=(n, n))
-        P = root @ root.T + 1e-6 * np.eye(n)
+        units = 10.0 ** rng.uniform(-6, 6, n)
+        P = units[:, None] * (root @ root.T + 1e-6 * np.eye(n)) * units
         P = (P + P.T) / 2
+        A = A / units[:, None] * units
         # A times the largest factor with which it shrinks, but for a few roundings
         L = np.linalg.cholesky(P)
         A /= np.linalg.norm(np.linalg.solve(L, A.T @ L), 2) * (1 + 10.0 ** rng.uniform(-17, -8))

@@ -81,7 +81,8 @@ def _in_its_units(F, R):
     """The matrices `W' F W`, about 1, and what errors R of F become in them; as they are if a factor W is not found.
 
     Slow and fast states make F nearly singular in every other basis, and errors of its entries would count as if they were in
-    the direction in which it is least.
+    the direction in which it is least. R holds SURELY times the rounding of products whose terms are no smaller than F, and so
+    that of `W' F W` as well.
     """
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
     if not (np.isfinite(F).all() and (diagonal > LEAST).all()):
@@ -92,8 +93,7 @@ def _in_its_units(F, R):
     except np.linalg.LinAlgError:
         return F, R
     size = np.abs(W)
-    rounding = SURELY * UNIT * (2 * F.shape[-1] + 2) * np.abs(F)
-    return _transposed(W) @ F @ W, _transposed(size) @ (R + rounding) @ size
+    return _transposed(W) @ F @ W, _transposed(size) @ R @ size
 
 
 def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.ndarray) -> bool:
