@@ -129,3 +129,21 @@ def test_a_range_with_values_without_a_loop_is_refused(force):
 )
 def test_degree(text, expected):
     assert degree(parse(text), "K") == expected
+
+
+@pytest.mark.parametrize("from_crossing", [-1, 1])
+@pytest.mark.parametrize(("unstable", "high"), [(1.5, 3.0), (1.5, 0.51), (1.0, 3.0)])
+def test_a_range_that_begins_within_rounding_of_a_crossing_begins_with_its_mode(unstable, high, from_crossing):
+    """`x+ = (a - g) x` meets 1 at g = a - 1, and -1 two further on; of a crossing at 0, rounding is of the span."""
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"a": unstable, "g": 1.0},
+        "block": {"x": {"type": "delay"}},
+        "wire": {"x.u": "(a - g)*x.y"},
+    }
+    crossing = unstable - 1
+    low = crossing + from_crossing * (np.spacing(crossing) if crossing else 1e-15)
+    (row,) = wavesweep.compile(tables).stable_intervals("g", (low, high)).itertuples()
+    assert row.certified
+    assert (row.low, row.low_omega) == (low, 0.0)
+    assert row.high == pytest.approx(min(high, unstable + 1), rel=1e-12)
