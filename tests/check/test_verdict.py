@@ -344,6 +344,16 @@ def test_a_number_that_a_pose_depends_on_is_searched_next_to_its_value(name, hal
     assert on_check._going_on(spec, limit) == ""
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_what_is_searched_of_a_pose_ends_before_it_is_singular(side):
+    """The far arm of a five-bar is stretched, 0.23 m long, where the motor is 0.03 m beside the middle and y = 0.15 m."""
+    stretched = (0.23**2 - 0.15**2) ** 0.5 - 0.03
+    spec = load(ROOT / "sweeps/templates/five-bar.toml", [f"x={side * 0.99 * stretched}"])
+    value = spec.values["numbers.x"]
+    low, high = judging._next_to(spec, "numbers.x", value, judging.searched(spec, "x", "numbers.x"))
+    assert -stretched < low < value < high < stretched
+
+
 def test_a_slow_rate_that_is_swept_is_held_against_that_of_the_ratio():
     spec = load(ROOT / "sweeps" / "examples" / "rates.toml")
     said = of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]")
