@@ -130,6 +130,16 @@ def test_two_published_gain_margins(num, den, gain, cut):
     assert not any(each.doubt for each in found.values())
 
 
+@pytest.mark.parametrize(("pole", "limited"), [(4e-6, True), (4e-7, False)])
+def test_a_gain_may_fall_without_limit_if_its_limit_is_below_a_millionth(pole, limited):
+    """`x+ = (1 + pole - k) x` is stable from k = pole on, if the factor of the signal is k."""
+    spec = sampled([1.0], [1.0, -1.0 - pole], 100)
+    spec["block"]["plant"]["discrete"] = True
+    down = margins(spec, "c.y")["gain_down"]
+    assert down.limited == limited
+    assert down.value == (pytest.approx(pole, rel=1e-8) if limited else 0)
+
+
 @pytest.mark.thorough
 @pytest.mark.sample(1)
 @pytest.mark.slow
