@@ -8,6 +8,7 @@ from support.specs import values_of
 
 import wavesweep
 from wavesweep.engine._energy.lifted_map import TickMaps
+from wavesweep.passive import margin
 from wavesweep.passive.margin import TOLERANCE
 
 
@@ -52,6 +53,16 @@ def test_the_response_next_to_rest_is_that_of_ball_arithmetic(random_values, see
     wanted = [np.linalg.eigvalsh((G + G.conj().T) / 2)[0] for G in maps]
     found = lifted(v)
     np.testing.assert_allclose(found.smallest(0, np.array(angles)), wanted, rtol=1e-10, atol=1e-12 * found.mean[0])
+
+
+@pytest.mark.parametrize("seed", [1, 6, 9, 11, 12, 14])
+@pytest.mark.parametrize("more", [3.0, 30.0])
+def test_a_margin_of_zero_is_passive_where_a_search_only_decides_as_well(random_values, seed, more):
+    """A spring that holds the scene has the margin 0, of which rounding makes a small number of either sign."""
+    values = random_values(seed)
+    loop = held(values | {"device.damping": values["device.damping"] + more})
+    decided = margin.port_margin(loop, decide=True)
+    assert decided.passive == margin.port_margin(loop).passive
 
 
 def test_a_force_that_takes_energy_out_of_a_loop_that_is_not_passive(values):
