@@ -209,6 +209,15 @@ def test_a_delay_that_turns_a_fast_force_round_is_found(friction):
         assert fit.numbers[name] == pytest.approx(truth, rel=1e-2), name
 
 
+def test_a_single_reading_three_steps_off_is_an_outlier():
+    """The others are off by half a step at most, as they are rounded."""
+    force, step = force_of("chirp", np.random.default_rng(0), 400), 1e-5
+    position = step * np.round(marched(0.1, 1.0, force) / step)
+    position[200] += 3 * step
+    rows = fitted(Model(), force, position, 1 / RATE, step).rows
+    assert [*np.flatnonzero(rows.used == 0) + rows.skip] == [200]
+
+
 @pytest.mark.slow
 def test_an_outlier_is_left_out_and_named(tmp_path):
     """And not called noise."""
