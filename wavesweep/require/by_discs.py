@@ -9,7 +9,8 @@ from wavesweep.engine.intervals import EXACT, NEAR_ZERO, Intervals
 from wavesweep.require.disc_panels import OPEN, PANELS, RIM, Accuracy, along_panels
 from wavesweep.require.discs import RequiredCircle, Spiral, verdicts
 
-MANY, LARGE = 1024, 50_000  # panels of a column that may be open, and entries of their matrices
+MANY = 1024  # panels of a column that may be open
+LARGE = 50_000  # entries of their matrices
 BEGUN = 1e-9  # see `Accuracy`; eigenvalues may move along the spiral
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91, 1e-3, 0.0, 1.0)  # of the span, where the structure of the frames is looked at
 
@@ -27,23 +28,28 @@ def along_by_discs(frames, errors, span, columns: int, period, bounds, resolved,
     `panels`. Diagonal blocks go apart.
     Accuracy: EXACT, and BEGUN. Errors: UsageError if no loop can have its eigenvalues there.
     """
+    loops, known = _loops_of(frames, errors, span, columns, place)
     ends = Accuracy(EXACT, 256.0, EXACT * NEAR_ZERO, np.full(columns, BEGUN))
-    return along_panels(*_loops_of(frames, errors, span, columns, place), span, period, bounds, resolved, ends)
+    return along_panels(loops, known, span, period, bounds, resolved, ends)
 
 
 def _loops_of(frames, errors, span, columns, place):
     """The loops by diagonal blocks, without states that are 0 at the end of every frame, and the columns with known frames."""
     points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
-    E, _ = errors(np.repeat(np.arange(columns), points.size), np.tile(points, columns))
-    E = E.reshape(columns, points.size, *E.shape[1:])
-    finite, loops = np.isfinite(E).all((-1, -2)), []
-    nonzero = (finite[..., None, None] & (E + np.eye(E.shape[-1]) != 0)).any((0, 1))
+    column = np.repeat(np.arange(columns), points.size)
+    E, _ = errors(column, np.tile(points, columns))
+    states = E.shape[-1]
+    E = E.reshape(columns, points.size, states, states)
+    finite = np.isfinite(E).all((-1, -2))
+    known = finite.any(-1)
+    nonzero = (finite[..., None, None] & (E + np.eye(states) != 0)).any((0, 1))
+    loops = []
     for block in blocks_of(nonzero):
         same_block = block[:, None], block
         if nonzero[same_block].any():
-            loops.append(_LoopsInDiscs(frames, errors, np.flatnonzero(finite.any(-1)), E.shape[-1], block, place))
+            loops.append(_LoopsInDiscs(frames, errors, np.flatnonzero(known), states, block, place))
             place.refuse(E[finite][:, *same_block])
-    return loops, finite.any(-1)
+    return loops, known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,27 +84,41 @@ class _LoopsInDiscs:
     def at(self, column, p):
         """The frames less identity, `(n, r, r)`, and bounds on the errors of their entries."""
         E, dE = self.errors(self.columns[column], p)
+        order = self.order
         if E.shape[-1] != self.states:  # states that are there at some values alone
-            return (np.full((p.size, *2 * self.block.shape), np.nan),) * 2
-        return E[:, self.block[:, None], self.block], np.abs(dE[:, self.block[:, None], self.block])
+            unknown = np.full((p.size, order, order), np.nan)
+            return unknown, unknown
+        rows = self.block[:, None]
+        return E[:, rows, self.block], np.abs(dE[:, rows, self.block])
 
     def about(self, column, middle, radius):
         """`at` the middles of discs, and the frames on their rims, `(n, points, r, r)`, NaN if there may be a pole inside."""
-        rim = middle[:, None] + radius[:, None] * RIM
-        p, columns = np.concatenate([middle[:, None], rim], axis=1), self.columns[column][:, None]
-        inside, pivots = (self.frames(columns, at).pivots for at in (middle[:, None], rim))
-        pivots = pivots.reshape(*rim.shape, -1)
-        poles = pole_inside(pivots, level(inside[:, None])) & (pivots != pivots[:, :1]).any((1, 2))
-        E, dE = self.at(np.repeat(column, p.shape[1]), p.ravel())  # all in one call, so that they have the same states
-        E, dE = (array.reshape(*p.shape, *array.shape[1:]) for array in (E, dE))
-        return E[:, 0].real, dE[:, 0], np.where(poles[:, None, None, None], np.nan, E[:, 1:])
+        middle = middle[:, None]
+        rim = middle + radius[:, None] * RIM
+        columns = self.columns[column][:, None]
+        inside = self.frames(columns, middle).pivots
+        pivots = self.frames(columns, rim).pivots.reshape(*rim.shape, -1)
+        moving = (pivots != pivots[:, :1]).any((1, 2))
+        poles = pole_inside(pivots, level(inside[:, None])) & moving
+
+        # All in one call, so that they have the same states.
+        p = np.concatenate([middle, rim], axis=1)
+        E, dE = self.at(np.repeat(column, p.shape[1]), p.ravel())
+        E = E.reshape(*p.shape, *E.shape[1:])
+        dE = dE.reshape(*p.shape, *dE.shape[1:])
+        rims = np.where(poles[:, None, None, None], np.nan, E[:, 1:])
+        return E[:, 0].real, dE[:, 0], rims
 
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels."""
-        middle, half = (low + high) / 2, (high - low) / 2
-        E, dE, rims = self.about(column, middle, 2 * half)
-        inside_range = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
-        inside_range &= np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2)) & np.isfinite(rims).all((-1, -2, -3))
+        middle = (low + high) / 2
+        radius = 2 * ((high - low) / 2)
+        E, dE, rims = self.about(column, middle, radius)
+        inside_range = middle - radius >= bounds[0][column]
+        inside_range &= middle + radius <= bounds[1][column]
+        inside_range &= np.isfinite(E).all((-1, -2))
+        inside_range &= np.isfinite(dE).all((-1, -2))
+        inside_range &= np.isfinite(rims).all((-1, -2, -3))
         label = np.full(column.size, OPEN)
         inside = np.flatnonzero(inside_range)
         if inside.size:
@@ -109,7 +129,9 @@ class _LoopsInDiscs:
     def worst(self, column, p):
         """Of each loop the eigenvalue less 1 that is farthest outside of its place, and by how much."""
         E, _ = self.at(np.full(p.size, np.searchsorted(self.columns, column)), p)
-        delta = np.linalg.eigvals(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)).astype(complex)
+        finite = np.isfinite(E).all((-1, -2))
+        delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
         beyond = self.place.at(np.full(p.size, column)).beyond(delta)
-        most = beyond.argmax(-1)[:, None]
-        return np.take_along_axis(delta, most, -1)[:, 0], np.take_along_axis(beyond, most, -1)[:, 0]
+        loop = np.arange(p.size)
+        most = beyond.argmax(-1)
+        return delta[loop, most], beyond[loop, most]

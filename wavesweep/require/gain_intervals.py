@@ -19,8 +19,12 @@ from wavesweep.require.gain_bound import BASE_BAND, GainBound
 from wavesweep.require.long_gain import LongGain
 
 TYPICAL = (0.53, 0.37, 0.71, 0.13, 0.91)  # of the span, where the gain at rest is looked at
-EXACT = 1e-8  # of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by its root
-BESIDE, SLOW = 1e-6, 1e-7  # of the span, and of a pole that is 1 at its low end from 1: see `Accuracy`
+# Of an end, and of a NEAR_ZERO-th of the span: two eigenvalues meet there, which rounding moves by
+# its root.
+EXACT = 1e-8
+# Of the span, and of a pole that is 1 at its low end from 1: see `Accuracy`.
+BESIDE = 1e-6
+SLOW = 1e-7
 MANY = 24  # ticks of a frame, beyond which its inputs are eliminated
 AT_REST = 1e-9  # of the level, how near the gain at rest is to it if it is the level itself
 
@@ -36,36 +40,44 @@ def along_gain(
     Errors: UsageError if the signal moves without end, and for a band or a loop that the gain cannot be had of.
     """
     drift = loops.changed({along: np.array(span)}).drift(watched=route[1:])
-    values, size = span[0] + (span[1] - span[0]) * np.array(TYPICAL), period.size
-    number, p = np.repeat(np.arange(size), values.size), np.tile(values, size)
+    width = span[1] - span[0]
+    values = span[0] + width * np.array(TYPICAL)
+    size = period.size
+    number = np.repeat(np.arange(size), values.size)
+    p = np.tile(values, size)
     port, _ = loops_between(loops, along, drift, route, number, p)
     if port.outputs > 1:
         output = route[1].removeprefix(OUTPUT)
         raise UsageError(f"sweep.require.gain.to: expected an output that comes to rest, found {output}, which drifts")
+
     ticks = port.kind.size
-    on = wanted.measure == BASE_BAND and ticks > 1
-    step = period / ticks if on else period
-    in_general = Sine if on else BoundedGain
-    kind = LongGain if ticks > MANY and not on else in_general
+    of_sine = wanted.measure == BASE_BAND and ticks > 1
+    step = period / ticks if of_sine else period
+    in_general = Sine if of_sine else BoundedGain
+    kind = LongGain if ticks > MANY and not of_sine else in_general
     about = loops, along, route, wanted.at_most, drift, _needed(port.maps), ticks
-    gain = kind(*about, np.arange(size), stable, _arc(wanted, ticks, step), at_rest=False)
+    arc = _arc(wanted, ticks, step)
+    gain = kind(*about, np.arange(size), stable, arc, at_rest=False)
+
     off = gain.off_at_rest(number, p)
-    at_rest = (off <= AT_REST * gain.level).reshape(size, -1).all(-1) & (gain.arc[:, 0] == 0)
+    is_level = (off <= AT_REST * gain.level).reshape(size, -1).all(-1)
+    at_rest = is_level & (gain.arc[:, 0] == 0)
     judges = []
     if (~at_rest).any():
         judges.append(replace(gain, columns=np.flatnonzero(~at_rest)))
     if at_rest.any():
-        judges.append(in_general(*about, np.flatnonzero(at_rest), stable, gain.arc, at_rest=True))
-    poles = np.linalg.eigvals(gain.changes(np.arange(size), np.full(size, span[0] + BESIDE * (span[1] - span[0]))))
+        columns = np.flatnonzero(at_rest)
+        judges.append(in_general(*about, columns, stable, gain.arc, at_rest=True))
+
+    low_end = np.full(size, span[0] + BESIDE * width)
+    poles = np.linalg.eigvals(gain.changes(np.arange(size), low_end))
     with np.errstate(divide="ignore"):
-        near = BESIDE * np.minimum(1.0, SLOW / np.abs(poles).min(-1))
-    ends = Accuracy(EXACT, 64.0, EXACT, np.maximum(near, EXACT), slow=True)
-    intervals = along_panels(judges, np.ones(size, bool), span, step, bounds, resolved, ends)
-    return _attached(
-        replace(intervals, low_omega=-intervals.low_omega, high_omega=-intervals.high_omega),
-        stable,
-        NEAR_ZERO * (span[1] - span[0]),
-    )
+        begun = BESIDE * np.minimum(1.0, SLOW / np.abs(poles).min(-1))
+    ends = Accuracy(EXACT, 64.0, EXACT, np.maximum(begun, EXACT), slow=True)
+    known = np.ones(size, bool)
+    found = along_panels(judges, known, span, step, bounds, resolved, ends)
+    found = replace(found, low_omega=-found.low_omega, high_omega=-found.high_omega)
+    return _attached(found, stable, NEAR_ZERO * width)
 
 
 def _needed(maps):
@@ -79,23 +91,31 @@ def _arc(wanted, ticks, step):
     if wanted.band_hz is None:
         return np.tile([0.0, np.pi], (step.size, 1))
     arc = 2 * np.pi * np.outer(step, wanted.band_hz)
-    if (beyond := arc[:, 1] > np.pi * (1 + 1e-9)).any():
-        of = "frames" if ticks > 1 and wanted.measure != BASE_BAND else "ticks"
-        folding = f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)' if of == "frames" else ""
+    beyond = arc[:, 1] > np.pi * (1 + 1e-9)
+    if beyond.any():
+        half_rate = 0.5 / step[beyond].max()
+        rate_of = "ticks"
+        folding = ""
+        if ticks > 1 and wanted.measure != BASE_BAND:
+            rate_of = "frames"
+            folding = f', beyond which they fold (measure = "{BASE_BAND}" has each frequency by itself)'
         raise UsageError(
-            f"sweep.require.gain.band_hz: expected frequencies up to {0.5 / step[beyond].max():g} Hz, half the rate of the {of}"
-            f"{folding}, found {wanted.band_hz[1]:g}"
+            f"sweep.require.gain.band_hz: expected frequencies up to {half_rate:g} Hz, half the "
+            f"rate of the {rate_of}{folding}, found {wanted.band_hz[1]:g}"
         )
     return np.minimum(arc, np.pi)
 
 
 def _attached(found, stable, nothing):
     """Intervals whose ends that are as near to those of stability as ends are exact are these."""
+    same_column = found.column[:, None] == stable.column
     ends = {}
     for side in ("low", "high"):
-        end, stable_end = getattr(found, side)[:, None], getattr(stable, side)
-        near = (np.abs(end - stable_end) <= EXACT * (np.abs(stable_end) + nothing)) & (found.column[:, None] == stable.column)
-        at, is_near = near.argmax(-1), near.any(-1)
+        end = getattr(found, side)[:, None]
+        stable_end = getattr(stable, side)
+        exact = EXACT * (np.abs(stable_end) + nothing)
+        near = (np.abs(end - stable_end) <= exact) & same_column
+        nearest = near.argmax(-1)
         for name in (side, f"{side}_omega"):
-            ends[name] = np.where(is_near, getattr(stable, name)[at], getattr(found, name))
+            ends[name] = np.where(near.any(-1), getattr(stable, name)[nearest], getattr(found, name))
     return replace(found, **ends)

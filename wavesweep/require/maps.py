@@ -10,26 +10,46 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 def over_frame(port: Port, kept, batch) -> tuple[Pair, ...]:
     """E less identity, G, O and T of a frame, of some states, each with a bound on its error."""
-    ticks = of_ticks(port, kept, batch)
-    n, M = kept.size, port.kind.size
-    E, G, O, T = (np.zeros((*batch, n, n)),) * 2, (np.zeros((*batch, n, 0)),) * 2, [], []
-    for at, kind in enumerate(port.kind.tolist()):
-        e, b, c, d = ticks[kind]
+    kinds = of_ticks(port, kept, batch)
+    n = kept.size
+    ticks = port.kind.size
+    E = _zeros(batch, n, n)
+    G = _zeros(batch, n, 0)
+    O = []
+    T = []
+    for tick, kind in enumerate(port.kind.tolist()):
+        e, b, c, d = kinds[kind]
+        inputs_to_come = _zeros(batch, 1, ticks - tick - 1)
         O.append(plus(c, times(c, E)))
-        T.append(joined((times(c, G), d, (np.zeros((*batch, 1, M - at - 1)),) * 2), -1))
+        T.append(joined((times(c, G), d, inputs_to_come), -1))
         E = plus(plus(E, e), times(e, E))
         G = joined((plus(G, times(e, G)), b), -1)
     return E, G, joined(O, -2), joined(T, -2)
 
 
+def _zeros(batch, rows, columns) -> Pair:
+    zeros = np.zeros((*batch, rows, columns))
+    return zeros, zeros
+
+
 def of_ticks(port: Port, kept, batch) -> list[tuple[Pair, ...]]:
     """E less identity, B, C and D of each kind of tick, of some states and the first output, each with a bound on its error."""
+    kept_rows = kept[:, None]
     ticks = []
     for matrices, sizes in zip(port.maps, port.sizes, strict=True):
-        pairs = ((x, ENTRIES * np.abs(size)) for x, size in zip(matrices, sizes, strict=True))
-        e, b, c, d = (tuple(np.broadcast_to(x, (*batch, *x.shape[-2:])) for x in pair) for pair in pairs)
-        e, b, c = (tuple(x[:, kept[:, None], kept] for x in e), tuple(x[:, kept] for x in b), tuple(x[:, :, kept] for x in c))
-        ticks.append((e, b, c, d))
+        pairs = []
+        for matrix, size in zip(matrices, sizes, strict=True):
+            error = ENTRIES * np.abs(size)
+            pairs.append([np.broadcast_to(x, (*batch, *x.shape[-2:])) for x in (matrix, error)])
+        e, b, c, d = pairs
+        ticks.append(
+            (
+                (e[0][:, kept_rows, kept], e[1][:, kept_rows, kept]),
+                (b[0][:, kept], b[1][:, kept]),
+                (c[0][:, :, kept], c[1][:, :, kept]),
+                (d[0], d[1]),
+            )
+        )
     return ticks
 
 
