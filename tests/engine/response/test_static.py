@@ -67,6 +67,13 @@ def test_a_device_that_nothing_holds_has_no_admittance_and_feels_nothing():
         assert impedance == 0
 
 
+@pytest.mark.parametrize("kind", ["dc", "dc-slow"])
+def test_a_device_that_nothing_holds_has_no_admittance_beside_one_that_a_wall_holds(kind):
+    admittance, _ = static(values_of(kind, K_VE=np.array([0.0, 50.0])))
+    assert np.isnan(admittance[0])
+    assert admittance[1] == pytest.approx(1 / 50, rel=1e-9)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_response_at_0_hz_is_the_limit_with_an_error(kind):
     values = values_of(kind, Kp=20.0)
