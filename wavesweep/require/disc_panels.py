@@ -65,61 +65,129 @@ def along_panels(judges, known, span, period, bounds, resolved, accuracy: Accura
     loop, two arrays `(columns,)`. resolved(column, low, high): whether loops have no narrow features there. What is left are
     the ends, each in a gap as narrow as ends are exact, and panels in doubt.
     """
-    panels = [[(np.full(1, span[0]), np.full(1, GOOD if stable_column else LOST))] for stable_column in known]
+    panels = []
+    for is_known in known:
+        label = GOOD if is_known else LOST
+        panels.append([(np.full(1, span[0]), np.full(1, label))])
     for judge in judges:
-        owner, low, label = _panels(judge, span, [bound[judge.columns] for bound in bounds], resolved, accuracy)
+        judge_bounds = [bound[judge.columns] for bound in bounds]
+        owner, low, label = _panels(judge, span, judge_bounds, resolved, accuracy)
         for at, column in enumerate(judge.columns.tolist()):
-            of_column = owner == at
-            order = np.argsort(low[of_column])
-            panels[column].append((low[of_column][order], label[of_column][order]))
-    rows = [
-        _intervals(column, *_merged(column, panels_of, span, accuracy), judges, span, period[column], accuracy)
-        for column, panels_of in enumerate(panels)
-    ]
-    names = ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")
-    columns_of_rows = zip(*(row for column_rows in rows for row in column_rows), strict=True)
-    kinds = (int, int, int, float, float, float, float, int, float)
-    return Intervals(**{name: np.array(column, kind) for name, column, kind in zip(names, columns_of_rows, kinds, strict=True)})
+            own = np.flatnonzero(owner == at)
+            own = own[np.argsort(low[own])]
+            panels[column].append((low[own], label[own]))
+    rows = []
+    for column, partitions in enumerate(panels):
+        edges, label = _merged(column, partitions, span, accuracy)
+        rows.extend(_intervals(column, edges, label, judges, span, period[column], accuracy))
+    found = _Row(*zip(*rows, strict=True))
+    return Intervals(
+        column=np.array(found.column, int),
+        index=np.array(found.index, int),
+        count=np.array(found.count, int),
+        low=np.array(found.low, float),
+        high=np.array(found.high, float),
+        low_omega=np.array(found.low_omega, float),
+        high_omega=np.array(found.high_omega, float),
+        doubt=np.array(found.doubt, int),
+        residual=np.array(found.residual, float),
+    )
+
+
+class _Row(NamedTuple):
+    """An interval, or an open place, as `Intervals` have it."""
+
+    column: int
+    index: int
+    count: int
+    low: float
+    high: float
+    low_omega: float
+    high_omega: float
+    doubt: int
+    residual: float
+
+
+class _End(NamedTuple):
+    """The end of an interval: its value, the frequency there (rad/s), and what is left of the equation."""
+
+    value: float
+    omega: float
+    left: float
+
+
+class _Worst(NamedTuple):
+    """What decides at a value, less 1, and by how much it is outside."""
+
+    delta: complex
+    beyond: float
 
 
 def _panels(judge, span, bounds, resolved, accuracy):
     """Panels that cover the span: their columns, low ends and labels."""
-    edges, count = np.linspace(*span, PANELS + 1), len(judge.columns)
-    column, low, high = np.repeat(np.arange(count), PANELS), np.tile(edges[:-1], count), np.tile(edges[1:], count)
-    many, tried, done, width = judge.many, np.zeros(count, int), [], span[1] - span[0]
-    few = max(1, ENTRIES // (2 * RIM.size * judge.order**2))
+    edges = np.linspace(*span, PANELS + 1)
+    width = span[1] - span[0]
+    count = len(judge.columns)
+    column = np.repeat(np.arange(count), PANELS)
+    low = np.tile(edges[:-1], count)
+    high = np.tile(edges[1:], count)
+    many = judge.many
+    at_once = max(1, ENTRIES // (2 * RIM.size * judge.order**2))
+    tried = np.zeros(count, int)
+    done = []
     while column.size:
+        label = np.full(column.size, OPEN)
         at = np.flatnonzero(resolved(judge.columns[column], low, high))
-        label, batches = np.full(column.size, OPEN), [at[first : first + few] for first in range(0, at.size, few)]
-        for batch in batches:
+        for first in range(0, at.size, at_once):
+            batch = at[first : first + at_once]
             label[batch] = judge.label(column[batch], low[batch], high[batch], bounds)
-        narrow = accuracy.finest * (high - low) <= accuracy.of((low + high) / 2, width)
-        at_start = accuracy.slow & (high - span[0] <= accuracy.begun[judge.columns[column]] * width)
-        narrow |= (high - span[0] <= accuracy.least * width) | (at_start & (NARROW * (high - low) <= high - span[0]))
-        open_ = np.bincount(column, minlength=count)
-        tried += open_
-        lost = ((open_ > many) | (tried > OFTEN * many))[column]
-        label = np.where((label == OPEN) & ~narrow & lost, LOST, label)
+
+        size = high - low
+        from_low_end = high - span[0]
+        begun = accuracy.begun[judge.columns[column]] * width
+        drifts = accuracy.slow & (from_low_end <= begun)
+        narrow = accuracy.finest * size <= accuracy.of((low + high) / 2, width)
+        narrow |= from_low_end <= accuracy.least * width
+        narrow |= drifts & (NARROW * size <= from_low_end)
+
+        open_panels = np.bincount(column, minlength=count)
+        tried += open_panels
+        given_up = (open_panels > many) | (tried > OFTEN * many)
+        label[(label == OPEN) & ~narrow & given_up[column]] = LOST
         closed = (label != OPEN) | narrow
         done.append((column[closed], low[closed], label[closed]))
-        column, low, high = (array[~closed] for array in (column, low, high))
+
+        column = np.tile(column[~closed], 2)
+        low = low[~closed]
+        high = high[~closed]
         middle = (low + high) / 2
-        column, low, high = np.tile(column, 2), np.concatenate([low, middle]), np.concatenate([middle, high])
+        low = np.concatenate([low, middle])
+        high = np.concatenate([middle, high])
     return [np.concatenate(arrays) for arrays in zip(*done, strict=True)]
 
 
 def _merged(column, panels, span, accuracy):
     """Low ends and labels of runs of panels: of several partitions of the span, each as sorted low ends and labels."""
     edges = np.unique(np.concatenate([low for low, _ in panels]))
-    label = np.max([panel[np.searchsorted(low, edges, side="right") - 1] for low, panel in panels], axis=0)
+    label = np.full(edges.size, GOOD)
+    for low, of_panel in panels:
+        label = np.maximum(label, of_panel[np.searchsorted(low, edges, side="right") - 1])
     edges, label = _runs(edges, label)
-    size, within = np.diff(edges, append=span[1]), accuracy.of(edges, span[1] - span[0])
-    around, sizes = np.concatenate([[LOST], label, [LOST]]), np.concatenate([[0], size, [0]])
-    slivers = (around[:-2] == OPEN) & (around[2:] == OPEN)
-    slivers &= (size <= within / 8) | (sizes[:-2] + size + sizes[2:] <= GAP * within)
-    edges, label = _runs(edges, np.where(slivers, OPEN, label))  # in a gap a few panels may settle
-    around = np.append(edges[1:], span[1]) - span[0] <= accuracy.slow * accuracy.begun[column] * (span[1] - span[0])
-    first = np.max(np.flatnonzero(around & (label == OPEN)), initial=-1) + 1
+
+    # In a gap a few panels may settle.
+    width = span[1] - span[0]
+    exact = accuracy.of(edges, width)
+    size = np.diff(edges, append=span[1])
+    before = np.append(0, size[:-1])
+    after = np.append(size[1:], 0)
+    open_before = np.append(LOST, label[:-1]) == OPEN
+    open_after = np.append(label[1:], LOST) == OPEN
+    small = (size <= exact / 8) | (before + size + after <= GAP * exact)
+    edges, label = _runs(edges, np.where(open_before & open_after & small, OPEN, label))
+
+    from_low_end = np.append(edges[1:], span[1]) - span[0]
+    drifts = from_low_end <= accuracy.slow * accuracy.begun[column] * width
+    first = np.max(np.flatnonzero(drifts & (label == OPEN)), initial=-1) + 1
     if (label[:first] < LOST).all():
         label[:first] = OPEN
     return _runs(edges, label)
@@ -133,52 +201,77 @@ def _runs(edges, label):
 
 def _intervals(column, edges, label, judges, span, period, accuracy):
     """Yield the rows of a column from its runs of panels, sorted; edges: their low ends."""
-    width, runs = span[1] - span[0], list(zip(edges, [*edges[1:], span[1]], label, strict=True))
-    doubt, intervals, gaps, begun = Doubt.NONE, [], {}, False
-    for at, (low, high, verdict) in enumerate(runs):
-        sides = [runs[next_][2] for next_ in (at - 1, at + 1) if 0 <= next_ < len(runs)]
-        if verdict == OPEN and ({*sides} == {GOOD, BAD} or sides in ([GOOD], [BAD])):
-            tight = high - low <= GAP * accuracy.of(high, width)
+    width = span[1] - span[0]
+    judging = [judge for judge in judges if column in judge.columns]
+    doubt = Doubt.NONE
+    intervals = []
+    gaps = {}
+    begun = False
+    for at, (low, high, verdict) in enumerate(zip(edges, [*edges[1:], span[1]], label, strict=True)):
+        sides = [*label[max(at - 1, 0) : at], *label[at + 1 : at + 2]]
+        if verdict == OPEN and sorted(sides) in ([GOOD], [BAD], [GOOD, BAD]):
             if at == 0 and sides == [GOOD] and high - low <= accuracy.begun[column] * width:
-                judging = [judge for judge in judges if column in judge.columns]
                 looked_at = low + (high - low) * LOOKED_AT
                 begun = all((judge.worst(column, looked_at)[1] <= OUTSIDE).all() for judge in judging)
                 if begun:
                     continue
-            doubt = max(doubt, Doubt.NONE if tight else Doubt.ROUNDING)
-            gaps |= dict.fromkeys((low, high), (low, high))
+            if high - low > GAP * accuracy.of(high, width):
+                doubt = max(doubt, Doubt.ROUNDING)
+            gaps[low] = low, high
+            gaps[high] = low, high
         elif verdict != BAD:
-            doubt = max(doubt, {GOOD: Doubt.NONE, LOST: Doubt.SEARCH}.get(verdict, Doubt.CROWDED))
-            intervals.append((span[0] if begun and not intervals else low, high, verdict == GOOD))
-    count = index = sum(good for *_, good in intervals)
+            if verdict == LOST:
+                doubt = max(doubt, Doubt.SEARCH)
+            elif verdict == OPEN:
+                doubt = max(doubt, Doubt.CROWDED)
+            start = span[0] if begun and not intervals else low
+            intervals.append((start, high, verdict == GOOD))
+
+    count = sum(good for *_, good in intervals)
+    index = 0
     for low, high, good in intervals:
         if not good:
-            yield column, -1, count, low, high, np.nan, np.nan, doubt, 0.0
+            yield _Row(column, -1, count, low, high, np.nan, np.nan, doubt, 0.0)
             continue
-        ends, omegas, left = zip(*(_end(column, edge, gaps, judges, span, period) for edge in (low, high)), strict=True)
-        yield column, count - index, count, *ends, *omegas, doubt, max(left)
-        index -= 1
+        start = _end(column, low, gaps, judging, span, period)
+        stop = _end(column, high, gaps, judging, span, period)
+        left = max(start.left, stop.left)
+        yield _Row(
+            column,
+            index,
+            count,
+            start.value,
+            stop.value,
+            start.omega,
+            stop.omega,
+            doubt,
+            left,
+        )
+        index += 1
     if not intervals:
-        yield column, -1, 0, *4 * (np.nan,), doubt, 0.0
+        yield _Row(column, -1, 0, np.nan, np.nan, np.nan, np.nan, doubt, 0.0)
 
 
-def _end(column, edge, gaps, judges, span, period):
-    """The end of an interval at the edge of a gap: its value, the frequency there (rad/s), and what is left of the equation."""
+def _end(column, edge, gaps, judging, span, period) -> _End:
+    """The end of an interval at the edge of a gap, by what judges this column."""
     if edge not in gaps:  # where the span ends, or where nothing is known beyond
-        return edge, np.nan, 0.0
+        return _End(edge, np.nan, 0.0)
     low, high = gaps[edge]
-    judging = [judge for judge in judges if column in judge.columns]
 
-    def worst(p):
-        worst_of = [judge.worst(column, np.array([p])) for judge in judging]
-        return max(((delta[0], beyond[0]) for delta, beyond in worst_of), key=lambda each: each[1])
+    def worst(p) -> _Worst:
+        found = [judge.worst(column, np.array([p])) for judge in judging]
+        delta, beyond = max(found, key=lambda each: each[1][0])
+        return _Worst(delta[0], beyond[0])
 
-    (first, sign_low), (last, sign_high) = worst(low), worst(high)
-    p, (delta, left) = (low + high) / 2, (first, sign_low) if sign_low > sign_high else (last, sign_high)
-    if all(judge.smooth for judge in judging) and sign_low * sign_high < 0:
-        p = (low * sign_high - high * sign_low) / (sign_high - sign_low)
-        delta, left = worst(p)
+    at_low = worst(low)
+    at_high = worst(high)
+    p = (low + high) / 2
+    at_end = at_low if at_low.beyond > at_high.beyond else at_high
+    if all(judge.smooth for judge in judging) and at_low.beyond * at_high.beyond < 0:
+        p = (low * at_high.beyond - high * at_low.beyond) / (at_high.beyond - at_low.beyond)
+        at_end = worst(p)
+    omega = abs(np.angle(1 + at_end.delta)) / period
     for end, side in zip(span, (low, high), strict=True):
         if side == end:
-            return end, abs(np.angle(1 + delta)) / period, 0.0
-    return p, abs(np.angle(1 + delta)) / period, abs(left)
+            return _End(end, omega, 0.0)
+    return _End(p, omega, abs(at_end.beyond))
