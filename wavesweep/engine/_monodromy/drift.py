@@ -61,20 +61,30 @@ class MarginalModes:
         A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). If
         numbers are not known exactly, no shift is found, and what drifts stays as an eigenvalue next to 1.
         """
-        held, alive, names, idle = drawn.held(watched), _alive(drawn, watched), [], []
+        held = drawn.held(watched)
+        alive = _alive(drawn, watched)
+        names = []
+        idle = []
         for scheduled in drawn.placed:
             block = scheduled.block
-            names += [f"{block.name}.{name}" for name in (*block.states, *(f"{port} held" for port in held[block.name]))]
+            for state in block.states:
+                names.append(f"{block.name}.{state}")
+            for port in held[block.name]:
+                names.append(f"{block.name}.{port} held")
             if block.name not in alive:
                 idle += [f"{block.name}.{state}" for state in _idle(block)]
-        at, constant, varying = {name: i for i, name in enumerate(names)}, [], []
+        at = {name: i for i, name in enumerate(names)}
+        constant = []
+        varying = []
         for shift, other_shift in _shifts_of_both(drawn, twin, alive):
             lead, *rest = shift
-            if shift.keys() == other_shift.keys() and all(_alike(shift[name], other_shift[name]) for name in shift):
-                constant.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
+            if _same_shape(shift, other_shift):
+                followers = tuple((at[name], shift[name]) for name in rest if name in at)
+                constant.append((at[lead], followers))
             else:
                 varying.append(at[lead])
-        return MarginalModes(tuple(names), tuple(constant), tuple(varying), tuple(map(at.get, idle)))
+        unobserved = tuple(at[name] for name in idle)
+        return MarginalModes(tuple(names), tuple(constant), tuple(varying), unobserved)
 
     def relative_ticks(self, ticks: Ticks) -> tuple[Ticks, tuple]:
         """Return the ticks with states relative to others: those that a drift moves to its lead, and copies to their source;
@@ -83,18 +93,20 @@ class MarginalModes:
         A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does.
         If both were kept, what they have in common would be cancelled in every tick, and its digits with it.
         """
-        drifting = {state for lead, followers in self.constant for state in (lead, *(index for index, _ in followers))}
-        copies = [
-            (source, tuple((state, 1.0) for state in states if state not in drifting))
-            for source, states in _copies(ticks).items()
-        ]
-        copies = [(source, followers) for source, followers in copies if followers]
-        groups = (*self.constant, *copies)
+        drifting = set()
+        for lead, followers in self.constant:
+            drifting.add(lead)
+            drifting.update(index for index, _ in followers)
+        copies = {}
+        for source, states in _copies(ticks).items():
+            followers = tuple((state, 1.0) for state in states if state not in drifting)
+            if followers:
+                copies[source] = followers
+        groups = (*self.constant, *copies.items())
         if not groups:
             return ticks, groups
-        return replace(
-            ticks, maps=tuple(_relative_block(block, groups, self.leads, dict(copies)) for block in ticks.maps)
-        ), groups
+        maps = tuple(_relative_block(block, groups, self.leads, copies) for block in ticks.maps)
+        return replace(ticks, maps=maps), groups
 
     def closed_frame(self, drawn: MultirateLoop) -> np.ndarray:
         """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where rounding leaves nothing of
@@ -114,10 +126,13 @@ class MarginalModes:
             if (bound <= ROUGH).all():
                 return E, np.zeros(bound.shape, bool)
         E, dE = self.frames_with_errors(ticks)
+        matrices = (-1, *E.shape[-2:])
         finite = np.isfinite(E).all((-1, -2))
-        flat, errors = (np.where(finite[..., None, None], frames, 0.0).reshape(-1, *E.shape[-2:]) for frames in (E, dE))
+        flat = np.where(finite[..., None, None], E, 0.0).reshape(matrices)
+        errors = np.where(finite[..., None, None], dE, 0.0).reshape(matrices)
         units = balance(flat)[1]
-        rough = (errors * (units[:, None, :] / units[:, :, None]) > ROUGH).any((-1, -2)) & finite.reshape(-1)
+        errors_in_units = errors * (units[:, None, :] / units[:, :, None])
+        rough = (errors_in_units > ROUGH).any((-1, -2)) & finite.reshape(-1)
         rough[rough] = radius_hidden(flat[rough], errors[rough])
         return E, rough.reshape(finite.shape)
 
@@ -130,7 +145,8 @@ class MarginalModes:
 
         tight: whether the bounds are those of `product_with_tight_errors`.
         """
-        changes, sizes = [block.E for block in ticks.maps], [block.terms[0] for block in ticks.maps]
+        changes = [block.E for block in ticks.maps]
+        sizes = [block.terms[0] for block in ticks.maps]
         if tight:
             E, dE = product_with_tight_errors(ticks.kind, changes, sizes)
         else:
@@ -146,14 +162,24 @@ def _shifts_of_both(drawn, twin, alive):
     """Pairs of a shift in one drawing and in the other; none if the numbers are not known exactly."""
     try:
         first = shifts(drawn, alive)
-        second = shifts(twin, alive, [next(iter(shift)) for shift in first]) if first and twin is not drawn else first
+        second = first
+        if first and twin is not drawn:
+            leads = [next(iter(shift)) for shift in first]
+            second = shifts(twin, alive, leads)
     except (ArithmeticError, ValueError):
         return []
     return list(zip(first, second, strict=True))
 
 
-def _alike(a, b):
-    return abs(a - b) <= SAME * max(abs(a), abs(b))
+def _same_shape(shift, other):
+    """Whether two shifts move the same states by the same factors."""
+    if shift.keys() != other.keys():
+        return False
+    for name, factor in shift.items():
+        largest = max(abs(factor), abs(other[name]))
+        if abs(factor - other[name]) > SAME * largest:
+            return False
+    return True
 
 
 def _alive(drawn, watched):
@@ -161,55 +187,80 @@ def _alive(drawn, watched):
 
     The others only watch them, and nothing comes back, so that they may count what drifts, and change for ever.
     """
-    blocks = [scheduled.block for scheduled in drawn.placed]
-    ports = {block.name: [f"{block.name}.{port}" for port in block.inputs] for block in blocks}
-    sources = {name: set().union(*map(drawn.sources, of_block)) for name, of_block in ports.items()}
+    sources = {}
+    for scheduled in drawn.placed:
+        block = scheduled.block
+        read = sources[block.name] = set()
+        for port in block.inputs:
+            read.update(drawn.sources(f"{block.name}.{port}"))
     shown = [signal for signal in (POSITION, REACTION) if signal in drawn.sums]
     alive = {scheduled.block.name for scheduled in drawn.living((*watched, *shown)).placed}
-    alive |= {name for name, read in sources.items() if read & set(drawn.inputs)}
-    while acting := {source.rpartition(".")[0] for name in alive for source in sources[name]} & ports.keys() - alive:
-        alive |= acting
+    moved = {name for name, read in sources.items() if not read.isdisjoint(drawn.inputs)}
+    alive |= moved
+    found = set(alive)
+    while found:
+        acting = set()
+        for name in found:
+            acting.update(source.rpartition(".")[0] for source in sources[name])
+        found = acting & sources.keys() - alive
+        alive |= found
     return alive
 
 
 def _idle(block):
     """The states of a block that add up others, and that the block itself does not read."""
     read = np.any(block.E != 0, axis=tuple(range(block.E.ndim - 2)))
-    busy = list(range(len(block.states)))
-    while idle := [i for i in busy if not any(read[j, i] for j in busy)]:
-        busy = [i for i in busy if i not in idle]
-    return [state for i, state in enumerate(block.states) if i not in busy]
+    busy = np.ones(len(block.states), bool)
+    while True:
+        read_by_busy = read[busy].any(0)
+        if read_by_busy[busy].all():
+            break
+        busy &= read_by_busy
+    return [state for state, is_busy in zip(block.states, busy, strict=True) if not is_busy]
 
 
 def relative_row(row: np.ndarray, groups: Sequence[tuple[int, Sequence[tuple[int, float]]]]) -> np.ndarray:
     """Return a row over states `(..., n)` as one over states that are relative to others."""
     row = row.copy()
     for lead, followers in groups:
-        terms = np.stack([row[..., lead], *(factor * row[..., index] for index, factor in followers)], axis=-1)
+        terms = [row[..., lead]]
+        for index, factor in followers:
+            terms.append(factor * row[..., index])
+        terms = np.stack(terms, axis=-1)
         total = terms.sum(-1)
-        row[..., lead] = np.where(np.abs(total) <= ALIKE * np.abs(terms).sum(-1), 0.0, total)
+        rounding = ALIKE * np.abs(terms).sum(-1)
+        row[..., lead] = np.where(np.abs(total) <= rounding, 0.0, total)
     return row
 
 
 def _relative_block(block, groups, leads, copies):
-    """The map of a tick in these states; copies: source -> its copies, which either take over its value or keep theirs."""
-    exact, sizes = [block.E.copy(), block.B.copy(), block.C.copy()], [terms.copy() for terms in block.terms[:3]]
+    """The map of a tick in these states.
+
+    copies: source -> its copies, which either take over its value or keep theirs.
+    """
+    exact = [block.E.copy(), block.B.copy(), block.C.copy()]
+    sizes = [terms.copy() for terms in block.terms[:3]]
     for lead, followers in groups:
+        copied = lead in copies
         for state, factor in followers:
-            _make_relative(exact, state, lead, factor, 1.0, lead in copies)
-            _make_relative(sizes, state, lead, abs(factor), -1.0, lead in copies)
-            if lead in copies:
-                exact[0][..., state, state] -= np.abs(block.E[..., state, state])
-                sizes[0][..., state, state] += np.abs(block.E[..., state, state])
-    matrices = []
-    for matrix, rounding in zip(exact, (ALIKE * size for size in sizes), strict=True):
-        # Entries that are rounding of their terms are 0, unless the rounding in a row could hide an entry.
-        least = NEGLIGIBLE * np.abs(matrix).max(-1, keepdims=True, initial=0.0)
-        matrices.append(np.where((np.abs(matrix) <= rounding) & (rounding <= least), 0.0, matrix))
-    E, B, C = matrices
+            _make_relative(exact, state, lead, factor, 1.0, copied)
+            _make_relative(sizes, state, lead, abs(factor), -1.0, copied)
+            if copied:
+                taken_over = np.abs(block.E[..., state, state])
+                exact[0][..., state, state] -= taken_over
+                sizes[0][..., state, state] += taken_over
+    E, B, C = map(_without_rounding, exact, sizes)
     E[..., leads] = 0.0  # nothing opposes a drift
     sizes = [np.where(matrix == 0, 0.0, size) for matrix, size in zip((E, B, C), sizes, strict=True)]
     return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
+
+
+def _without_rounding(matrix, size):
+    """Set entries to 0 that are rounding of their terms, unless the rounding in a row could hide an entry."""
+    rounding = ALIKE * size
+    least = NEGLIGIBLE * np.abs(matrix).max(-1, keepdims=True, initial=0.0)
+    negligible = (np.abs(matrix) <= rounding) & (rounding <= least)
+    return np.where(negligible, 0.0, matrix)
 
 
 def _make_relative(matrices, state, lead, factor, sign, copied):
@@ -226,13 +277,19 @@ def _make_relative(matrices, state, lead, factor, sign, copied):
 
 def _copies(ticks):
     """State -> the states that take over its value in some kind of tick, and keep theirs in all others."""
-    n, rows = len(ticks.states), [[] for _ in ticks.states]
+    n = len(ticks.states)
+    rows = [[] for _ in ticks.states]
     for block in ticks.maps:
-        E, driven = block.E.reshape(prod(block.E.shape[:-2]), n, n), np.any(block.B, axis=(*range(block.B.ndim - 2), -1))
+        E = block.E.reshape(prod(block.E.shape[:-2]), n, n)
+        driven = np.any(block.B, axis=(*range(block.B.ndim - 2), -1))
         alike = (E[0] == E).all((0, 2)) & ~driven
         for state in range(n):
             rows[state].append(E[0, state] if alike[state] else None)
-    sources = {state: source for state in range(n) if (source := _copied(state, rows[state])) is not None}
+    sources = {}
+    for state in range(n):
+        source = _copied(state, rows[state])
+        if source is not None:
+            sources[state] = source
     copies = {}
     for state, source in sources.items():
         if source not in sources:
@@ -242,13 +299,21 @@ def _copies(ticks):
 
 def _copied(state, rows):
     """The state that a state copies, or None; rows: of all kinds of tick, None for a row that a copy cannot have."""
-    if any(row is None for row in rows):
+    taking_over = None
+    for row in rows:
+        if row is None:
+            return None
+        if not row.any():
+            continue
+        if taking_over is not None and not np.array_equal(row, taking_over):
+            return None
+        taking_over = row
+    if taking_over is None or taking_over[state] != -1.0:
         return None
-    entries = {tuple((int(at), row[at].item()) for at in np.flatnonzero(row)) for row in rows} - {()}
-    pairs = [dict(row) for row in entries]
-    if len(pairs) != 1 or len(pairs[0]) != 2 or pairs[0].get(state) != -1.0:
+    others = [at for at in np.flatnonzero(taking_over).tolist() if at != state]
+    if len(others) != 1 or taking_over[others[0]] != 1.0:
         return None
-    return next((at for at, value in pairs[0].items() if at != state and value == 1.0), None)
+    return others[0]
 
 
 def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
@@ -256,8 +321,9 @@ def relative_to_leads(matrices, drift, sign=-1) -> tuple[np.ndarray, ...]:
     matrices = tuple(matrix.copy() for matrix in matrices)
     for lead, followers in drift.constant:
         for index, factor in followers:
+            weight = -factor if sign < 0 else abs(factor)
             for matrix in matrices:
-                matrix[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * matrix[..., lead, :]
+                matrix[..., index, :] += weight * matrix[..., lead, :]
     return matrices
 
 
@@ -271,15 +337,18 @@ def without_drift(E: np.ndarray, drift: MarginalModes, sizes=None) -> np.ndarray
     The states R then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are used with equal weight, since it depends
     on the combination that the loop conserves which row is redundant, and a lead need not be in it.
     """
-    index = [i for i in range(len(drift.states)) if i in drift.varying or i in drift.remaining]
+    index = sorted({*drift.varying, *drift.remaining})
     if len(index) < E.shape[-1]:
         at = np.ix_(index, index)
-        E = relative_to_leads((E,), drift)[0][..., *at]
-        sizes = None if sizes is None else relative_to_leads((sizes,), drift, 1)[0][..., *at]
+        (E,) = relative_to_leads((E,), drift)
+        E = E[..., *at]
+        if sizes is not None:
+            (sizes,) = relative_to_leads((sizes,), drift, 1)
+            sizes = sizes[..., *at]
     if not drift.varying:
         return E if sizes is None else sizes
-    leads = np.array([index.index(lead) for lead in drift.varying], int)
-    rest = np.array([i for i in range(len(index)) if i not in leads], int)
+    leads = np.searchsorted(index, drift.varying)
+    rest = np.delete(np.arange(len(index)), leads)
     V = consistent_solution(E[..., rest], -E[..., leads])
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         if sizes is not None:
@@ -295,10 +364,17 @@ def _errors_without(E, dE, V, leads, rest):
     """
     size = np.abs(E[..., rest]).max(-1, keepdims=True)
     size = np.where(size > 0, size, 1.0)
-    A, S, dA, dS = E[..., rest] / size, E[..., leads] / size, dE[..., rest] / size, dE[..., leads] / size
-    of_A, of_S = (rest.size * ROUNDING * np.linalg.norm(columns, axis=-2, keepdims=True) for columns in (A, S))
-    dV = np.abs(np.linalg.pinv(np.nan_to_num(A))) @ ((dA + of_A) @ V + dS + of_S)
-    of_leads = V @ dE[..., leads[:, None], rest] + dV @ np.abs(E[..., leads[:, None], rest])
+    A = E[..., rest] / size
+    S = E[..., leads] / size
+    dA = dE[..., rest] / size
+    dS = dE[..., leads] / size
+    of_A = rest.size * ROUNDING * np.linalg.norm(A, axis=-2, keepdims=True)
+    of_S = rest.size * ROUNDING * np.linalg.norm(S, axis=-2, keepdims=True)
+    inverse = np.linalg.pinv(np.nan_to_num(A))
+    dV = np.abs(inverse) @ ((dA + of_A) @ V + dS + of_S)
+    E_SR = E[..., leads[:, None], rest]
+    dE_SR = dE[..., leads[:, None], rest]
+    of_leads = V @ dE_SR + dV @ np.abs(E_SR)
     return dE[..., rest[:, None], rest] + of_leads
 
 
@@ -311,11 +387,15 @@ def consistent_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):
         weight = np.where(size > 0, 1 / size, 1.0)
         finite = np.isfinite(A).all((-1, -2), keepdims=True)
+        weighted = b * weight
         Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
-        x = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
-        left, terms = np.abs(A @ x - b) * weight, (np.abs(A) @ np.abs(x) + np.abs(b)) * weight
-        most = [np.abs(column).max((-1, -2), initial=0.0, keepdims=True) for column in (x, b * weight)]
-        rounding = ROUNDED * np.finfo(float).eps * np.maximum(*most)
+        adjoint = np.swapaxes(Q.conj(), -1, -2)
+        x = solve(R, adjoint @ np.where(finite, weighted, 0.0))
+        left = np.abs(A @ x - b) * weight
+        terms = (np.abs(A) @ np.abs(x) + np.abs(b)) * weight
+        largest_x = np.abs(x).max((-1, -2), initial=0.0, keepdims=True)
+        largest_b = np.abs(weighted).max((-1, -2), initial=0.0, keepdims=True)
+        rounding = ROUNDED * np.finfo(float).eps * np.maximum(largest_x, largest_b)
         finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
     return np.where(finite, x, np.nan)
 
@@ -326,11 +406,14 @@ def _with_norm_of_errors(ticks, drift):
     The bounds are in units that give its rows and columns similar sizes.
     """
     changes = [block.E for block in ticks.maps]
+    sizes = [block.terms[0] for block in ticks.maps]
     largest = [np.abs(E).max(tuple(range(E.ndim - 2))) for E in changes]
-    units = balance(np.max(largest, axis=0)[None])[1][0]
-    E, norm = product_with_norm_of_errors(ticks.kind, changes, [block.terms[0] for block in ticks.maps], units)
+    of_all_ticks = np.max(largest, axis=0)
+    units = balance(of_all_ticks[None])[1][0]
+    E, norm = product_with_norm_of_errors(ticks.kind, changes, sizes, units)
     E = without_drift(E, drift)
-    of_frames = balance(np.nan_to_num(E).reshape(-1, *E.shape[-2:]))[1]
+    flat = np.nan_to_num(E).reshape(-1, *E.shape[-2:])
+    of_frames = balance(flat)[1]
     change = (of_frames / units[drift.remaining]).reshape(E.shape[:-1])
     return E, norm * change.max(-1) / change.min(-1)
 
