@@ -12,7 +12,9 @@ from wavesweep.require.disc_panels import BAD, GOOD, OPEN, SAFE
 
 SMALL = 1e-3  # up to which eigenvalues may be 0 but for rounding
 FINE = 0.1  # what an inverse of eigenvectors may be off by
-CONSERVING = 1e-10  # of the largest coefficient of a characteristic polynomial, by how much it may differ read backwards
+# Of the largest coefficient of a characteristic polynomial, by how much it may differ read
+# backwards.
+CONSERVING = 1e-10
 GROWN = 1e4  # entry of a frame, from which on nothing is left of that
 
 
@@ -57,8 +59,10 @@ class Spiral:
         """By how much eigenvalues `1 + delta` are outside, in the logarithm."""
         with np.errstate(all="ignore"):
             s = np.log1p(delta)
-            of_spiral = s.real + self.c * np.where(self._free(delta), 0.0, np.abs(s.imag))
-            return np.where(delta == -1, -np.inf, np.minimum(of_spiral, s.real - np.log(self.gone)))
+            angle = np.where(self._free(delta), 0.0, np.abs(s.imag))
+            of_spiral = s.real + self.c * angle
+            of_gone = s.real - np.log(self.gone)
+            return np.where(delta == -1, -np.inf, np.minimum(of_spiral, of_gone))
 
     def _free(self, delta):
         """Eigenvalues less 1 that need no damping ratio, since they are real and below 0."""
@@ -66,27 +70,37 @@ class Spiral:
 
     def room(self, delta):
         """How large discs may be that are on one side."""
-        z, s, c = np.abs(1 + delta), np.log1p(delta), self.c
-        x, y = s.real, np.abs(s.imag)
-        apart = np.minimum(_distance(x, y, c), _distance(x, 2 * np.pi - y, c))  # from both sides of the spiral's end
-        of_spiral = -z * np.expm1(-apart)
+        c = self.c
+        z = np.abs(1 + delta)
+        s = np.log1p(delta)
+        x = s.real
+        y = np.abs(s.imag)
+        upper = _distance(x, y, c)
+        lower = _distance(x, 2 * np.pi - y, c)  # on the other side of the spiral's end
+        of_spiral = -z * np.expm1(-np.minimum(upper, lower))
         outside = x + c * y > 0
         of_spiral = np.where(outside, np.minimum(of_spiral, z - self.gone), of_spiral)
-        if self.pairs:  # outside, a pair of a negative real part must not become real; real ones may be anywhere in the circle
+        if self.pairs:
+            # Outside, a pair of a negative real part must not become real; real ones may be
+            # anywhere in the circle.
             becoming_real = outside & (delta.real < -1)
-            of_spiral = np.where(becoming_real, np.minimum(of_spiral, np.abs(delta.imag)), of_spiral)
+            to_real = np.minimum(of_spiral, np.abs(delta.imag))
+            of_spiral = np.where(becoming_real, to_real, of_spiral)
             of_spiral = np.where(self._free(delta), 1 - z, of_spiral)
         return np.fmax.reduce([of_spiral, self.least - z, z - 1])
 
     def label(self, delta, radius, room):
         """The labels of panels whose eigenvalues less 1 are in discs, `(n, r)`; room: see there."""
-        clear, outside = radius < room, self.beyond(delta) > 0
+        z = 1 + delta
+        clear = radius < room
+        outside = self.beyond(delta) > 0
         free = self._free(delta)
         if free.any():
-            alone = ~_meeting(1 + delta, radius, 1 + delta, radius)
-            clear &= ~free | alone | (np.abs(1 + delta) + radius < self.least)
+            alone = ~_meeting(z, radius, z, radius)
+            clear &= ~free | alone | (np.abs(z) + radius < self.least)
+        good = clear.all(-1) & ~outside.any(-1)
         bad = (outside & ~_with_others(delta, radius, ~clear)).any(-1)
-        return np.where(clear.all(-1) & ~outside.any(-1), GOOD, np.where(bad, BAD, OPEN))
+        return np.where(good, GOOD, np.where(bad, BAD, OPEN))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +122,12 @@ class RequiredCircle:
         """Raise UsageError for frames less identity, `(points, r, r)`, of a loop that does not conserve but for rounding."""
         for A in E + np.eye(E.shape[-1]):
             polynomial = np.poly(A)
-            polynomial = np.trim_zeros(
-                np.where(np.abs(polynomial) > CONSERVING * np.abs(polynomial).max(), polynomial, 0.0), "b"
-            )
-            off = np.abs(polynomial - np.sign(polynomial[-1]) * polynomial[::-1]).max()
-            if np.abs(A).max() < GROWN and off > CONSERVING * np.abs(polynomial).max():
+            rounding = CONSERVING * np.abs(polynomial).max()
+            polynomial = np.where(np.abs(polynomial) > rounding, polynomial, 0.0)
+            polynomial = np.trim_zeros(polynomial, "b")
+            backwards = np.sign(polynomial[-1]) * polynomial[::-1]
+            conserves = np.abs(polynomial - backwards).max() <= rounding
+            if np.abs(A).max() < GROWN and not conserves:
                 raise UsageError(
                     "sweep.require.bounded: expected a loop that conserves, whose eigenvalues are z and 1/z in pairs, found "
                     "one that takes or gives energy; leave bounded out, and stable intervals are found"
@@ -125,7 +140,8 @@ class RequiredCircle:
     def room(self, delta):
         """How large discs may be that meet no other."""
         apart = np.abs(delta[:, :, None] - delta[:, None, :])
-        apart[:, *2 * (np.arange(delta.shape[-1]),)] = np.inf
+        own = np.arange(delta.shape[-1])
+        apart[:, own, own] = np.inf
         return np.minimum(apart.min(-1) / 2.5, np.abs(1 + delta) / 2)
 
     def label(self, delta, radius, _):
@@ -137,7 +153,8 @@ class RequiredCircle:
             image = np.where(radius < size, radius / (size * (size - radius)), np.inf)
             alone &= ~_meeting(z / size**2, image, z, radius)
         good = (alone | (size + radius < 1)).all(-1)  # what is inside is 0, if nothing is outside
-        bad = ((size > 1) & ~_with_others(delta, radius, radius >= np.abs(size - 1))).any(-1)
+        reaching_circle = _with_others(delta, radius, radius >= np.abs(size - 1))
+        bad = ((size > 1) & ~reaching_circle).any(-1)
         return np.where(bad, BAD, np.where(good, GOOD, OPEN))
 
 
@@ -147,16 +164,28 @@ def verdicts(E, dE, rims, place):
     place: `Spiral` or `RequiredCircle`.
     """
     n = E.shape[-1]
+    label = np.full(len(E), OPEN)
     delta, V = _vectors(E, place.small)
     with np.errstate(all="ignore"):
-        W, sizes = inverse(V), np.abs(V)
-        wide, off = np.abs(W), np.abs(W @ V - np.eye(n)) + n * ROUNDING * (np.abs(W) @ sizes)
-        change = np.maximum(*(np.abs(W[:, None] @ (rim - E[:, None]) @ V[:, None]).max(1) for rim in (rims, rims.conj())))
-        defect = np.abs(W @ (E @ V - V * delta[:, None, :])) + wide @ (dE + n * ROUNDING * np.abs(E)) @ sizes
+        W = inverse(V)
+        sizes_W = np.abs(W)
+        sizes_V = np.abs(V)
+        off = np.abs(W @ V - np.eye(n)) + n * ROUNDING * (sizes_W @ sizes_V)
         loss = off.sum(-1).max(-1)
-        entries = (SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])) / (1 - loss)[:, None, None]
-        label, finite = np.full(len(E), OPEN), np.isfinite(entries).all((-1, -2)) & (loss < FINE)
-        label[finite] = _of_entries(delta[finite], balance(entries[finite])[0], place.at(finite))
+
+        change = np.zeros(E.shape)
+        for rim in (rims, rims.conj()):
+            moved = W[:, None] @ (rim - E[:, None]) @ V[:, None]
+            change = np.maximum(change, np.abs(moved).max(1))
+        residual = np.abs(W @ (E @ V - V * delta[:, None, :]))
+        error = dE + n * ROUNDING * np.abs(E)
+        defect = residual + sizes_W @ error @ sizes_V
+        entries = SAFE / 2 * change + defect + off * np.abs(delta[:, None, :])
+        entries = entries / (1 - loss)[:, None, None]
+
+        known = np.isfinite(entries).all((-1, -2)) & (loss < FINE)
+        balanced, _ = balance(entries[known])
+        label[known] = _of_entries(delta[known], balanced, place.at(known))
     return label
 
 
@@ -166,13 +195,17 @@ def _vectors(E, small):
     """
     from scipy.linalg import schur
 
-    delta, V = (array.astype(complex) for array in np.linalg.eig(E))
+    delta, V = np.linalg.eig(E)
+    delta = delta.astype(complex)
+    V = V.astype(complex)
     near = np.abs(1 + delta) <= small
     for at in np.flatnonzero(near.sum(-1) > 1):
-        T, Q, count = schur(E[at] + np.eye(E.shape[-1]), output="complex", sort=lambda z: abs(z) <= small)
+        A = E[at] + np.eye(E.shape[-1])
+        T, Q, count = schur(A, output="complex", sort=lambda z: abs(z) <= small)
         if count == near[at].sum():
-            delta[at] = np.append(np.diagonal(T)[:count] - 1, delta[at][~near[at]])
-            V[at] = np.concatenate([Q[:, :count], V[at][:, ~near[at]]], axis=1)
+            far = ~near[at]
+            delta[at] = np.append(np.diagonal(T)[:count] - 1, delta[at][far])
+            V[at] = np.concatenate([Q[:, :count], V[at][:, far]], axis=1)
     return delta, V
 
 
@@ -182,27 +215,34 @@ def _of_entries(delta, entries, place):
     In units in which the discs that are too large are small beside the others, they are as small as the eigenvalues' first
     derivatives let them be, however far from normal the frames are; the others may grow by half of their room.
     """
-    room, radius = place.room(delta), entries.sum(-1)
-    large = (radius >= room)[:, None, :]
-    into, among = (np.where(large_or_not, entries, 0.0).sum(-1) for large_or_not in (large, ~large))
-    ratio = np.where(large[:, 0], 0.0, np.where(room / 2 > among, into / (room / 2 - among), 1.0)).max(-1)
-    units = np.where(large[:, 0], 1.0, np.clip(ratio, 1e-12, 1.0)[:, None])
-    label_radius, label_weighted = (
-        place.label(delta, size, room) for size in (radius, (entries * units[:, None, :]).sum(-1) / units)
-    )
-    return np.where(label_radius == OPEN, label_weighted, label_radius)
+    room = place.room(delta)
+    radius = entries.sum(-1)
+    large = radius >= room
+    into_large = np.where(large[:, None, :], entries, 0.0).sum(-1)
+    among_others = np.where(large[:, None, :], 0.0, entries).sum(-1)
+    left = room / 2 - among_others
+    ratio = np.where(room / 2 > among_others, into_large / left, 1.0)
+    ratio = np.where(large, 0.0, ratio).max(-1)
+    units = np.where(large, 1.0, np.clip(ratio, 1e-12, 1.0)[:, None])
+    in_units = (entries * units[:, None, :]).sum(-1) / units
+    label = place.label(delta, radius, room)
+    label_in_units = place.label(delta, in_units, room)
+    return np.where(label == OPEN, label_in_units, label)
 
 
 def _meeting(one, small, other, large):
     """Whether discs `(n, r)` meet another disc than that of their own number."""
-    meet = np.abs(one[:, :, None] - other[:, None, :]) <= small[:, :, None] + large[:, None, :]
-    meet[:, *2 * (np.arange(one.shape[-1]),)] = False
+    apart = np.abs(one[:, :, None] - other[:, None, :])
+    meet = apart <= small[:, :, None] + large[:, None, :]
+    own = np.arange(one.shape[-1])
+    meet[:, own, own] = False
     return meet.any(-1)
 
 
 def _with_others(delta, radius, some):
     """Some discs, a mask `(n, r)`, and all that are connected with them."""
-    meet = np.abs(delta[:, :, None] - delta[:, None, :]) <= radius[:, :, None] + radius[:, None, :]
+    apart = np.abs(delta[:, :, None] - delta[:, None, :])
+    meet = apart <= radius[:, :, None] + radius[:, None, :]
     for _ in range(delta.shape[-1] - 1):
         some = some | (meet & some[:, None, :]).any(-1)
     return some
