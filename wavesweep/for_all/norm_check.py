@@ -1,6 +1,7 @@
 """The check of a proof: in given norms on a given graph, given matrices shrink, whatever rounding does.
 
 Nothing here depends on how the norms were found.
+Paragraphs in quotes are those of "More than stability" in docs/proof.md.
 """
 
 from collections.abc import Sequence
@@ -8,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,32 +51,46 @@ def shrink_along(norms: Sequence[Norms], E: np.ndarray, dE: np.ndarray, follows:
     all s. Both are combinations of their own control points, the matrices of `_bezier`. F is computed with a bound R on its
     errors, entry by entry.
     """
-    graph, P = norms[0].graph, np.array([each.P for each in norms])
-    n = P.shape[-1]
+    graph = norms[0].graph
+    P = np.array([each.P for each in norms])
+    # "Frames in any order": forms at the nodes of a complete graph.
     if not (graph.is_complete(follows) and _symmetric(P) and definite(P, np.zeros_like(P))):
         return False
+    n = P.shape[-1]
     A = np.eye(n) + E[:, graph.symbol]
-    size, dA = np.abs(A).max(0), (dE[:, graph.symbol] + UNIT * np.abs(A)).max(0)
-    of_P = np.abs(P).max(0)
-    F, joined = _bezier(P, A, graph)
-    across = _transposed(size) @ of_P[graph.target]
-    R = _transposed(dA) @ of_P[graph.target] @ (size + dA) + across @ dA
-    R = SURELY * (R + UNIT * (2 * n + 2 + joined) * (across @ size + of_P[graph.source]))
+    # "Frames in any order": `P_i - A' P_j A` for each edge, by its Bernstein coefficients.
+    F = _bezier(P, A, graph)
+    # Its errors at any control point: those of the entries of A, and rounding.
+    size = np.abs(A).max(0)
+    dA = (dE[:, graph.symbol] + UNIT * np.abs(A)).max(0)
+    size_of_P = np.abs(P).max(0)
+    P_i = size_of_P[graph.source]
+    P_j = size_of_P[graph.target]
+    across = _transposed(size) @ P_j
+    of_entries = _transposed(dA) @ P_j @ (size + dA) + across @ dA
+    joined = 2 * len(P) * len(A) ** 2  # terms of a control point, at most
+    of_rounding = UNIT * (2 * n + 2 + joined) * (across @ size + P_i)
+    R = SURELY * (of_entries + of_rounding)
+    # "Frames in any order": Cholesky decompositions with all rounding taken off.
     return definite(*_in_its_units(F, np.broadcast_to(R, F.shape)))
 
 
 def _bezier(P, A, graph):
-    """The control points of `P_i(s) - A(s)' P_j(s) A(s)`, `(degree + 1, edges, n, n)`, and how many terms one has at most."""
-    of_P, of_A = len(P) - 1, len(A) - 1
+    """The control points of `P_i(s) - A(s)' P_j(s) A(s)`, `(degree + 1, edges, n, n)`."""
+    of_P = len(P) - 1
+    of_A = len(A) - 1
     degree = of_P + 2 * of_A
-    F, last = np.zeros((degree + 1, *A.shape[1:])), P[:, graph.target]
+    F = np.zeros((degree + 1, *A.shape[1:]))
+    P_i = P[:, graph.source]
+    P_j = P[:, graph.target]
     for k in range(of_P + 1):
         for more in range(degree - of_P + 1):
-            F[k + more] += comb(of_P, k) * comb(degree - of_P, more) / comb(degree, k + more) * P[k, graph.source]
+            weight = comb(of_P, k) * comb(degree - of_P, more) / comb(degree, k + more)
+            F[k + more] += weight * P_i[k]
         for i, j in product(range(of_A + 1), repeat=2):
             weight = comb(of_P, k) * comb(of_A, i) * comb(of_A, j) / comb(degree, i + j + k)
-            F[i + j + k] -= weight * (_transposed(A[i]) @ last[k] @ A[j])
-    return F, 2 * len(P) * len(A) ** 2
+            F[i + j + k] -= weight * (_transposed(A[i]) @ P_j[k] @ A[j])
+    return F
 
 
 def _in_its_units(F, R):
@@ -88,8 +104,10 @@ def _in_its_units(F, R):
     if not (np.isfinite(F).all() and (diagonal > LEAST).all()):
         return F, R
     units = 1 / np.sqrt(diagonal)
+    about_1 = F * units[..., None, :] * units[..., :, None]
     try:
-        W = units[..., None] * _transposed(np.linalg.inv(np.linalg.cholesky(F * units[..., None, :] * units[..., :, None])))
+        L = np.linalg.cholesky(about_1)
+        W = units[..., None] * _transposed(np.linalg.inv(L))
     except np.linalg.LinAlgError:
         return F, R
     size = np.abs(W)
@@ -105,27 +123,52 @@ def shrink_on_average(norms: Norms, weight: np.ndarray, E: np.ndarray, dE: np.nd
     `F_i = P_i - sum w A' P_j A`, the sum over the edges from i. F is linear in w, and `A' P_j A` convex in A: if F is definite
     at the points of a hull of either, by the same norms, it is so in all of the hull.
     """
-    P, graph = norms.P, norms.graph
-    n, root = P.shape[-1], _root(weight)
+    P = norms.P
+    graph = norms.graph
+    n = P.shape[-1]
     if not (_symmetric(P) and definite(P, np.zeros_like(P)) and _are_chances(weight, graph)):
         return False
-    A, size, dA = np.eye(n) + E, np.abs(np.eye(n) + E), dE + UNIT * np.abs(np.eye(n) + E)
-    A, size, dA = (root * each[graph.symbol] for each in (A, size, dA))
-    last, of_P = P[graph.target], np.abs(P)[graph.target]
-    F, R, terms = P.copy(), np.zeros_like(P), np.abs(P)
-    across = _transposed(size) @ of_P
-    np.subtract.at(F, graph.source, _transposed(A) @ last @ A)
-    np.add.at(R, graph.source, _transposed(dA) @ of_P @ (size + dA) + across @ dA)
+    root = _root(weight)
+    whole = np.eye(n) + E
+    size_of_whole = np.abs(whole)
+    A = root * whole[graph.symbol]
+    size = root * size_of_whole[graph.symbol]
+    dA = root * (dE + UNIT * size_of_whole)[graph.symbol]
+    P_j = P[graph.target]
+    size_of_P_j = np.abs(P)[graph.target]
+    # "Messages": `P_i - sum w A' P_j A`, the sum over the edges from i.
+    F = P.copy()
+    np.subtract.at(F, graph.source, _transposed(A) @ P_j @ A)
+    # Its errors: those of the entries of A, and rounding of all terms.
+    across = _transposed(size) @ size_of_P_j
+    of_entries = np.zeros_like(P)
+    np.add.at(of_entries, graph.source, _transposed(dA) @ size_of_P_j @ (size + dA) + across @ dA)
+    terms = np.abs(P)
     np.add.at(terms, graph.source, across @ size)
     count = np.bincount(graph.source).max()
-    return definite(F, SURELY * (R + UNIT * (2 * n + 8 + count) * terms))
+    of_rounding = UNIT * (2 * n + 8 + count) * terms
+    # "Messages": the same file checks them.
+    return definite(F, SURELY * (of_entries + of_rounding))
+
+
+class Slack(NamedTuple):
+    """What the slack `G(s)` of forms over a box consists of, on each edge.
+
+    With weights it is at each node in place of an edge. terms: `(monomials, edges, n, n)`;
+    errors, higher: bounds `(edges,)` on the norm of all errors, and on that of the terms of
+    degree three or more.
+    """
+
+    terms: np.ndarray
+    errors: np.ndarray
+    higher: np.ndarray
 
 
 def shrink_over(
     forms: Polynomials, graph: Graph, A: Polynomials, follows: np.ndarray | None, weight: np.ndarray | None = None
-) -> tuple[bool, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+) -> tuple[bool, Slack]:
     """Return whether all matrices of a box are proved to shrink in forms of that box, in every order that is allowed; and what
-    the slack consists of, see `_slack_over`.
+    the slack consists of.
 
     forms: `P_i(s)` at each node, symmetric, exact; A: the matrix of each symbol. Both for s from -1 to 1 in each number, which
     are constant in time. weight: the probability of each edge, if they have to shrink on average, see `shrink_on_average`;
@@ -138,59 +181,72 @@ def shrink_over(
     from each node.
     """
     P = forms.terms
-    terms, errors, higher = slack = _slack_over(forms, graph, A, weight)
-    if not (
-        (graph.is_complete(follows) if weight is None else _are_chances(weight, graph))
-        and _symmetric(P)
-        and definite(P[0], np.zeros_like(P[0]))
-    ):
+    slack = _slack_over(forms, graph, A, weight)
+    if weight is None:
+        allowed = graph.is_complete(follows)
+    else:
+        allowed = _are_chances(weight, graph)
+    # "Unknown numbers": P(0) > 0, so that no form can be the first to become singular.
+    if not (allowed and _symmetric(P) and definite(P[0], np.zeros_like(P[0]))):
         return False, slack
-    off = errors + higher
-    low = terms[: len(monomials(A.numbers, 2)[0])]
+    # "Unknown numbers": terms up to degree two are a convex combination of control points.
+    low = slack.terms[: len(monomials(A.numbers, 2)[0])]
     control = np.tensordot(_control(A.numbers), low, (1, 0))
     rounding = 4 * len(low) * UNIT * np.abs(low).sum(0)
-    return bool(np.isfinite(off).all()) and definite(control, np.broadcast_to(rounding, control.shape), off), slack
+    # "Unknown numbers": each exceeds all other terms and all errors, with rounding taken off.
+    off = slack.errors + slack.higher
+    if not np.isfinite(off).all():
+        return False, slack
+    return definite(control, np.broadcast_to(rounding, control.shape), off), slack
 
 
-def _slack_over(
-    forms: Polynomials, graph: Graph, A: Polynomials, weight: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the terms of `G(s)` on each edge, `(monomials, edges, n, n)`, and bounds `(edges,)` on the norm of all errors and
-    of the terms of degree three or more; with weights at each node in place of an edge. G(0) is about 1, if F(0) is positive
-    definite; infinite bounds otherwise.
-    """
-    last, n, moved = forms.of(graph.target), A.terms.shape[-1], A.of(graph.symbol)
+def _slack_over(forms, graph, A, weight) -> Slack:
+    """The slack G. G(0) is about 1 if F(0) is positive definite; infinite bounds otherwise."""
+    n = A.terms.shape[-1]
+    P_j = forms.of(graph.target)
+    moved = A.of(graph.symbol)
     if weight is None:
-        first, at, most = forms.of(graph.source), np.arange(graph.source.size), 0
+        P_i = forms.of(graph.source)
+        at = np.arange(graph.source.size)
+        added = 0
     else:
-        first, at, most = forms, graph.source, np.bincount(graph.source).max()
+        P_i = forms
+        at = graph.source
+        added = np.bincount(graph.source).max()
         root = _root(weight)
-        moved = Polynomials(
-            root * moved.terms, root * moved.rest + 2 * UNIT * root * np.abs(moved.terms).sum(0), A.numbers, A.order
-        )
+        rest = root * moved.rest + 2 * UNIT * root * np.abs(moved.terms).sum(0)
+        moved = Polynomials(root * moved.terms, rest, A.numbers, A.order)
 
     def summed(each):
+        """On average: the sum over the edges from each node."""
         if weight is None:
             return each
         found = np.zeros((*each.shape[:-3], graph.nodes, n, n))
         np.add.at(found, (..., at, slice(None), slice(None)), each)
         return found
 
-    F = first.terms[0] - summed(_transposed(moved.terms[0]) @ last.terms[0] @ moved.terms[0])
+    # "Unknown numbers": `W' F(0) W` is near 1.
+    A_0 = moved.terms[0]
+    F_0 = P_i.terms[0] - summed(_transposed(A_0) @ P_j.terms[0] @ A_0)
     try:
-        W = _transposed(np.linalg.inv(np.linalg.cholesky(F)))
+        W = _transposed(np.linalg.inv(np.linalg.cholesky(F_0)))
     except np.linalg.LinAlgError:
-        return np.zeros_like(first.terms), np.full(len(F), np.inf), np.zeros(len(F))
+        unbounded = np.full(len(F_0), np.inf)
+        return Slack(np.zeros_like(P_i.terms), unbounded, np.zeros(len(F_0)))
     size = np.abs(W)
-    rest = moved.rest @ size[at] + 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size[at])
-    B = Polynomials(moved.terms @ W[at], rest, A.numbers, A.order)
-    after = Polynomials(_transposed(B.terms), _transposed(B.rest), A.numbers, A.order) @ (last @ B)
-    terms = _transposed(W) @ first.terms @ W - summed(after.terms)
-    whole = _transposed(size) @ np.abs(first.terms).sum(0) @ size + summed(np.abs(after.terms).sum(0))
-    errors = summed(after.rest) + (4 * n + most) * UNIT * whole
-    more = len(monomials(A.numbers, 2)[0])
+    # "Unknown numbers": `W' F(s) W`, multiplied out with B = A W.
+    rounding = 2 * n * UNIT * (np.abs(moved.terms).sum(0) @ size[at])
+    B = Polynomials(moved.terms @ W[at], moved.rest @ size[at] + rounding, A.numbers, A.order)
+    B_transposed = Polynomials(_transposed(B.terms), _transposed(B.rest), A.numbers, A.order)
+    after = B_transposed @ (P_j @ B)
+    terms = _transposed(W) @ P_i.terms @ W - summed(after.terms)
     terms = (terms + _transposed(terms)) / 2
-    return terms, SURE * _norm(errors), SURE * _norm(terms[more:]).sum(0)
+    # Its errors: what the models leave out, and rounding of all terms.
+    size_of_first = _transposed(size) @ np.abs(P_i.terms).sum(0) @ size
+    whole = size_of_first + summed(np.abs(after.terms).sum(0))
+    errors = summed(after.rest) + (4 * n + added) * UNIT * whole
+    higher = terms[len(monomials(A.numbers, 2)[0]) :]
+    return Slack(terms, SURE * _norm(errors), SURE * _norm(higher).sum(0))
 
 
 def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> bool:
@@ -201,14 +257,17 @@ def definite(F: np.ndarray, R: np.ndarray, off: np.ndarray | float = 0.0) -> boo
     decomposition itself (S. M. Rump, Verification of positive definiteness, BIT 46, 2006, Theorem 2.3).
     """
     n = F.shape[-1]
-    F, R = (F + _transposed(F)) / 2, (R + _transposed(R)) / 2
+    F = (F + _transposed(F)) / 2
+    R = (R + _transposed(R)) / 2
     diagonal = np.diagonal(F, axis1=-2, axis2=-1)
     if not (np.isfinite(F).all() and np.isfinite(R).all() and (diagonal > LEAST).all()):
         return False
     units = np.exp2(-np.round(np.log2(diagonal) / 2))
-    F, R = (part * units[..., None, :] * units[..., :, None] for part in (F, R))
-    rounding = SURELY * (n + 2) * UNIT * np.trace(F, axis1=-2, axis2=-1)
-    less = SURELY / 2 * R.sum(-1).max(-1) + rounding + off * units.max(-1) ** 2
+    F = F * units[..., None, :] * units[..., :, None]
+    R = R * units[..., None, :] * units[..., :, None]
+    c = SURELY * (n + 2) * UNIT * np.trace(F, axis1=-2, axis2=-1)
+    size_of_R = SURELY / 2 * R.sum(-1).max(-1)
+    less = size_of_R + c + off * units.max(-1) ** 2
     try:
         np.linalg.cholesky(F - less[..., None, None] * np.eye(n))
     except np.linalg.LinAlgError:
@@ -237,7 +296,8 @@ def _transposed(X):
 
 def _norm(X):
     """An upper bound on the largest singular value."""
-    return np.sqrt(np.abs(X).sum(-1).max(-1) * np.abs(X).sum(-2).max(-1))
+    size = np.abs(X)
+    return np.sqrt(size.sum(-1).max(-1) * size.sum(-2).max(-1))
 
 
 @lru_cache(maxsize=8)
@@ -245,5 +305,7 @@ def _control(numbers):
     """The weights of the monomials up to degree two in each of Bernstein's control points, three for each number."""
     weights = np.array([[1, 1, 1], [-1, 0, 1], [1, -1, 1]], float)  # of 1, s and s^2 at each
     exponents = monomials(numbers, 2)[0]
-    points = product(range(3), repeat=numbers)
-    return np.array([[np.prod(weights[each, list(point)]) for each in exponents] for point in points])
+    control = []
+    for point in product(range(3), repeat=numbers):
+        control.append([np.prod(weights[each, list(point)]) for each in exponents])
+    return np.array(control)
