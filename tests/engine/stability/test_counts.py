@@ -45,7 +45,9 @@ def test_a_wrong_growth_is_noticed_and_every_column_is_counted(monkeypatch):
 
     def wrong(*arguments):
         found = usual(*arguments)
-        return replace(found, above=found.above + 2.0 * (np.arange(found.above.size) == found.above.size - 1))
+        growth = found.growth_to_infinity.copy()
+        growth[-1] += 2.0
+        return replace(found, growth_to_infinity=growth)
 
     monkeypatch.setattr(stable, "crossings", wrong)
     counted = []

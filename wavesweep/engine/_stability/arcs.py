@@ -232,6 +232,6 @@ def _collect(cut, along, fixed, span, boundary, roots):
         inverse=np.concatenate([at, len(inverses) + ends.inverse]),
         inverses=np.concatenate([inverses, at_ends]),
         complete=complete,
-        above=np.full(fixed.size, np.nan),
+        growth_to_infinity=np.full(fixed.size, np.nan),
         many=many,
     )

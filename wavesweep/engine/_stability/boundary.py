@@ -16,7 +16,7 @@ from wavesweep.engine._monodromy.unit_circle import inverse, on_circle
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2
 LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
 NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
-NEAR = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
+REFINABLE = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ def polish(cut: LinearFractional, along: str, fixed, theta, scale) -> tuple[Poli
             inverses = resolvent.matrix
         else:
             inverses[active] = resolvent.matrix
-        far_off[active] = step.size * speed > NEAR
+        far_off[active] = step.size * speed > REFINABLE
         active = active[~step.last]
     moved = np.flatnonzero(far_off)
     if moved.size:  # by more than what one refinement makes up for

@@ -13,21 +13,33 @@ from wavesweep.engine._stability.regions import Regions
 from wavesweep.engine.doubts import Doubt
 from wavesweep.engine.rows import Rows, different
 
-NEAR = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
-CROSSING = 6  # steps towards a crossing on the panel's polynomials; from then on the frame at the place itself is taken
-BEYOND = 2 * CROSSING + 1  # steps of a short stretch whose crossing turned out to be beyond it: no window reaches into it
-FIRM = 2.5  # times what the errors of entries move a crossing by: half of a window about it, at least
+# The stage of a stretch says what its next test is; see `_OpenStretches`.
+PLAIN = 0  # the place is any place, and both sides of it are proved as far as that goes
+ON_ITS_WAY = 1  # from here on the place moves towards a crossing on the panel's polynomials, a stage with each step,
+ARRIVED = 6  # up to here, where no more steps are made
+EXACT = 7  # from here on the frame at the place itself is taken, as a window about the crossing was tried
+TIGHT = 8  # from here on with tight bounds on its errors, and with each further stage a wider window
+LAST = 12  # no window is tried again
+ELSEWHERE = 13  # the crossing of a short stretch turned out to be beyond it: no window reaches into it
+
+NEXT_TO = 1e-4  # of half a panel, from a place to a crossing: how near the place is once both sides of it are proved from there
+# Half of a window about a crossing, and what shapes it.
+HALF_WINDOW = 0.1  # of what an end may be off: so small a part that an end anywhere in the window is as exact as promised
+AT_LOW_END = 0.9  # the same at the low end of the span, which stands for each crossing so near to it; the rest is for rounding
+OF_ERRORS = 2.5  # times what errors of entries move the crossing by, at least: beyond them the sides have to be proved;
+# a window of more than so many times what an end may be off is rough
+MERGED = 3  # halves of a window: crossings as near to this share one, since less than half a window would be left between two
 WIDENED, WIDEST = 2.0, 1e-3  # a window that is not proved even so gets wider with every try, up to this part of half a panel
 RETRIED = 1e3  # widths of such a window, beyond which the stretch about it is tried again from elsewhere
 GIVEN_UP = 32  # widths of a window that is not proved, which are given up to each side of it
 MOST_TESTS, FOR_EACH, ROUNDS = 1000, 40, 150  # of a column, and for each of its panels; of all together
 FULL, LEAST = 24, 100  # states, beyond which fewer tests are spent; so many at least
-SHARES = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
+PARTS = (1, 0.8, 0.64, 0.45, 0.27, 0.13, 0.05, 0.02, 0.004, 5e-4, 3e-5)  # of the way that is wanted, tried in turn
 FEW = 8  # stretches in doubt of a column, up to which each is proved by itself
 TRACED = 2**20  # entries of matrices at a time, of which traces are taken
 CELLS = 32  # of a panel, in each of which traces may prove that the loop is unstable
 SHORT = 1e-3  # of what an end may be off: a stretch so short is given up
-UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside
+UNKNOWN, WINDOW, OVERLAID = -1, -2, -3  # in place of the number of eigenvalues outside, see `Tiles`
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +61,16 @@ class Tiles(Rows):
     miss: np.ndarray
     doubt: np.ndarray
 
+    @property
+    def is_counted(self) -> np.ndarray:
+        """Whether the number of eigenvalues outside is known."""
+        return self.outside >= 0
+
+    @property
+    def is_window(self) -> np.ndarray:
+        """Whether eigenvalues cross there: WINDOW or OVERLAID."""
+        return self.outside <= WINDOW
+
     @classmethod
     def of(cls, column, low, high, outside, doubt=Doubt.NONE) -> "Tiles":
         nothing = np.full(column.size, np.nan)
@@ -57,13 +79,19 @@ class Tiles(Rows):
 
 @dataclass(frozen=True, slots=True)
 class _OpenStretches(Rows):
-    """Stretches of panels to be proved; place: where the next test is; steps: that were made towards a crossing."""
+    """Stretches of panels to be proved; place: where the next test is; stage: which test that is.
+
+    A stretch begins PLAIN, or ON_ITS_WAY if its place is where an eigenvalue seems to cross. With each step towards the
+    crossing its stage grows by one, until the place is next to it, or the stage has ARRIVED. Then a window about the crossing
+    is tried. If its sides are not proved, or it is wider than ends may be off, it is tried again, each time one stage later:
+    EXACT, TIGHT, and so on up to LAST.
+    """
 
     panel: np.ndarray
     low: np.ndarray
     high: np.ndarray
     place: np.ndarray
-    steps: np.ndarray
+    stage: np.ndarray
 
 
 def tiles_of(panels: Panels, errors, span, columns: int, slack, *, from_one: bool = False) -> Tiles:
@@ -165,7 +193,7 @@ def _unstable_by_traces(panels):
     high = edges[:, 1:][last]
     done = proved[first] & (high > low)
     left = ~proved[first] & (high > low)
-    open_ = _OpenStretches(panel, low, high, (low + high) / 2, 0 * panel)
+    open_ = _OpenStretches(panel, low, high, (low + high) / 2, PLAIN + 0 * panel)
     return Tiles.of(panels.column[panel[done]], low[done], high[done], 1), open_.take(left)
 
 
@@ -286,22 +314,23 @@ class _Round:
         at_end = np.where(crossing.value - span[0] <= low, -1, 0)
         at_end[span[1] - crossing.value <= high] = 1
 
-        # The window: eps to both sides of the crossing, and of those that are within three of these.
+        # The window: eps to both sides of the crossing, and of those that share it.
         off = np.where(at_end < 0, np.maximum(slack(place), low), slack(place)) / half
         moved = crossing.unsure / np.abs(crossing.slope)
-        eps = np.maximum(np.where(at_end < 0, 0.9, 0.1) * off, FIRM * moved)
-        tries = np.where(open_.steps < BEYOND, np.maximum(open_.steps - CROSSING - 2, 0), 0)
+        eps = np.maximum(np.where(at_end < 0, AT_LOW_END, HALF_WINDOW) * off, OF_ERRORS * moved)
+        tries = np.where(open_.stage < ELSEWHERE, np.maximum(open_.stage - TIGHT, 0), 0)
         eps = np.fmin(eps * WIDENED**tries, WIDEST)
 
+        # 0.51, NEXT_TO and 0.3 only choose what is tried and where; what is proved does not rest on them.
         middle = (open_.low + open_.high - 2 * place) / half / 2
         inside = (np.abs(h - middle) <= 0.51 * length) & (radius == 1)
-        closing = inside & (np.abs(h) <= NEAR)
+        closing = inside & (np.abs(h) <= NEXT_TO)
         closing &= (h + eps > (open_.low - place) / half) & (h - eps < (open_.high - place) / half)
-        closing &= (open_.steps < BEYOND) | ((crossing.value > open_.low) & (crossing.value < open_.high))
-        under_way = (open_.steps > 0) & (open_.steps < CROSSING)
+        closing &= (open_.stage < ELSEWHERE) | ((crossing.value > open_.low) & (crossing.value < open_.high))
+        under_way = (open_.stage >= ON_ITS_WAY) & (open_.stage < ARRIVED)
         toward = inside & ~closing & under_way & (np.abs(h) < 0.3 * length)
 
-        closed = closing[:, None] & (np.abs(roots - h[:, None]) < 3 * eps[:, None])
+        closed = closing[:, None] & (np.abs(roots - h[:, None]) < MERGED * eps[:, None])
         below = np.where(closed, roots, np.inf).min(1) - eps
         above = np.where(closed, roots, -np.inf).max(1) + eps
         return cls(
@@ -319,7 +348,7 @@ class _Round:
             toward=toward,
             begin=(np.where(closing, below, 0.0), np.where(closing, above, 0.0)),
             roots=np.where(closed, np.inf, roots),
-            rough=(moved > off) | (eps > FIRM * off),
+            rough=(moved > off) | (eps > OF_ERRORS * off),
             overlaid=((models.excess > 0) & ~closed).any(1),
         )
 
@@ -330,8 +359,8 @@ class _Round:
         below, above = sides.inner
         whole = (sides.proved[0] | (below <= open_.low)) & (sides.proved[1] | (above >= open_.high))
         failed = self.closing & ~whole
-        sharper = self.rough & (open_.steps <= CROSSING + 1)
-        again = self.closing & (failed | sharper) & (open_.steps < 2 * CROSSING)
+        sharper = self.rough & (open_.stage < TIGHT)
+        again = self.closing & (failed | sharper) & (open_.stage < LAST)
         tiles = []
         for low, high, proved, outside in (
             (sides.reached[0], below, sides.proved[0], sides.outside[0]),
@@ -368,8 +397,8 @@ class _Round:
         place = open_.place
         below, above = sides.inner
         moving = self.toward | again
-        steps = np.where(again, np.maximum(open_.steps, CROSSING), open_.steps) + 1
-        repeated = _OpenStretches(open_.panel, a, b, np.clip(self.crossing.value, a, b), steps)
+        stage = np.where(again, np.maximum(open_.stage, ARRIVED), open_.stage) + 1
+        repeated = _OpenStretches(open_.panel, a, b, np.clip(self.crossing.value, a, b), stage)
         stretches = [repeated.take(moving)]
         width = above - below
         halved = failed & (b - a > RETRIED * width)  # from elsewhere it may succeed
@@ -395,15 +424,18 @@ class _Round:
         length = high - low
         roots = self.roots[index]
         ahead = np.where(sign * roots > 0, np.abs(roots), np.inf).min(1) * self.half[index]
+        # These numbers only choose the place; what is proved from there does not rest on them.
         place = before.place + sign * ahead
         trusted = (place > low - 0.05 * length) & (place < high + 0.05 * length)
         trusted &= ahead < np.maximum(3 * gone, 0.5 * length)
-        trusted &= (self.radius[index] == 1) & (before.steps < CROSSING)
+        trusted &= (self.radius[index] == 1) & (before.stage < ARRIVED)
         place = np.where(trusted, np.clip(place, low, high), (low + high) / 2)
         crossing = self.crossing.value[index]
-        missed = (before.steps > CROSSING) & ((crossing < before.low) | (crossing > before.high))
-        steps = np.where(missed & (length <= 2.5 * NEAR * self.half[index]), BEYOND, trusted)
-        return _OpenStretches(before.panel, low, high, place, steps)
+        missed = (before.stage >= EXACT) & ((crossing < before.low) | (crossing > before.high))
+        missed &= length <= 2.5 * NEXT_TO * self.half[index]
+        stage = np.where(trusted, ON_ITS_WAY, PLAIN)
+        stage[missed] = ELSEWHERE
+        return _OpenStretches(before.panel, low, high, place, stage)
 
     def _reached(self, inner):
         """How far it is proved from the inner places on to both sides, and how many eigenvalues are outside there.
@@ -425,10 +457,11 @@ class _Round:
         far = np.abs(whole) > 1
         extent = np.clip(whole, -1, 1) - begin
         away = sign[:, None] * (self.roots[of] - begin[:, None])
+        # The first try ends short of the next crossing, as nothing is proved across it.
         to_next = 0.9 * np.where(away > 0, away, np.inf).min(1) / np.abs(extent)
         first = np.where(radius == 1, np.fmin(1, to_next), 1.0)
         todo = np.flatnonzero((sign * (edge - ends) > 0) & ~self.toward[of])
-        for factor in SHARES:
+        for factor in PARTS:
             if not todo.size:
                 break
             test = of[todo]
@@ -447,12 +480,12 @@ class _Round:
 
 
 def _exact_frames(errors, column, open_, n):
-    """The frames at the places next to crossings; from the second time on with tight bounds."""
-    tests = np.flatnonzero(open_.steps > CROSSING)
-    again = open_.steps[tests] > CROSSING + 1
+    """The frames at the places next to crossings, from TIGHT on with tight bounds."""
+    tests = np.flatnonzero(open_.stage >= EXACT)
+    tight = open_.stage[tests] >= TIGHT
     E = np.empty((tests.size, n, n))
     off = np.empty((tests.size, n, n))
-    for function, chosen in zip(errors, (~again, again), strict=True):
+    for function, chosen in zip(errors, (~tight, tight), strict=True):
         if chosen.any():
             at = tests[chosen]
             E[chosen], off[chosen] = function(column[at], open_.place[at])
@@ -501,12 +534,12 @@ def _in_doubt(joined, outer, attached):
 
     joined: tiles by column and place, with one of no width at each end of the span, outer.
     """
-    sure = np.flatnonzero(joined.outside >= 0)
+    sure = np.flatnonzero(joined.is_counted)
     first = sure[:-1]
     last = sure[1:]
     label_before = np.minimum(joined.outside[first], 1)
     label_after = np.minimum(joined.outside[last], 1)
-    window = joined.outside <= WINDOW
+    window = joined.is_window
     plain = joined.outside == WINDOW
     rough = joined.doubt != Doubt.NONE
 
@@ -570,7 +603,7 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     # Inside a plain window all may be stable, also at an end of the span.
     doubted(tiles.column, np.where(tiles.outside == WINDOW, tiles.doubt, Doubt.NONE))
 
-    at = np.flatnonzero(tiles.outside > WINDOW)
+    at = np.flatnonzero(~tiles.is_window)
     regions = tiles.take(at)
     column = regions.column
     label = np.sign(regions.outside)
@@ -578,7 +611,7 @@ def regions_of(tiles: Tiles, lost, span, columns: int, attached) -> Regions:
     last = np.append(first[1:], True)
     # The tile before each part, and that after it: of neighbours it is the same.
     neighbours = tiles.take(np.clip(np.concatenate([at - 1, at[-1:] + 1]), 0, tiles.column.size - 1))
-    is_window = neighbours.outside <= WINDOW
+    is_window = neighbours.is_window
     before = neighbours.take(slice(None, -1))
     after = neighbours.take(slice(1, None))
     crossed = is_window[:-1] & (before.column == column)

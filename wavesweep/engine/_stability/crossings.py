@@ -17,7 +17,9 @@ from wavesweep.engine._stability.real_roots import Roots, isolate
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
-NEAR_SEED = 1e-4  # of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed
+# Of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed. A seed, which is
+# a root of the polynomial, has some eight digits; one that moves by ten thousand times more has gone to another root.
+NEAR_SEED = 1e-4
 SMALL = 0.1  # of a resolvent, what errors of entries may change it by
 NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
 
@@ -203,9 +205,10 @@ class Crossings:
     column: index of the column. value: of the number. theta: angle of the eigenvalue that crosses (rad per frame, 0 and pi
     included). jump: growth of the count of unstable eigenvalues as the number grows past the value. inverse: index of
     the inverse of `w I - E` at the crossing or next to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of
-    that column is proved complete. above: `(columns,)`, growth of the number of unstable eigenvalues from the low end of the
-    span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known. many: the resolvent of a
-    single loop of many states, of which there are no inverses.
+    that column is proved complete. growth_to_infinity: `(columns,)`, growth of the number of unstable eigenvalues from the low
+    end of the span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known. For K to
+    infinity the eigenvalues tend to the zeros of G_x, or to infinity if there are more of them, whatever B is, so how many are
+    outside then is one number per loop. many: the resolvent of a single loop of many states, of which there are no inverses.
     """
 
     column: np.ndarray
@@ -215,7 +218,7 @@ class Crossings:
     inverse: np.ndarray
     inverses: np.ndarray
     complete: np.ndarray
-    above: np.ndarray
+    growth_to_infinity: np.ndarray
     many: ManyStates | None = None
 
 
@@ -241,7 +244,7 @@ def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial:
     cosine = roots.value[column, index]
     jump = -2.0 * roots.slope_sign[column, index]
     side = _side(polynomial, owner[column], fixed[column], cosine, span)
-    above = np.bincount(column, jump * (side > 0), minlength=fixed.size)
+    growth_to_infinity = np.bincount(column, jump * (side > 0), minlength=fixed.size)
     near = side == 0
     column = column[near]
     cosine = cosine[near]
@@ -260,16 +263,19 @@ def crossings(cut: LinearFractional, owner, along: str, fixed, span, polynomial:
     value = np.concatenate([polished.value, ends.value])
     theta = np.concatenate([polished.theta, ends.theta])
     jump = np.concatenate([jump, ends.jump])
-    # At an infinite value the jump tells on which side the eigenvalue arrives; of a very large one rounding decides the side.
+    # At an infinite value an eigenvalue is on the circle itself, and is not counted as outside. If it moves outward there
+    # (jump > 0), it has come from inside, and the number stays; if inward, it has come from outside, and the number falls.
+    # Of a very large value rounding decides whether it is reached before infinity or beyond, so nothing is known.
     low = span[0]
     size = np.abs(value)
     told = np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
     growth = np.where((value > low) & ~(np.abs(value - low) <= told), jump, 0.0)
     growth = np.where(size > FAR * largest, np.nan, growth)
     growth = np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
-    above = above + np.bincount(column, growth, minlength=fixed.size)
-    above[~complete] = np.nan
-    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, at_ends]), complete, above)
+    growth_to_infinity = growth_to_infinity + np.bincount(column, growth, minlength=fixed.size)
+    growth_to_infinity[~complete] = np.nan
+    every_inverse = np.concatenate([inverses, at_ends])
+    return Crossings(column, value, theta, jump, at, every_inverse, complete, growth_to_infinity)
 
 
 def _side(polynomial, owner, fixed, cosine, span):

@@ -378,7 +378,11 @@ class DominanceTests:
         return np.abs(np.angle(np.where(chosen(mu.real), z.real, z)))
 
     def radius(self):
-        """Return 1, or a larger radius that all are farther from, if some are outside it: it is enough if these stay there."""
+        """Return the radius of the circle that a test is about: 1, or a larger one, r, in a wide gap between eigenvalues.
+
+        If no eigenvalue is on the larger circle, as many as are outside of it stay there, so the loop is unstable, whatever the
+        others do; these may cross the unit circle meanwhile. The numbers here only choose r.
+        """
         sizes = np.log(np.maximum(self.size, 1e-9))
         size = np.sort(sizes, 1)[:, ::-1]
         below = np.concatenate([size[:, 1:], np.full((len(size), 1), -20.0)], 1)
@@ -395,8 +399,15 @@ class DominanceTests:
         start, stop: of one sign, or 0.
 
         Row i of T over `1 - h^2 k2`, k2 = |(K^2)_ii|, has the diagonal `z - 1 - mu` with `mu = w + b h + c h^2 + ...` and
-        `|z - 1 - mu| >= ||1 + mu|^2 - r^2| / (|1 + mu| + r)`, r being the radius. Entries times z - 1 are at most `|mu| +
-        |z - 1 - mu|` times as large, which matters most where |z - 1 - mu| is least.
+        `|z - 1 - mu| >= ||1 + mu|^2 - r^2| / (|1 + mu| + r)` for all |z| = r, r being the radius, which may be larger than 1.
+
+        What is off the diagonal, over the same, is at most `F + |z - 1| G`. With `d = |z - 1 - mu_i|` it is
+        `|z - 1| <= |mu_i| + d`, so a row holds if `d u_i > (F u)_i + (|mu_i| + d) (G u)_i`. It is enough to show this for the
+        least d. As F and G are not negative, `(G u)_i < u_i` follows, so for every larger d the left side has grown by more
+        than the right one.
+
+        What is concave and convex in h is so for one u. So the same u has to serve both ends of the range, and it is found for
+        the larger of their two ratios, entry by entry.
         """
         mu = self.mu.take(tests)
         parts = self.parts.take(tests)

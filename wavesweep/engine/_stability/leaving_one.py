@@ -31,9 +31,9 @@ from wavesweep.engine._monodromy.unit_circle import solve
 from wavesweep.engine._stability.dominance import SURELY, ExactFrames, eigenbasis, expansions, rounding_of
 from wavesweep.engine._stability.entries import Panels
 
-SHARES = 0.25 ** np.arange(25)  # of half a panel, how far the proof may reach: the first that succeeds
+REACHES = 0.25 ** np.arange(25)  # of half a panel, how far the proof may reach: the first that succeeds
 REFINED = 2  # times, eigenvectors, of which those of a frame with uneven entries are known to a few digits
-TURNED, SPREAD, AWAY, NEAR = 0.1, 0.3, 0.15, 3.0  # the most of |a|, of |s/b - 1| and of |h b|; up to which |w| over |h b|
+TURNED, SPREAD, AWAY, WITHIN = 0.1, 0.3, 0.15, 3.0  # the most of |a|, of |s/b - 1| and of |h b|; up to which |w| over |h b|
 
 
 def proved_from_one(panels: Panels, at, errors, low: float) -> tuple[np.ndarray, np.ndarray]:
@@ -46,7 +46,7 @@ def proved_from_one(panels: Panels, at, errors, low: float) -> tuple[np.ndarray,
     todo = np.arange(at.size)
     with np.errstate(all="ignore"):
         beside = _BesideOne.of(panels, at, errors, low)
-        for h in SHARES:
+        for h in REACHES:
             proved = beside.proved(todo, h)
             reached[todo[proved]] = h
             todo = todo[~proved]
@@ -137,7 +137,7 @@ class _BesideOne:
             """The most of `|s - b|` up to so large a w."""
             return unsure + self._of_h(index, entries + w[:, None, None] * G, slopes + changes, inverse)
 
-        near = off(NEAR * h * size)
+        near = off(WITHIN * h * size)
         far = off(np.full(index.size, 2.0))
         apart = h * (size + far) < 2 * (1 - TURNED)
         return resolved & (a < TURNED) & apart & (near < SPREAD * size) & (h * size < AWAY)

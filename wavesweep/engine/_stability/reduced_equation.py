@@ -21,7 +21,7 @@ import numpy as np
 
 from wavesweep.engine._monodromy.resolvent import DelayLines
 from wavesweep.engine._monodromy.unit_circle import inverse, solve
-from wavesweep.engine._stability.covering import FIRM, OVERLAID, WINDOW, Tiles
+from wavesweep.engine._stability.covering import OF_ERRORS, OVERLAID, WINDOW, Tiles
 from wavesweep.engine._stability.entries import EPS, Panels
 from wavesweep.engine._stability.spectrum import count_outside
 from wavesweep.engine.doubts import Doubt
@@ -34,12 +34,12 @@ NEXT, STEPS = 4, 8  # sizes of a box to the crossing next to it, at most; steps 
 CONVERGED, BESIDE = 1e-9, 1e-7  # the last step; next to a crossing, in parts of a panel, where S is not singular
 MOST_TERMS = 1000  # of S
 MOST_SPLITS, MOST_BOXES = 120, 300_000  # of a box; of a column
-SHRINKS, SURELY = 0.93, 0.95  # of weights, what is wanted to be left of them, and what is left at most
+SHRINKS, SHRUNK = 0.93, 0.95  # of weights, what is wanted to be left of them, and what is left at most
 ROUNDED = 256 * EPS  # of the terms of a sum, and so much for each state of a line, three quarters of it for its link
 ENTRIES = 2**19  # of what delay lines show, at a time
 LINKED = 0.75 * ROUNDED  # of a link of a delay line, which is 1
-BEYOND = 1e-7  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
-SHARES = (0.5, 0.37, 0.71, 0.13, 0.91)  # of a stretch, where eigenvalues are counted
+LARGER = 1e-7  # by which a circle is larger than the unit circle, outside of which another eigenvalue is while one crosses
+COUNTED_AT = (0.5, 0.37, 0.71, 0.13, 0.91)  # of a stretch, where eigenvalues are counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +220,7 @@ class ReducedEquation:
         change = turned + moved + rest
         # w = (1 - change/s)^-1 1 is positive if the spectral radius is below s, and then change w = s (w - 1) < s w
         weight = solve(np.eye(self.n) - change / SHRINKS, np.ones((boxes.x.size, self.n, 1)))
-        good = ((weight > 0) & (change @ weight <= SURELY * weight)).all((1, 2))
+        good = ((weight > 0) & (change @ weight <= SHRUNK * weight)).all((1, 2))
         weight = np.abs(change) @ np.abs(weight)
         by_x = (moved @ weight / weight).max((1, 2)) > (turned @ weight / weight).max((1, 2))
         return good, by_x
@@ -392,7 +392,7 @@ def _windows(panels, panel, x, theta, moved, span, slack):
     inside = (value >= span[0]) & (value <= span[1])
     order = np.flatnonzero(inside)[np.lexsort((value[inside], column[inside]))]
     value = value[order]
-    half = np.maximum(slack(value) / 2, FIRM * (panels.half[panel] * moved)[order])
+    half = np.maximum(slack(value) / 2, OF_ERRORS * (panels.half[panel] * moved)[order])
     low = np.maximum(value - half, span[0])
     high = np.minimum(value + half, span[1])
     column = column[order]
@@ -406,7 +406,7 @@ def _windows(panels, panel, x, theta, moved, span, slack):
     kind = np.full(order.size, WINDOW)
     found = Tiles(column, low, high, kind, value, theta[order], EPS * np.abs(value), kind)
     windows = found.take(np.array(kept, int))
-    wide = windows.high - windows.low > 2 * FIRM * slack(windows.value)
+    wide = windows.high - windows.low > 2 * OF_ERRORS * slack(windows.value)
     return replace(windows, doubt=np.where(wide, Doubt.ROUNDING, Doubt.NONE))
 
 
@@ -451,7 +451,7 @@ def _counted(stretches, errors):
     """Tiles of stretches in which nothing crosses, with the number of eigenvalues outside, as far as a count is clear."""
     column, low, high = stretches
     outside = np.full(column.size, -1)
-    for share in SHARES:
+    for share in COUNTED_AT:
         at = np.flatnonzero(outside < 0)
         if not at.size:
             break
@@ -470,9 +470,9 @@ def _labelled(windows, stretches, equation, errors):
             continue
         meeting = np.flatnonzero((panels.column == column) & (panels.low <= high) & (panels.high >= low))
         ends = [(end - panels.middle[meeting]) / panels.half[meeting] for end in (low, high)]
-        left = _left_open(equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + BEYOND)
+        left = _left_open(equation, _around_circle(equation, meeting, *ends), MOST_SPLITS, 1 + LARGER)
         E, dE = errors(np.array([column]), windows.value[at : at + 1])
-        smaller = (E - BEYOND * np.eye(E.shape[-1])) / (1 + BEYOND)
+        smaller = (E - LARGER * np.eye(E.shape[-1])) / (1 + LARGER)
         count, clear = count_outside(smaller, dE)
         if left is not None and not left.x.size and clear[0] and count[0] > 0:
             label[at] = OVERLAID

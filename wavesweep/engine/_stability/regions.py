@@ -28,7 +28,7 @@ class Regions(Rows):
 
     column, low, high; low_theta, high_theta: angle of the crossing at that end, NaN if only the range ends there. unstable:
     number of eigenvalues outside the unit circle; -1 if that is not known. doubt: reason why the region is in doubt (see
-    `certificate`); NONE if rounding cannot change the label, both ends satisfy the characteristic equation, and the counts
+    `doubts`); NONE if rounding cannot change the label, both ends satisfy the characteristic equation, and the counts
     change in agreement with the crossings. residual: the larger of the ends' relative residuals (0 at an end of the range).
     """
 
@@ -149,12 +149,12 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
 
     least = np.minimum.reduceat(rise, first)
     narrow = spans.high - spans.low < NARROW * (span[1] - span[0])
-    follows = np.isfinite(crossings.above) & ~narrow[first]
+    follows = np.isfinite(crossings.growth_to_infinity) & ~narrow[first]
 
     def count_first(columns):
         return count_where_clear(spans, first[columns], matrices)
 
-    begins, counted = _first_counts(owner, crossings.above, follows, least, count_first)
+    begins, counted = _first_counts(owner, crossings.growth_to_infinity, follows, least, count_first)
     unstable = (rise + begins[spans.column]).astype(int)
     doubt = np.zeros(spans.column.size, int)
     unknown = (begins < 0)[spans.column]  # nothing follows from a count that is not known
@@ -175,11 +175,11 @@ def regions(cut: LinearFractional, owner, along: str, fixed, span, crossings: Cr
     return replace(labelled, unstable=unstable)
 
 
-def _first_counts(owner, above, follows, least, count):
+def _first_counts(owner, growth_to_infinity, follows, least, count):
     """Return the unstable eigenvalues in the first region of each column, -1 if not known, and whether they were counted there.
 
-    above: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
-    relative to the first region. count(columns): eigenvalues outside. At infinite values of the number as many
+    growth_to_infinity: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`,
+    the lowest count relative to the first region. count(columns): eigenvalues outside. At infinite values of the number as many
     eigenvalues are outside as the loop has zeros there from the number's product to the signal that it multiplies, for any
     value of the other one. That count less the growth at the crossings must be the same in the first and the last column of a
     loop for which all crossings are known; then it holds for those between, unless a count there is negative.
@@ -197,12 +197,12 @@ def _first_counts(owner, above, follows, least, count):
     begins[at] = count(at)
 
     def at_infinity(columns):
-        return np.where(begins[columns] < 0, np.nan, begins[columns] + above[columns])
+        return np.where(begins[columns] < 0, np.nan, begins[columns] + growth_to_infinity[columns])
 
     agreed = np.where(at_infinity(first) == at_infinity(last), at_infinity(first), np.nan)
     of_loop = agreed[np.cumsum(new) - 1]
     between = ~counted[columns]
-    left = (of_loop - above[columns])[between]
+    left = (of_loop - growth_to_infinity[columns])[between]
     columns = columns[between]
     sure = left + least[columns] >= 0
     begins[columns[sure]] = left[sure]
