@@ -354,6 +354,23 @@ def test_what_is_searched_of_a_pose_ends_before_it_is_singular(side):
     assert -stretched < low < value < high < stretched
 
 
+def test_a_dead_time_of_zero_is_searched_up_to_the_tick_in_which_stability_ends():
+    """An integrator `x + T u` whose `u = -k x` is n ticks late is stable up to `k T = 2 sin(pi/(4 n + 2))`: here n = 7 at most.
+
+    What comes within a tick is used in the next one.
+    """
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 200.0, "L": 0.0},
+        "block": {"p": {"type": "integrator"}, "late": {"type": "delay", "seconds": "L"}},
+        "wire": {"late.u": "-k*p.y", "p.u": "late.y"},
+    }
+    spec = load(tables)
+    limit = judging._limit(spec, "L", "numbers.L", judging.searched(spec, "L", "numbers.L"))
+    assert limit["certified"]
+    assert (limit["high"], limit["to"]) == pytest.approx((0.007, 0.008), rel=1e-9)
+
+
 def test_a_slow_rate_that_is_swept_is_held_against_that_of_the_ratio():
     spec = load(ROOT / "sweeps" / "examples" / "rates.toml")
     said = of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]")
