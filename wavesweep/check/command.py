@@ -159,7 +159,7 @@ def _judged(spec: Spec, run: Facts | None, overrides: Sequence[str], whole: bool
     verdict = own_design(spec)
     first_lines = list(own_lines(spec, verdict))
     if not whole:
-        first_lines = [folded for line in first_lines for folded in _folded(line)]
+        first_lines = [*chain.from_iterable(map(_folded, first_lines))]
     shown = _show(first_lines)
     if verbosity().as_json:
         verdict |= numbers(spec)
@@ -226,8 +226,12 @@ def _folded(line: str) -> list[str]:
     """A line as lines that a terminal shows whole, of about the same length."""
     indent = " " * (len(line) - len(line.lstrip()) + 4)
     cut = partial(wrap, line, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
-    fewest = len(cut(width()))
-    return next(lines for narrower in range(width() // 2, width() + 1) if len(lines := cut(narrower)) == fewest)
+    widest = cut(width())
+    for narrower in range(width() // 2, width()):
+        lines = cut(narrower)
+        if len(lines) == len(widest):
+            return lines
+    return widest
 
 
 def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
@@ -237,12 +241,15 @@ def _foremost(ranked: Sequence[Ranked], most: int) -> Iterator[str]:
     foremost = {}
     for number in sorted(range(len(ranked)), key=lambda number: ranked[number][0]):
         rank, line = ranked[number]
-        if rank > NEEDED and (rank >= DETAIL or most <= 0):
+        needed = rank <= NEEDED
+        if not needed and (rank >= DETAIL or most <= 0):
             continue
-        if len(folded := _folded(line() if callable(line) else line)) <= most or rank <= NEEDED:
+        folded = _folded(line() if callable(line) else line)
+        if needed or len(folded) <= most:
             foremost[number] = folded
             most -= len(folded)
-    yield from (line for number in sorted(foremost) for line in foremost[number])
+    for number in sorted(foremost):
+        yield from foremost[number]
 
 
 def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list[tuple[str, str]]:
@@ -250,11 +257,19 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
 
     plan: the lines about all commands. whole: whether all that is known has been said.
     """
-    possible = {line.partition(":")[0].strip() for line in plan if line.startswith("  ") if ": not possible" not in line}
-    name, stable, drawing = shlex.quote(spec.source or spec.name), verdict["stable"], spec.drawing
-    region = next((name for name in ("zwidth", "stability-region") if name in possible), "")
-    helps, explained = "what this doubt means, and what helps", DOUBTS.keys() - {""}
-    steps = [(f"explain {limit['doubt']}", helps) for limit in verdict["limits"] if limit["doubt"] in explained][:1]
+    possible = set()
+    for line in plan:
+        if line.startswith("  ") and ": not possible" not in line:
+            possible.add(line.partition(":")[0].strip())
+    name = shlex.quote(spec.source or spec.name)
+    stable = verdict["stable"]
+    drawing = spec.drawing
+    regions = [command for command in ("zwidth", "stability-region") if command in possible]
+    region = regions[0] if regions else ""
+    doubts = [limit["doubt"] for limit in verdict["limits"] if limit["doubt"] in DOUBTS.keys() - {""}]
+    steps = []
+    if doubts:
+        steps.append((f"explain {doubts[0]}", "what this doubt means, and what helps"))
     steps += _interval_steps(spec, verdict, region, name)
     if "design" in possible:
         steps.append((f"design {name}", "designs that meet the wishes of [design]"))
@@ -264,8 +279,10 @@ def _steps(spec: Spec, verdict: Facts, plan: Sequence[str], whole: bool) -> list
         steps.append((f"margins {name}", "gain, phase, delay and disk margins"))
     if stable:
         steps.append((f"report {name}", "all of it in one HTML file"))
-    steps = [step for step in steps if step[0].split()[0] in COMMANDS]
-    return [*steps[:STEPS], *[(f"check {name} --all", "the rest: states, methods, times")] * (not whole)]
+    steps = [step for step in steps if step[0].split()[0] in COMMANDS][:STEPS]
+    if not whole:
+        steps.append((f"check {name} --all", "the rest: states, methods, times"))
+    return steps
 
 
 def _interval_steps(spec: Spec, verdict: Facts, region: str, name: str) -> Iterator[tuple[str, str]]:
@@ -288,10 +305,12 @@ def _aligned(steps: Sequence[tuple[str, str]], overrides: Sequence[str]) -> Iter
     """Yield the lines of the next steps, with what each gives if there is room for it."""
     room = width() - len("  wavesweep   ")
     wide = max((len(line) for line, text in steps if len(line) + len(text) <= room), default=0)
-    yield f"next{', with the same --set' if overrides else ''}:"
+    yield "next, with the same --set:" if overrides else "next:"
     for line, text in steps:
-        fits = text and max(len(line), wide) + len(text) <= room
-        yield f"  wavesweep {line:{wide}}  {text}" if fits else f"  wavesweep {line}"
+        if text and max(len(line), wide) + len(text) <= room:
+            yield f"  wavesweep {line:{wide}}  {text}"
+        else:
+            yield f"  wavesweep {line}"
 
 
 def _places(figures: list[str], out: str | None, spec: Spec, overrides: tuple[str, ...]) -> dict[str, Path]:

@@ -34,7 +34,9 @@ def facts(spec: Spec, own: Facts, report: Callable[[int, int], None] | None) -> 
     hardware = hardware_of(spec, stable=own["stable"])
     stiffness = (own["felt"] or {}).get("stiffness")
     if "max_force" in hardware and own["stable"]:  # the depth to which the wall can be pressed
-        hardware["depth"] = hardware["max_force"] / stiffness if stiffness and stiffness > 0 else None
+        hardware["depth"] = None
+        if stiffness and stiffness > 0:
+            hardware["depth"] = hardware["max_force"] / stiffness
     return facts_found | {"hardware": hardware}
 
 
@@ -49,7 +51,8 @@ def lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
     if found["stable"]:
         rings = found["least_damped"] and found["least_damped"]["damping_ratio"] < RINGS
         yield from _mode(4 if rings else 2.5, "slowest mode", found["slowest"])
-        yield from _mode(2.5, "least damped mode", found["least_damped"]) if rings else ()
+        if rings:
+            yield from _mode(2.5, "least damped mode", found["least_damped"])
 
 
 def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
@@ -67,25 +70,29 @@ def _limit_lines(spec: Spec, found: Facts) -> Iterator[Ranked]:
         or limit["intervals"] not in ([], [[limit["from"], limit["to"]]])
     ]
     for limit in bounded:
-        yield 0 if limit in swept_limits else 2 + distance(limit), _limit(spec, limit)
+        rank = 0 if limit in swept_limits else 2 + distance(limit)
+        yield rank, _limit(spec, limit)
         if going_on := _going_on(spec, limit):
             yield DETAIL, f"  {going_on}"
     for said, stable in (("stable at every value", True), ("stable at no value", False)):
         # By its intervals: at an end of one, as Kp = 0 is of a loop that drifts there, a value counts as not inside.
-        spans = ", ".join(
-            f"{limit['name']} {limit['from']:g} to {limit['to']:g}{_unit(spec, limit['name'])}"
-            for limit in found["limits"]
-            if limit not in bounded and bool(limit["intervals"]) == stable
-        )
+        spans = []
+        for limit in found["limits"]:
+            if limit not in bounded and bool(limit["intervals"]) == stable:
+                unit = _unit(spec, limit["name"])
+                spans.append(f"{limit['name']} {limit['from']:g} to {limit['to']:g}{unit}")
         if spans:
-            yield 5, f"{said} searched: {spans}"
+            yield 5, f"{said} searched: {', '.join(spans)}"
 
 
 def _limit(spec: Spec, limit: Facts) -> str:
-    name, value, unit = limit["name"], limit["value"], _unit(spec, limit["name"])
-    default = "" if spec.drawing or spec.names.find(name).path in spec.given else " (default)"
-    at_value = f"{name} = {value:g}{unit}{default}"
-    return f"{at_value}: {_stable_where(limit, unit if len(unit) < LONG_UNIT else '')}"
+    name = limit["name"]
+    unit = _unit(spec, name)
+    at_value = f"{name} = {limit['value']:g}{unit}"
+    if not spec.drawing and spec.names.find(name).path not in spec.given:
+        at_value += " (default)"
+    unit_again = unit if len(unit) < LONG_UNIT else ""
+    return f"{at_value}: {_stable_where(limit, unit_again)}"
 
 
 def _going_on(spec: Spec, limit: Facts) -> str:
@@ -95,11 +102,13 @@ def _going_on(spec: Spec, limit: Facts) -> str:
     if spec.drawing and path in spec.drawing.posing:
         return ""
     start, stop = ranges.searched(spec, name, path)
-    ended = [limit["low"] is None and limit["from"] > start, limit["high"] is None and limit["to"] < stop]
-    if not (limit["stopped"] and any(ended)):
+    ended_below = limit["low"] is None and limit["from"] > start
+    ended_above = limit["high"] is None and limit["to"] < stop
+    if not (limit["stopped"] and (ended_below or ended_above)):
         return ""
+    file = quote(spec.source or spec.name)
     axes = f"--set sweep.along={name} --set 'sweep.{name}={{start={start:g}, stop={stop:g}}}'"
-    return f"the whole range takes longer: wavesweep stability-region {quote(spec.source or spec.name)} {axes}"
+    return f"the whole range takes longer: wavesweep stability-region {file} {axes}"
 
 
 def _stable_where(limit: Facts, unit: str) -> str:
@@ -107,15 +116,19 @@ def _stable_where(limit: Facts, unit: str) -> str:
         return f"not known ({limit['doubt']})"
     proved = "" if limit["certified"] else f", not certified ({limit['doubt']})"
     if not limit["stable"]:
-        spans = " and ".join(_span(limit, low, high) + unit for low, high in limit["intervals"])
+        if limit["intervals"]:
+            spans = [f"{_span(limit, low, high)}{unit}" for low, high in limit["intervals"]]
+            return f"stable in {' and '.join(spans)}{proved}"
         searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
-        if not (spans or limit["certified"]):
-            return f"no stable value known in {searched} ({limit['doubt']})"
-        return f"stable in {spans}{proved}" if spans else f"nowhere stable in {searched}"
+        if limit["certified"]:
+            return f"nowhere stable in {searched}"
+        return f"no stable value known in {searched} ({limit['doubt']})"
     start, end = _ends(limit, unit)
     if limit["open"]:
-        return f"known to be stable {_known_where(limit, limit['open'], start, end, unit)} ({limit['doubt']})"
-    if limit["stopped"] and limit["certified"] and limit["low"] is None and limit["high"] is None:
+        known_where = _known_where(limit, limit["open"], start, end, unit)
+        return f"known to be stable {known_where} ({limit['doubt']})"
+    unbounded = limit["low"] is None and limit["high"] is None
+    if limit["stopped"] and limit["certified"] and unbounded:
         return f"known to be stable from {limit['from']:.6g} to {limit['to']:.6g}{unit}, searched no further"
     factors = _factors(limit) if limit["value"] else ""
     return f"stable {start} {end}{factors}{proved}"
@@ -123,10 +136,19 @@ def _stable_where(limit: Facts, unit: str) -> str:
 
 def _ends(limit: Facts, unit: str) -> tuple[str, str]:
     """The ends of the stable interval in words, or those of the search where it goes on beyond."""
-    low, high = limit["low"], limit["high"]
-    begins, ends = (OF_KEY if of_key else word for of_key, word in zip(limit["of_key"], (SEARCHED, ""), strict=True))
-    start = f"from {low:.6g}" if low is not None else f"from {limit['from']:.6g}{begins if limit['from'] else ''}"
-    end = f"to {high:.6g}{unit}" if high is not None else f"to {'' if ends else 'at least '}{limit['to']:.6g}{unit}{ends}"
+    from_key, to_key = limit["of_key"]
+    if limit["low"] is not None:
+        start = f"from {limit['low']:.6g}"
+    else:
+        start = f"from {limit['from']:.6g}"
+        if limit["from"]:
+            start += OF_KEY if from_key else SEARCHED
+    if limit["high"] is not None:
+        end = f"to {limit['high']:.6g}{unit}"
+    elif to_key:
+        end = f"to {limit['to']:.6g}{unit}{OF_KEY}"
+    else:
+        end = f"to at least {limit['to']:.6g}{unit}"
     return start, end
 
 
@@ -135,7 +157,8 @@ def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) ->
     from wavesweep.program.tables.interval_sentences import open_in_words
 
     low = limit["from"] if limit["low"] is None else limit["low"]
-    high, places = limit["to"] if limit["high"] is None else limit["high"], open_in_words(open_, unit)
+    high = limit["to"] if limit["high"] is None else limit["high"]
+    places = open_in_words(open_, unit)
     if open_["from"] >= limit["value"]:
         beyond = f", and stable again {end}" if high > open_["to"] else ""
         return f"{start} up to at least {min(high, open_['from']):.6g}{unit}; {places}{beyond}"
@@ -148,17 +171,19 @@ def _known_where(limit: Facts, open_: Facts, start: str, end: str, unit: str) ->
 def _span(limit: Facts, low: float, high: float) -> str:
     """An interval; an end of the searched range is not an end of stability."""
     start = SEARCHED if low == limit["from"] != 0 else ""
+    least = "at least " if high == limit["to"] else ""
     first, _, last = span_in_words(low, high).partition(" to ")
-    return f"{first}{start} to {'at least ' if high == limit['to'] else ''}{last or first}"
+    return f"{first}{start} to {least}{last or first}"
 
 
 def _factors(limit: Facts) -> str:
     """The factors by which the value may shrink and grow."""
-    ways = [
-        (words, 100 * limit[end] / limit["value"]) for words, end in (("fall to", "low"), ("rise to", "high")) if limit[end]
-    ]
-    said = [f"{words} {float(f'{share:.3g}'):g} %" for words, share in ways]
-    return f" (may {' and '.join(said)})" if said else ""
+    ways = []
+    for words, end in (("fall to", "low"), ("rise to", "high")):
+        if limit[end]:
+            percent = float(f"{100 * limit[end] / limit['value']:.3g}")
+            ways.append(f"{words} {percent:g} %")
+    return f" (may {' and '.join(ways)})" if ways else ""
 
 
 def _unit(spec: Spec, name: str) -> str:
@@ -180,34 +205,46 @@ def _felt(felt: Facts, *units: str) -> Iterator[Ranked]:
     """What the hand feels of the wall."""
     from wavesweep.program.analyses.feel import outweighed_in_words, sizes_in_words
 
-    stiffness, damping, band = felt["stiffness"], felt["damping"], felt.get("over_band")
-    if felt["rigid"] or (stiffness is None and damping is None):
-        yield 2.5, f"felt at rest: {'rigid, a constant force moves nothing in the end' if felt['rigid'] else 'not known'}"
+    if felt["rigid"]:
+        yield 2.5, "felt at rest: rigid, a constant force moves nothing in the end"
         return
+    if felt["stiffness"] is None and felt["damping"] is None:
+        yield 2.5, "felt at rest: not known"
+        return
+    band = felt.get("over_band")
     if band is None:
-        ways = (
-            f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
-            for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
-        )
+        ways = []
+        for name, unit, digits in zip(("stiffness", "damping"), units, (6, 4), strict=True):
+            value = felt[name]
+            ways.append(f"{name} not known" if value is None else f"{value:.{digits}g} {unit}")
         yield 2.5, f"felt at rest: {' and '.join(ways)}"
         return
-    holds = band["holds_to_hz"]
-    holds = f"within a tenth {'up to' if holds >= 1 else 'only up to'} {holds:.3g} Hz" if holds else ""
-    yield 2.5, "; ".join(filter(None, [f"felt at rest: {stiffness:.6g} {units[0]}", holds, outweighed_in_words(band)]))
+    parts = [f"felt at rest: {felt['stiffness']:.6g} {units[0]}"]
+    hz = band["holds_to_hz"]
+    if hz:
+        up_to = "up to" if hz >= 1 else "only up to"
+        parts.append(f"within a tenth {up_to} {hz:.3g} Hz")
+    if outweighed := outweighed_in_words(band):
+        parts.append(outweighed)
+    yield 2.5, "; ".join(parts)
     if sizes := sizes_in_words(band):
         yield DETAIL, f"  the wall adds to free motion, in {units[0]}: {', '.join(sizes)}"
 
 
 def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
     """What encoder, friction and motors do to the design."""
-    force, length, source = spec.at_port("N"), spec.at_port("m"), "Abbott and Okamura 2005"
-    unit, exact = f"{force}/{length}", not spec.drawing and spec.values["device.velocity"] == "exact"
+    force = spec.at_port("N")
+    length = spec.at_port("m")
+    unit = f"{force}/{length}"
+    exact = not spec.drawing and spec.values["device.velocity"] == "exact"
+    source = "Abbott and Okamura 2005"
     if "chatter" in found:
         text = "makes a force that is not known to be bounded"
         if found["chatter"] is not None:
             rounding = f"all rounding by at most {found['chatter']:.4g}"
             text = f"moves the force by up to {found['step_force']:.4g} {force}, {rounding}"
-            text += "; the velocity is taken as exact, without steps" * exact
+            if exact:
+                text += "; the velocity is taken as exact, without steps"
         if found["step_force"] == 0:
             text = "moves no force, since no block reads the position"
             if exact:
@@ -233,7 +270,8 @@ def _hardware(found: Facts, stable: bool, spec: Spec) -> Iterator[Ranked]:
         said = "generates no energy" if found["passive"] else "may generate energy"
         yield 5, f"encoder, friction and sampling together: the wall {said}, as up to {wall:.6g} {unit} ({source})"
     if found.get("depth") is not None:
-        depth, most = f"{found['depth']:.4g} {length}", f"{found['max_force']:.4g} {force}"
+        depth = f"{found['depth']:.4g} {length}"
+        most = f"{found['max_force']:.4g} {force}"
         yield 4, f"motors: the wall can be pressed {depth} deep, slowly, with their {most}"
 
 
@@ -241,12 +279,14 @@ def _mode(rank: float, name: str, mode: Facts | None) -> Iterator[Ranked]:
     if mode is None:
         yield rank, f"{name}: none"
         return
-    yield (
-        rank,
-        f"{name}: falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}"
-        + (f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else "")
-        + (f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""),
-    )
+    tau = _text(mode["time_constant_s"], 4)
+    ratio = _text(mode["damping_ratio"], 3)
+    text = f"{name}: falls to 1/e in {tau} s, damping ratio {ratio}"
+    if mode["omega"]:
+        text += f", {mode['omega'] / (2 * pi):.4g} Hz"
+    if mode["second_hz"]:
+        text += f" and {mode['second_hz']:.4g} Hz"
+    yield rank, text
     if mode["states"]:
         yield DETAIL, f"  most in {', '.join(mode['states'])}"
 

@@ -51,8 +51,10 @@ def plan(spec: Spec, estimated: bool = True) -> list[str]:
 def _loop_lines(spec):
     yield f"{spec.source or spec.name}: valid, controller {spec.kind}"
     loop = own_loop(spec)
-    drawn, drift = loop.drawn(), loop.drift()
-    ticks, ms = _count(drawn.ticks, "tick"), f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
+    drawn = loop.drawn()
+    drift = loop.drift()
+    ticks = _count(drawn.ticks, "tick")
+    ms = f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
     if spec.uneven:
         steps = _count(steps_of(spec.values["rates.ratio"])[1], "slow step")
         yield f"  loop: the rates do not divide; both are in step again after a frame of {ticks} and {steps}, {ms}"
@@ -71,10 +73,13 @@ def _interval_lines(spec, command, along, estimated):
         job = job_of(spec, along)
     except (SpecError, UsageError) as error:
         return [f"  {command}: not possible with this spec: {error}"]
-    grid, axis, expected = job.grid, job.asked.axis, cache(partial(expected_seconds, job))
+    grid = job.grid
+    axis = job.asked.axis
+    expected = cache(partial(expected_seconds, job))
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
-    repeated = f", {grid.size - job.slices} more are repeats" if grid.size > job.slices else ""
-    slices = f"{_count(job.slices, 'slice')}{repeated}"
+    slices = _count(job.slices, "slice")
+    if grid.size > job.slices:
+        slices += f", {grid.size - job.slices} more are repeats"
     lines = [
         f"  {command}: stable intervals along {axis.name} in ({axis.start:g}, {axis.stop:g}) for {product}: {slices}",
         f"    method: {method(job.asked)}",
@@ -82,11 +87,13 @@ def _interval_lines(spec, command, along, estimated):
     if not estimated:
         return lines
     workers = choose(None, None, None, len(job.chunks), expected)
-    figure = DRAWING + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    chunks = _count(len(job.chunks), "chunk")
+    seconds = expected() / workers.count
+    figure = DRAWING + seconds_of_curves(spec, axis, grid.axes, expected() / job.slices)
     return [
         *lines,
-        f"    work: {_count(len(job.chunks), 'chunk')}, about {duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    work: {chunks}, about {duration(seconds)}; {who} ({workers.why})",
         f"    figure: up to about {duration(figure)} more, which --no-plot leaves out",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
         *_advice([job]),
@@ -95,41 +102,48 @@ def _interval_lines(spec, command, along, estimated):
 
 def _advice(jobs):
     """The advice for tables that few programs can read as a single CSV."""
-    for rows in (round(job.kind.rows * job.size) for job in jobs):
+    advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
+    for job in jobs:
+        rows = round(job.kind.rows * job.size)
         if rows > MANY:
-            advice = "--partition 10000000 writes Parquet files of so many rows each, and no single CSV"
             yield f"    about {rows:.2g} rows: {advice}"
 
 
 def _size(count):
-    return f"{short(count / 1e6)} MB" if count < 1e9 else f"{short(count / 1e9)} GB"
+    if count < 1e9:
+        return f"{short(count / 1e6)} MB"
+    return f"{short(count / 1e9)} GB"
 
 
 def _bode_lines(spec, estimated):
     points = spec.frequency_hz
+    names = tuple(axis.name for axis in spec.bode)
     try:
-        names, routes = tuple(axis.name for axis in spec.bode), spec.routes or (None,)
+        routes = spec.routes or (None,)
         jobs = [response_job(spec, spec.bode, points, names, route=route) for route in routes]
     except (SpecError, UsageError) as error:
         return [f"  bode: not possible with this spec: {error}"]
-    several = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
-    frequencies = several if len(points) > 1 else f"1 frequency, {points[0]:g} Hz"
+    frequencies = f"1 frequency, {points[0]:g} Hz"
+    if len(points) > 1:
+        frequencies = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
     curves = _count(sum(job.grid.loops for job in jobs), "curve")
-    between = f" ({', '.join(' to '.join(route) for route in spec.routes)})" if spec.routes else ""
-    return [
-        f"  bode: {curves}{between} of {frequencies}; method: lifted resolvent of both rates",
-        *(_long_lines(jobs) if estimated else ()),
-    ]
+    if spec.routes:
+        curves += f" ({', '.join(' to '.join(route) for route in spec.routes)})"
+    line = f"  bode: {curves} of {frequencies}; method: lifted resolvent of both rates"
+    return [line, *_long_lines(jobs)] if estimated else [line]
 
 
 def _long_lines(jobs):
     """The chunks, the time and the disk of a table of several chunks; otherwise it is there at once, and nothing is kept."""
     if all(len(job.chunks) == 1 for job in jobs):
         return [*_advice(jobs)]
-    chunks, size, seconds = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs))), 0.0
+    chunks = sum(len(job.chunks) for job in jobs)
+    size = _size(sum(map(expected_bytes, jobs)))
+    seconds = 0.0
     for job in jobs:
         expected = cache(partial(expected_seconds, job, PATIENCE))
-        seconds += expected() / choose(None, None, None, len(job.chunks), expected).count
+        workers = choose(None, None, None, len(job.chunks), expected)
+        seconds += expected() / workers.count
     work = f"{_count(chunks, 'chunk')}, about {duration(seconds)}"
     return [f"    work: {work}; disk: about {size} until the results are in place", *_advice(jobs)]
 
@@ -138,8 +152,11 @@ def _drawn_lines(spec):
     """Yield when the blocks of a drawn loop run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
     loop = Loops(spec.drawing, spec.values)
-    drawing, drawn, drift = loop.drawing, loop.drawn(), loop.drift()
-    period, labels = 1e3 * float(drawn.period), drawn.labels()
+    drawing = loop.drawing
+    drawn = loop.drawn()
+    drift = loop.drift()
+    period = 1e3 * float(drawn.period)
+    labels = drawn.labels()
     yield f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}"
     yield f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms"
     yield from _rhythm_lines(drawing, drawn)
@@ -157,21 +174,28 @@ def _drawn_lines(spec):
 def _rhythm_lines(drawing, drawn):
     """In which ticks of the frame blocks run."""
     plant_of = {block.name: plant.name for plant in drawing.plants for block in plant.members}
-    placed, when = {placed_block.block.name: placed_block for placed_block in drawn.placed}, {}
+    placed = {placed_block.block.name: placed_block for placed_block in drawn.placed}
+    when = {}
     for block in drawing.blocks:
         block_placed = placed[plant_of.get(block.name, block.name)]
-        when.setdefault((block_placed.every, block_placed.phase), []).append(f"{block.name} ({block.type})")
+        rhythm = (block_placed.every, block_placed.phase)
+        when.setdefault(rhythm, []).append(f"{block.name} ({block.type})")
     for (every, phase), blocks in sorted(when.items()):
-        ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
+        ticks = "in every tick" if every == 1 else f"every {every} ticks"
+        if every != 1 and phase:
+            ticks += f" from tick {phase}"
         yield f"  runs {ticks}: {', '.join(blocks)}"
 
 
 def _plant_lines(drawing):
     """What acts continuously, and which forces of plants on themselves are computed from samples."""
-    for plant in (plant for plant in drawing.plants if plant.couplings):
+    for plant in drawing.plants:
+        if not plant.couplings:
+            continue
         names = [block.name for block in plant.members]
         yield f"  one plant, within which all acts continuously: {', '.join(names)}"
-        yield from (f"    {port}: {sum_of(terms)}" for port, terms in plant.couplings)
+        for port, terms in plant.couplings:
+            yield f"    {port}: {sum_of(terms)}"
     plants = {block.name for block in drawing.blocks if block.plant}
     for port, terms in drawing.wires:
         sampled = [term for term in terms if term[0].rpartition(".")[0] in plants]
@@ -181,13 +205,20 @@ def _plant_lines(drawing):
 
 def _dead_time_lines(drawing, values):
     """How long dead times are in ticks, and what they read or bring between two ticks."""
+    wires = dict(drawing.wires)
     for name, tree in drawing.dead_times.items():
-        seconds, wires = value_of(tree, scalars(values)), dict(drawing.wires)
-        arriving = [port for plant in drawing.plants for port, dead_time in plant.arriving if dead_time == name]
-        sensed = [signal for plant in drawing.plants for signal, dead_time in plant.sensed if dead_time == name]
+        seconds = value_of(tree, scalars(values))
+        arriving = []
+        sensed = []
+        for plant in drawing.plants:
+            arriving += [port for port, dead_time in plant.arriving if dead_time == name]
+            sensed += [signal for signal, dead_time in plant.sensed if dead_time == name]
         held = any(signal not in sensed for signal, _ in wires[f"{name}.u"])
-        readers = [port for port, terms in wires.items() if any(signal == f"{name}.y" for signal, _ in terms)]
-        readers = [port for port in readers if sensed or port not in arriving]
+        readers = []
+        for port, terms in wires.items():
+            reads = any(signal == f"{name}.y" for signal, _ in terms)
+            if reads and (sensed or port not in arriving):
+                readers.append(port)
         phrases = {
             "reads {} between two ticks": sensed,
             "brings what is held to {} between two ticks": arriving * held,
@@ -203,18 +234,30 @@ def within_ticks(spec: Spec) -> Iterator[str]:
 
     1 - L is the determinant of the return difference, by which Mason's rule divides each gain whose way meets all of the loop.
     """
-    drawing, drawn = spec.drawing, Loops(spec.drawing, spec.values).drawn()
-    inside, wires = drawing.inside, {drawing.inside.get(port, port): terms for port, terms in drawing.wires}
+    drawing = spec.drawing
+    drawn = Loops(drawing, spec.values).drawn()
+    inside = drawing.inside
+    wires = {inside.get(port, port): terms for port, terms in drawing.wires}
     for ring in drawn.rings():
         from scipy.linalg import block_diag  # is slow to import, and most loops have no ring
 
         blocks = [placed_block.block for placed_block in drawn.placed if placed_block.block.name in ring]
-        ports, outputs = ([f"{b.name}.{port}" for b in blocks for port in getattr(b, side)] for side in ("inputs", "outputs"))
+        ports = []
+        outputs = []
+        for block in blocks:
+            ports += [f"{block.name}.{port}" for port in block.inputs]
+            outputs += [f"{block.name}.{port}" for port in block.outputs]
         through = block_diag(*map(attrgetter("D"), blocks))
-        back = np.array([[float(drawn.sums.get(port, {}).get(name, 0.0)) for name in outputs] for port in ports])
+        back = np.zeros((len(ports), len(outputs)))
+        for row, port in enumerate(ports):
+            gains = drawn.sums.get(port, {})
+            back[row] = [float(gains.get(name, 0.0)) for name in outputs]
         rest = float(np.linalg.det(np.eye(len(ports)) - back @ through))
         acting = set(compress(outputs, through.any(axis=1)))
-        read = {port: [term for term in wires.get(port, ()) if inside.get(term[0], term[0]) in acting] for port in ports}
+        read = {}
+        for port in ports:
+            terms = wires.get(port, ())
+            read[port] = [term for term in terms if inside.get(term[0], term[0]) in acting]
         reads = ", ".join(f"{port} reads {sum_of(terms)}" for port, terms in read.items() if terms)
         gain = f"a gain on this way acts {1 / rest:.4g} times, 1/(1 - L) with L = {1 - rest:.4g} round the loop"
         yield f"solved within a tick: {_listed(ring)}: {reads} of the same tick; {gain}"
@@ -229,19 +272,25 @@ def _implicit_line(drawing, terms):
     before = f"prev({name}) in a wire reads {name} as it was before the tick"
     if not implicit:
         return f"  {before}"
-    return f"  so these act implicitly: {', '.join(sum_of([term]) for term in implicit)}; {before}"
+    forces = ", ".join(sum_of([term]) for term in implicit)
+    return f"  so these act implicitly: {forces}; {before}"
 
 
 def _state_lines(drift, names):
     """names: of all states, as they are shown."""
-    yield f"  {_count(len(drift.remaining), 'state')}: {_listed([names[i] for i in drift.remaining])}"
+    remaining = _listed([names[index] for index in drift.remaining])
+    yield f"  {_count(len(drift.remaining), 'state')}: {remaining}"
     for lead, others in drift.constant:
-        along = _listed([names[index] for index, _ in others])
-        yield f"  drift set aside: {names[lead]}{f', and with it {along}' if along else ''}, which nothing in the loop holds"
+        drifting = names[lead]
+        if others:
+            drifting += f", and with it {_listed([names[index] for index, _ in others])}"
+        yield f"  drift set aside: {drifting}, which nothing in the loop holds"
     if drift.varying:
-        yield f"  drift set aside: a combination with {_listed([names[i] for i in drift.varying])} that nothing changes"
+        varying = _listed([names[index] for index in drift.varying])
+        yield f"  drift set aside: a combination with {varying} that nothing changes"
     if drift.unobserved:
-        yield f"  states left out, since nothing in the loop reads them: {_listed([names[i] for i in drift.unobserved])}"
+        unobserved = _listed([names[index] for index in drift.unobserved])
+        yield f"  states left out, since nothing in the loop reads them: {unobserved}"
 
 
 RUN = 3  # names with numbers that follow each other, from which on the first and the last are enough
@@ -250,13 +299,19 @@ RUN = 3  # names with numbers that follow each other, from which on the first an
 def _listed(names):
     """The names of states in their order, those of a long delay as `net u1 to net u140`."""
     runs = []
+    following = ("", "")  # stem and number of the name that goes on with the last run
     for name in names:
         stem = name.rstrip("0123456789")
-        if runs and stem != name and name == f"{stem}{runs[-1][1] + 1}" and runs[-1][0] == stem:
-            runs[-1][1:] = runs[-1][1] + 1, [*runs[-1][2], name]
+        number = name.removeprefix(stem)
+        if number and (stem, number) == following:
+            runs[-1].append(name)
         else:
-            runs.append([stem, int(name.removeprefix(stem) or -2), [name]])
-    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) >= RUN else ", ".join(run) for _, _, run in runs)
+            runs.append([name])
+        following = (stem, str(int(number) + 1) if number else "")
+    shown = []
+    for run in runs:
+        shown += [f"{run[0]} to {run[-1]}"] if len(run) >= RUN else run
+    return ", ".join(shown)
 
 
 def _number_lines(spec):
@@ -267,21 +322,26 @@ def _number_lines(spec):
             ways["values"].append(name)
         else:
             opened = open_loops(Loops(spec.drawing, spec.values), name)
-            ways["" if opened and opened.cut else "panels"].append(name)
+            way = "" if opened and opened.cut else "panels"
+            ways[way].append(name)
     texts = {
         "": "fast method, because each is one gain, once a frame",
         "panels": "slower method, because they act in more than one place, more than once a frame, or in the key of a block",
         "values": "as values only, since they decide how the loop is built",
     }
-    yield from (f"  intervals along {', '.join(names)}: {texts[method]}" for method, names in ways.items() if names)
+    for way, names in ways.items():
+        if names:
+            yield f"  intervals along {', '.join(names)}: {texts[way]}"
 
 
 def _count(number, noun):
-    return f"{number} {noun}{'' if str(number) == '1' else 's'}"
+    plural = "" if str(number) == "1" else "s"
+    return f"{number} {noun}{plural}"
 
 
 def _skipped_lines(spec):
-    read, kind = keys_of_page(spec.values), spec.values["controller.kind"]
+    read = keys_of_page(spec.values)
+    kind = spec.values["controller.kind"]
     for axes, table in ((spec.sweep, "sweep"), (spec.bode, "bode")):
         for axis in make_grid(spec, axes).ignored:
             yield f"  {table}.{axis.name}: skipped, {kind} does not read it; its rows would be repeated"

@@ -1,7 +1,7 @@
 """The room that each number of a spec's own design has: the stable interval about its value, and the largest delay."""
 
 from collections.abc import Callable
-from operator import and_, ne, or_
+from operator import ne, or_
 
 import numpy as np
 
@@ -36,10 +36,14 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
     done, and all.
     """
     read = keys_of(spec) - (spec.drawing.of_losses if spec.drawing else set())
-    names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
+    names = {}
+    for name, path in spec.names.symbols.items():
+        if path in read and not spec.names.keys[path].structural:
+            names[name] = path
     limits_found = []
     for done, (name, path) in enumerate(names.items(), start=1):
-        limits_found.append(_limit(spec, name, path, searched(spec, name, path)))
+        span = searched(spec, name, path)
+        limits_found.append(_limit(spec, name, path, span))
         if report:
             report(done, len(names))
     return limits_found
@@ -48,25 +52,32 @@ def limits(spec: Spec, report: Callable[[int, int], None] | None = None) -> list
 def _limit(spec, name, path, span, of_key=(False, False), again=False):
     """span: to search; again: whether it leaves out what is next to the range of the key."""
     value = spec.values[path]
-    limit = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
+    limit = {"name": name, "value": value, "from": span[0], "to": span[1]}
+    limit |= {"low": None, "high": None, "intervals": []}
     limit |= {"stopped": False, "open": None, "of_key": list(of_key)}
     try:
         near = _next_to(spec, path, value, span) if _poses(spec, path) else span
-        rows, (start, stop) = _rows(_job(spec, name, path, near), value, near)
+        job = _job(spec, name, path, near)
+        rows, reached = _rows(job, value, near)
     except WavesweepError as error:
         if value == 0 and span[0] < 0 and not _poses(spec, path):  # a number that may not be negative
             return _limit(spec, name, path, (0.0, span[1]), (True, of_key[1]))
         if narrower := _narrower(spec, name, path, value, span):
-            return _limit(spec, name, path, narrower, tuple(map(or_, of_key, map(ne, narrower, span))))
+            cut = map(ne, narrower, span)
+            return _limit(spec, name, path, narrower, tuple(map(or_, of_key, cut)))
         return limit | {"stable": None, "doubt": str(error), "certified": False}
-    of_key = tuple(key and end == reached for key, end, reached in zip(of_key, span, (start, stop), strict=True))
-    limit |= {"from": start, "to": stop, "stopped": (start, stop) != span, "of_key": list(of_key)}
+    start, stop = reached
+    of_key = (of_key[0] and span[0] == start, of_key[1] and span[1] == stop)
+    limit |= {"from": start, "to": stop, "stopped": reached != span, "of_key": list(of_key)}
     if rows is None:
         return limit | {"stable": None, "doubt": LATE, "certified": False}
-    at_range_end = (rows["open_low"][0] == start, rows["open_high"][-1] == stop)  # a filter's cutoff is next to half its rate
-    if not again and any(moved := list(map(and_, of_key, at_range_end))):
-        inner = (end + NEXT * (value - end) * moves for end, moves in zip((start, stop), moved, strict=True))
-        return _limit(spec, name, path, tuple(inner), of_key, again=True)
+    # A filter's cutoff is next to half its rate.
+    from_moves = of_key[0] and rows["open_low"][0] == start
+    to_moves = of_key[1] and rows["open_high"][-1] == stop
+    if not again and (from_moves or to_moves):
+        start += NEXT * (value - start) * from_moves
+        stop += NEXT * (value - stop) * to_moves
+        return _limit(spec, name, path, (start, stop), of_key, again=True)
     return limit | _around(rows, value, start, stop)
 
 
@@ -76,7 +87,10 @@ def _narrower(spec, name, path, value, span):
     def makes_loops(end: float) -> object:
         return _job(spec, name, path, tuple(sorted((float(value), end))))
 
-    for attempt, times in ((lambda end: spec.with_values({path: end}), HALVINGS), (makes_loops, FEW)):
+    def takes(end: float) -> object:
+        return spec.with_values({path: end})
+
+    for attempt, times in ((takes, HALVINGS), (makes_loops, FEW)):
         less = tuple(_reached(attempt, value, end, times) for end in span)
         if less != span and less[0] < less[1]:
             return less
@@ -85,15 +99,20 @@ def _narrower(spec, name, path, value, span):
 
 def _around(rows, value, start, stop):
     """The stable intervals from start to stop, and the ends of the one around the value, with what is open in it."""
-    at_ends = [(rows[end] == value) & ~np.isnan(rows[f"{end}_omega"]) for end in ("low", "high")]
-    inside = (rows["low"] <= value) & (value <= rows["high"]) & ~np.logical_or(*at_ends)
-    pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
-    stable = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
+    low = rows["low"]
+    high = rows["high"]
+    at_low = (low == value) & ~np.isnan(rows["low_omega"])
+    at_high = (high == value) & ~np.isnan(rows["high_omega"])
+    inside = (low <= value) & (value <= high) & ~(at_low | at_high)
+    filled = rows["intervals"] != 0
+    stable = np.column_stack([low[filled], high[filled]]).tolist()
     limit = {"intervals": stable, "stable": bool(inside.any())}
     limit |= {"doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
     if not inside.any():
-        unknown = ((rows["open_low"] <= value) & (value <= rows["open_high"])).any()
-        return limit | ({"stable": None} if unknown else {})
+        unknown = (rows["open_low"] <= value) & (value <= rows["open_high"])
+        if unknown.any():
+            limit["stable"] = None
+        return limit
     row = int(np.flatnonzero(inside)[0])
     limit["open"] = open_places(rows, row)
     for end, of_range in (("low", start), ("high", stop)):  # one without a crossing may end where nothing is known
@@ -112,9 +131,12 @@ def _rows(job, value, span):
     (search,) = searches_of(job, job.chunks[0]).searches
     if search.in_pieces:
         records, span = search.about(value, WORK)
-        return {name: records[name] for name in records.dtype.names} | {"doubt": words(records["doubt"])}, span
+        rows = {name: records[name] for name in records.dtype.names}
+        rows["doubt"] = words(records["doubt"])
+        return rows, span
     cost, way_of = cost_of(job.grid.spec, job.asked.axis)
-    if cost > (SECONDS if way_of is Way.CUT else LONG):
+    most = SECONDS if way_of is Way.CUT else LONG
+    if cost > most:
         return None, (value, value)
     return in_memory(job), span
 
@@ -139,7 +161,9 @@ def _next_to(spec, path, value, span):
 
 def _reached(attempt, value, end, times):
     """The value nearest to an end of a range whose attempt raises no error, by halving from the number's own on."""
-    inside, tried, beyond = float(value), float(end), float(end)
+    inside = float(value)
+    tried = float(end)
+    beyond = float(end)
     for _ in range(1 + times):
         try:
             attempt(tried)
@@ -157,9 +181,13 @@ def delays(spec):
     path = "environment.delay"
     if path not in keys_of(spec):
         return None
-    now, most, frame = spec.values[path], None, longest_delay(spec.values["rates.ratio"])
-    for delay in range(now, min(frame, now + DELAYS) + 1):
-        if not loops_of(spec, {**spec.values, path: delay}).read.radii()[0] < 1:
+    now = spec.values[path]
+    frame = longest_delay(spec.values["rates.ratio"])
+    tried = min(frame, now + DELAYS)
+    most = None
+    for delay in range(now, tried + 1):
+        loop = loops_of(spec, {**spec.values, path: delay}).read
+        if not loop.radii()[0] < 1:
             break
         most = delay
-    return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}
+    return {"ticks": now, "most": most, "frame": frame, "tried": tried}

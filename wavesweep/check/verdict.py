@@ -27,7 +27,10 @@ def verdict(spec: Spec) -> dict:
 
 def numbers(spec: Spec) -> dict:
     """The numbers that capabilities add to those of a spec's own design."""
-    return {name: number for of_one in asked("on_check", "numbers", spec) for name, number in of_one.items()}
+    of_all = {}
+    for of_one in asked("on_check", "numbers", spec):
+        of_all |= of_one
+    return of_all
 
 
 @np.errstate(all="ignore")  # of numbers that overflow
@@ -36,7 +39,10 @@ def further(spec: Spec, own: dict, report: Callable[[int, int], None] | None = N
 
     report: is called with the number of ranges that are done, and of all.
     """
-    return {name: fact for facts in asked("on_check", "facts", spec, own, report) for name, fact in facts.items()}
+    of_all = {}
+    for facts in asked("on_check", "facts", spec, own, report):
+        of_all |= facts
+    return of_all
 
 
 def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Ranked]:
@@ -51,7 +57,8 @@ def verdict_lines(spec: Spec, found: Facts, late: bool = False) -> Iterator[Rank
     if design := of_axes(spec, [axis for axis in spec.sweep if axis.values], "[sweep]"):
         yield 1, f"  for the spec's own {design}"
     for lines in asked("on_check", "lines", spec, found):
-        yield from ((rank, partial(indented, line) if late and callable(line) else indented(line)) for rank, line in lines)
+        for rank, line in lines:
+            yield rank, partial(indented, line) if late and callable(line) else indented(line)
     if found["assumes"] and not is_first(spec, found):
         yield 0, f"  assumes: {found['assumes']}"
 
@@ -61,5 +68,7 @@ def distance(limit: Facts) -> float:
     value = limit["value"]
     if not limit["stable"] or not value:
         return 0.0
-    factors = [value / limit["low"] if limit["low"] else inf, limit["high"] / value if limit["high"] else inf]
-    return 1 - 1 / max(min(abs(factor) for factor in factors), 1.0)
+    down = value / limit["low"] if limit["low"] else inf
+    up = limit["high"] / value if limit["high"] else inf
+    nearest = min(abs(down), abs(up))
+    return 1 - 1 / max(nearest, 1.0)
