@@ -66,9 +66,12 @@ class LinearFractional:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
-        return self.remembered(
-            "batch", lambda: np.broadcast_shapes(*(getattr(self, name).shape[:-2] for name in MATRICES), np.shape(self.period))
-        )
+
+        def together():
+            shapes = [getattr(self, name).shape[:-2] for name in MATRICES]
+            return np.broadcast_shapes(*shapes, np.shape(self.period))
+
+        return self.remembered("batch", together)
 
     def remembered(self, name: object, make: Callable[[], Any]) -> Any:
         """What `make` gives at the first call with this name: of a compiled loop it is asked for in every call."""
@@ -78,14 +81,17 @@ class LinearFractional:
 
     def at(self, index: Any) -> "LinearFractional":
         """Return the loops `index` (anything that indexes the leading axes) of the batch."""
-        batch, indices = self.batch, isinstance(index, np.ndarray) and index.dtype.kind == "i"
+        batch = self.batch
+        indices = isinstance(index, np.ndarray) and index.dtype.kind == "i"
 
         def pick(array, tail):
             array = np.asarray(array)
             full = batch + array.shape[array.ndim - tail :]
-            if indices and array.shape == full and array.flags.c_contiguous:
+            if array.shape != full:
+                return np.broadcast_to(array, full)[index]
+            if indices and array.flags.c_contiguous:
                 return array.take(index, axis=0)  # in a seventh of the time of brackets
-            return (array if array.shape == full else np.broadcast_to(array, full))[index]
+            return array[index]
 
         matrices = {name: pick(getattr(self, name), 2) for name in (*MATRICES, *ERRORS)}
         uncontrolled = tuple(pick(block, 2) for block in self.uncontrolled)
@@ -95,7 +101,8 @@ class LinearFractional:
         """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
         if self.batch:
             return self.at(slice(None))
-        return self.at(np.newaxis) if size == 1 else self.at(np.newaxis).at(np.zeros(size, int))
+        single = self.at(np.newaxis)
+        return single if size == 1 else single.at(np.zeros(size, int))
 
     def open_in(self, along: str, fixed: np.ndarray) -> StateSpace:
         """Return the loop with one number closed and the other open, from the open number's product to its factor.
@@ -103,24 +110,44 @@ class LinearFractional:
         along: the open number, FIRST or SECOND; fixed: value of the other one, an array that broadcasts with the batch.
         """
         A, B, x, v = self.with_integrator()
-        of_x, of_v = self.D[..., OFFSET, 0], self.D[..., VELOCITY, 0]
-        closed, through, open_, direct = (x, of_x, v, of_v) if along == SECOND else (v, of_v, x, of_x)
+        of_x = self.D[..., OFFSET, 0]
+        of_v = self.D[..., VELOCITY, 0]
+        if along == SECOND:
+            closed = x
+            through = of_x
+            open_ = v
+            direct = of_v
+        else:
+            closed = v
+            through = of_v
+            open_ = x
+            direct = of_x
         left = (1 - fixed * through)[..., None, None]
-        gain, direct = fixed[..., None, None] / left, direct[..., None, None]
-        return StateSpace(A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left)
+        gain = fixed[..., None, None] / left
+        direct = direct[..., None, None]
+        return StateSpace(
+            E=A + B * gain * closed,
+            B=B / left,
+            C=open_ + direct * gain * closed,
+            D=direct / left,
+        )
 
     def with_integrator(self) -> SignalRows:
         """Return the loop with the integrator as the last state."""
-        x, v = self.C[..., OFFSET : OFFSET + 1, :], self.C[..., VELOCITY : VELOCITY + 1, :]
+        x = self.C[..., OFFSET : OFFSET + 1, :]
+        v = self.C[..., VELOCITY : VELOCITY + 1, :]
         if not self.integrates:
             return SignalRows(self.E, self.B, x, v)
+        advance = self.C[..., ADVANCE : ADVANCE + 1, :]
+        step = self.D[..., ADVANCE : ADVANCE + 1, :]
         unit = np.ones((*self.batch, 1, 1))
-        A = np.concatenate([self.E, self.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+        zero = 0 * unit
+        A = np.concatenate([self.E, advance], axis=-2)
         A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
-        B = np.concatenate([self.B, self.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
-        return SignalRows(
-            A, B, np.concatenate([x + 0 * unit, unit], axis=-1), np.concatenate([v + 0 * unit, 0 * unit], axis=-1)
-        )
+        B = np.concatenate([self.B, step], axis=-2)
+        x = np.concatenate([x + zero, unit], axis=-1)
+        v = np.concatenate([v + zero, zero], axis=-1)
+        return SignalRows(A, B, x, v)
 
     def of_errors(self) -> "LinearFractional":
         """Return the cut with bounds on the errors of the entries in place of the entries."""
@@ -131,7 +158,8 @@ class LinearFractional:
         errors = self.of_errors().with_integrator()
         if not self.integrates:
             return errors
-        return errors._replace(x=np.concatenate([errors.x[..., :-1], 0 * errors.x[..., -1:]], axis=-1))
+        exact = 0 * errors.x[..., -1:]  # the integrator is in the signal by exactly 1
+        return errors._replace(x=np.concatenate([errors.x[..., :-1], exact], axis=-1))
 
     def closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
         """Return the monodromy matrix less identity of the loop with the numbers in place, `(..., order, order)`.
@@ -140,9 +168,11 @@ class LinearFractional:
         its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
         """
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
-            K, F = np.asarray(K)[..., None, None], np.asarray(F)[..., None, None]
+            K = np.asarray(K)[..., None, None]
+            F = np.asarray(F)[..., None, None]
             E, B, x, v = self.with_integrator()
-            of_x, of_v = self.D[..., OFFSET : OFFSET + 1, :], self.D[..., VELOCITY : VELOCITY + 1, :]
+            of_x = self.D[..., OFFSET : OFFSET + 1, :]
+            of_v = self.D[..., VELOCITY : VELOCITY + 1, :]
             A = E + B * ((K * x + F * v) / (1 - K * of_x - F * of_v))
             if self.integrates:
                 A[..., -1, -1] = np.where(K[..., 0, 0] == 0, -1.0, A[..., -1, -1])
@@ -151,11 +181,19 @@ class LinearFractional:
     def errors_of_closed(self, K: np.ndarray | float, F: np.ndarray | float) -> np.ndarray:
         """Return bounds on the errors of the entries of `closed`, `(..., order, order)`, to first order."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            K, F = (np.asarray(value, float)[..., None, None] for value in (K, F))
-            through = np.abs(1 - K * self.D[..., OFFSET : OFFSET + 1, :] - F * self.D[..., VELOCITY : VELOCITY + 1, :])
-            K, F = np.abs(K), np.abs(F)
+            K = np.asarray(K, float)[..., None, None]
+            F = np.asarray(F, float)[..., None, None]
+            of_x = self.D[..., OFFSET : OFFSET + 1, :]
+            of_v = self.D[..., VELOCITY : VELOCITY + 1, :]
+            through = np.abs(1 - K * of_x - F * of_v)
+            K = np.abs(K)
+            F = np.abs(F)
             size = replace(self, **{name: np.abs(getattr(self, name)) for name in MATRICES})
-            (_, B, x, v), (dE, dB, dx, dv) = size.with_integrator(), self.errors_with_integrator()
-            off = K * self.dD[..., OFFSET : OFFSET + 1, :] + F * self.dD[..., VELOCITY : VELOCITY + 1, :]
-            read, unsure = (K * x + F * v) / through, (K * dx + F * dv) / through
+            _, B, x, v = size.with_integrator()
+            dE, dB, dx, dv = self.errors_with_integrator()
+            d_of_x = self.dD[..., OFFSET : OFFSET + 1, :]
+            d_of_v = self.dD[..., VELOCITY : VELOCITY + 1, :]
+            off = K * d_of_x + F * d_of_v
+            read = (K * x + F * v) / through
+            unsure = (K * dx + F * dv) / through
             return dE + dB * read + B * (unsure + read * (off / through + ROUNDING))

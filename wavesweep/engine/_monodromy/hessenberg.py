@@ -18,8 +18,11 @@ def in_even_units(E, B, C):
     """
     n = E.shape[-1]
     system = np.zeros((n + C.shape[-2], n + 1, len(E)))
-    system[:n, :1], system[:n, 1:], system[n:, 1:] = (np.moveaxis(matrices, 0, -1) for matrices in (B, E, C))
-    index, units = np.arange(n), np.zeros((n, len(E)), np.float32)
+    system[:n, :1] = np.moveaxis(B, 0, -1)
+    system[:n, 1:] = np.moveaxis(E, 0, -1)
+    system[n:, 1:] = np.moveaxis(C, 0, -1)
+    index = np.arange(n)
+    units = np.zeros((n, len(E)), np.float32)
     with np.errstate(all="ignore"):
         size = np.log2(np.abs(system[:n, 1:], dtype=np.float32))
         size[index, index] = -np.inf
@@ -53,11 +56,13 @@ def reduced(system):
         right -= v[:, None] * (v[:, None] * right).sum(0)
         below = system[:, k + 1 :]
         below -= (below * v).sum(1)[:, None] * v
-    H, C = system[:n, 1:], system[n:, 1:]
+    H = system[:n, 1:]
+    C = system[n:, 1:]
     scale = np.zeros(H.shape)
     scale[-1, -1] = 1.0
     for k in range(n - 2, -1, -1):
-        scale[k, k], scale[k, k + 1 :] = 1.0, H[k + 1, k] * scale[k + 1, k + 1 :]
+        scale[k, k] = 1.0
+        scale[k, k + 1 :] = H[k + 1, k] * scale[k + 1, k + 1 :]
     return H * scale, C * scale[0], system[0, 0]
 
 
@@ -68,13 +73,20 @@ def polynomials(form, w):
     Accuracy: that of Hessenberg matrices each of whose entries differs by some roundings.
     """
     if len(w) > MOST:
-        batches = (slice(begin, begin + MOST) for begin in range(0, len(w), MOST))
-        values = [polynomials([array[..., batch] for array in form], w[batch]) for batch in batches]
-        return tuple(map(np.concatenate, zip(*values, strict=True)))
+        values = []
+        for begin in range(0, len(w), MOST):
+            batch = slice(begin, begin + MOST)
+            part = [array[..., batch] for array in form]
+            values.append(polynomials(part, w[batch]))
+        poles, zeros = zip(*values, strict=True)
+        return np.concatenate(poles), np.concatenate(zeros)
     H, C, gain = form
-    n, H, C = len(H), *(np.ascontiguousarray(np.moveaxis(array, -1, 0)) for array in (H, gain * C))
+    n = len(H)
+    H = np.ascontiguousarray(np.moveaxis(H, -1, 0))
+    C = np.ascontiguousarray(np.moveaxis(gain * C, -1, 0))
     Q = np.empty((len(H), n, w.shape[-1]), complex)
-    pairs, Q[:, -1] = Q.view(float), 1.0  # real and imaginary halves
+    Q[:, -1] = 1.0
+    pairs = Q.view(float)  # real and imaginary halves
     for k in range(n - 1, 0, -1):
         np.multiply(w, Q[:, k], out=Q[:, k - 1])
         pairs[:, k - 1] -= (H[:, k : k + 1, k:] @ pairs[:, k:])[:, 0]

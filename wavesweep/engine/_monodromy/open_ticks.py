@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,7 +38,8 @@ class OpenTicks:
         ticks = Ticks.of(drawn, (factor,), alone=True, through=product, held=closed.held(), terms=True)
         readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
         with np.errstate(all="ignore"):
-            return OpenTicks(ticks, _OpenFrame.of(ticks) if readings <= MOST_READINGS else None)
+            frame = _OpenFrame.of(ticks) if readings <= MOST_READINGS else None
+        return OpenTicks(ticks, frame)
 
     def closed(self, at: np.ndarray | int, p: np.ndarray, *, terms: bool = False) -> Ticks:
         """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together.
@@ -45,7 +47,8 @@ class OpenTicks:
         terms: whether they have the sizes of their terms; the number's loop is as uncertain as its direct term lets it be.
         """
         with np.errstate(all="ignore"):
-            return replace(self.ticks, maps=tuple(_closed(block, at, p, terms) for block in self.ticks.maps))
+            maps = tuple(_closed(block, at, p, terms) for block in self.ticks.maps)
+        return replace(self.ticks, maps=maps)
 
     def frames(self, at: np.ndarray | int, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frames less identity `(..., n, n)`, and their pivots and conditions; see `closed` and `Block`."""
@@ -55,50 +58,88 @@ class OpenTicks:
                 return frame_of(ticks), *ticks.facts
             at, p = np.broadcast_arrays(at, p)
             closures = [_closure(block, at, p) for block in self.ticks.maps]
-            read = [closures[kind][0] for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
-            n = self.frame.E.shape[-1]
-            E = in_parts(lambda index: self._frames(at[index], p[index], [gain[index] for gain in read]), p.shape, n, p.dtype)
-            _, pivots, conditions = zip(*closures, strict=True)
-            return E, reduce(np.multiply, pivots), reduce(np.multiply, conditions)
+            pivot = reduce(np.multiply, [closure.pivot for closure in closures])
+            condition = reduce(np.multiply, [closure.condition for closure in closures])
+            read = [closures[kind].gain for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
 
-    def _frames(self, at, p, gains):
-        """Return frames closed at their readings; those that would lose digits by it are closed in their ticks."""
-        E, lost = self.frame.closed(at, gains)
-        if lost.any():
-            E[lost] = frame_of(self.closed(at[lost], p[lost]))
-        return E
+            def frames(index):
+                gains = [gain[index] for gain in read]
+                E, lost = self.frame.closed(at[index], gains)
+                if lost.any():  # those that would lose digits at their readings are closed in their ticks
+                    E[lost] = frame_of(self.closed(at[index][lost], p[index][lost]))
+                return E
+
+            n = self.frame.E.shape[-1]
+            return in_parts(frames, p.shape, n, p.dtype), pivot, condition
+
+
+class _Closure(NamedTuple):
+    """The gain from the signal that the number multiplies to its product, and the tick's pivot and condition."""
+
+    gain: np.ndarray
+    pivot: np.ndarray
+    condition: np.ndarray
 
 
 def _closure(block, at, p):
-    """Return the gain from the signal that the number multiplies to its product, and the tick's pivot and condition."""
-    pivot, condition = (np.asarray(fact)[at] if np.ndim(fact) else fact for fact in (block.pivot, block.condition))
+    """Close a tick at values of the number."""
+    pivot = np.asarray(block.pivot)[at] if np.ndim(block.pivot) else block.pivot
+    condition = np.asarray(block.condition)[at] if np.ndim(block.condition) else block.condition
     if not block.inputs:
-        return p, pivot, condition
-    through = p * (block.D[at] if block.D.ndim > 2 else block.D)[..., 0, 0]
-    condition, pivot = condition * (1 + np.abs(through)) / np.abs(1 - through), pivot * (1 - through)
-    return np.where(condition <= WORST_CONDITION, p / (1 - through), np.nan), pivot, condition
+        return _Closure(p, pivot, condition)
+    through = p * _of_loops(block.D, at)[..., 0, 0]
+    left = 1 - through
+    pivot = pivot * left
+    condition = condition * (1 + np.abs(through)) / np.abs(left)
+    gain = np.where(condition <= WORST_CONDITION, p / left, np.nan)
+    return _Closure(gain, pivot, condition)
 
 
 def _closed(block, at, p, terms):
-    gain, pivot, condition = _closure(block, at, p)
-    E = _with_gain((block.E, block.B, block.C), at, gain)
-    sizes = (_sizes_closed(block, at, p, gain), E[..., :0], E[..., :0, :], E[..., :0, :0]) if terms else None
-    nothing = {"inputs": (), "outputs": (), "B": E[..., :0], "C": E[..., :0, :], "D": E[..., :0, :0]}
-    return replace(block, E=E, condition=condition, pivot=pivot, terms=sizes, **nothing)
+    """A tick with the number in place, without inputs and outputs."""
+    closure = _closure(block, at, p)
+    E = _with_gain(block.E, block.B, block.C, at, closure.gain)
+    B = E[..., :0]
+    C = E[..., :0, :]
+    D = E[..., :0, :0]
+    sizes = (_sizes_closed(block, at, p, closure.gain), B, C, D) if terms else None
+    return replace(
+        block,
+        inputs=(),
+        outputs=(),
+        E=E,
+        B=B,
+        C=C,
+        D=D,
+        condition=closure.condition,
+        pivot=closure.pivot,
+        terms=sizes,
+    )
 
 
 def _sizes_closed(block, at, p, gain):
+    """The sizes of the terms of a tick with the number in place."""
     E, B, C, direct = block.terms
     if not block.inputs:
-        return _with_gain((E, B, C), at, gain)
+        return _with_gain(E, B, C, at, gain)
     direct = np.where(block.D == 0, 0.0, direct)  # what cancels to nothing is nothing
-    size, through = np.abs(gain), np.abs(p) * (direct[at] if direct.ndim > 2 else direct)[..., 0, 0]
-    return _with_gain((E, B, C), at, size * (size / np.abs(p) * (1 + through)))
+    through = np.abs(p) * _of_loops(direct, at)[..., 0, 0]
+    size = np.abs(gain)
+    unsure = size * (size / np.abs(p) * (1 + through))
+    return _with_gain(E, B, C, at, unsure)
 
 
-def _with_gain(matrices, at, gain):
-    E, B, C = (matrix[at] if matrix.ndim > 2 else matrix for matrix in matrices)
-    return E + B * gain[..., None, None] * C if B.shape[-1] else E
+def _with_gain(E, B, C, at, gain):
+    """`E + B gain C` of the loops `at`."""
+    E = _of_loops(E, at)
+    if not B.shape[-1]:
+        return E
+    return E + _of_loops(B, at) * gain[..., None, None] * _of_loops(C, at)
+
+
+def _of_loops(matrix, at):
+    """A matrix of the loops `at` of the batch; one that all loops have alike has no axis for them."""
+    return matrix[at] if matrix.ndim > 2 else matrix
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,31 +157,45 @@ class _OpenFrame:
 
     @staticmethod
     def of(ticks: Ticks) -> "_OpenFrame":
-        return in_a_row(ticks.kind.tolist(), [_OpenFrame(tick.E, tick.B, tick.C, 0 * tick.D) for tick in ticks.maps], _joined)
+        maps = [_OpenFrame(tick.E, tick.B, tick.C, 0 * tick.D) for tick in ticks.maps]
+        return in_a_row(ticks.kind.tolist(), maps, _joined)
 
     def closed(self, at, gains) -> tuple[np.ndarray, np.ndarray]:
         """Return the frames with these gains at the readings, `(readings, ...)`, and which have lost digits as terms cancel.
 
         A reading is known from the state and from those before it, so this is forward substitution.
         """
-        E, B, C, D = (matrix[at] if matrix.ndim > 2 else matrix for matrix in (self.E, self.B, self.C, self.D))
-        eye, rows, row_sizes = np.eye(E.shape[-1]), [], []
+        E = _of_loops(self.E, at)
+        B = _of_loops(self.B, at)
+        C = _of_loops(self.C, at)
+        D = _of_loops(self.D, at)
+        eye = np.eye(E.shape[-1])
+        rows = []
+        row_sizes = []
         for i, gain in enumerate(gains):
-            row, size = C[..., i, :], np.abs(C[..., i, :])
+            row = C[..., i, :]
+            size = np.abs(row)
             for j in range(i):
-                row, size = row + D[..., i, j, None] * rows[j], size + np.abs(D[..., i, j, None]) * row_sizes[j]
+                earlier = D[..., i, j, None]
+                row = row + earlier * rows[j]
+                size = size + np.abs(earlier) * row_sizes[j]
             rows.append(gain[..., None] * row)
             row_sizes.append(np.abs(gain)[..., None] * size)
         if not rows:
             return np.broadcast_to(E, (*at.shape, *eye.shape)), np.zeros(at.shape, bool)
         sizes = np.abs(eye + E) + np.abs(B) @ np.stack(row_sizes, axis=-2)
         E = E + B @ np.stack(rows, axis=-2)
-        return E, size_of(sizes) > CANCELS * np.maximum(1.0, size_of(eye + E))
+        largest = np.maximum(1.0, size_of(eye + E))
+        return E, size_of(sizes) > CANCELS * largest
 
 
 def _joined(first, second):
-    across, nothing = second.C @ first.B, np.zeros((first.C.shape[-2], second.B.shape[-1]))
+    """One run of ticks after the other; the readings of the first come first."""
     E = then(first.E, second.E)
     B = concatenated((first.B + second.E @ first.B, second.B), -1)
     C = concatenated((first.C, second.C + second.C @ first.E), -2)
-    return _OpenFrame(E, B, C, concatenated((concatenated((first.D, nothing), -1), concatenated((across, second.D), -1)), -2))
+    not_yet = np.zeros((first.C.shape[-2], second.B.shape[-1]))
+    across = second.C @ first.B
+    earlier = concatenated((first.D, not_yet), -1)
+    later = concatenated((across, second.D), -1)
+    return _OpenFrame(E, B, C, concatenated((earlier, later), -2))
