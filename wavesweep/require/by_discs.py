@@ -112,7 +112,7 @@ class _LoopsInDiscs:
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels."""
         middle = (low + high) / 2
-        radius = 2 * ((high - low) / 2)
+        radius = high - low  # twice that of the panel
         E, dE, rims = self.about(column, middle, radius)
         inside_range = middle - radius >= bounds[0][column]
         inside_range &= middle + radius <= bounds[1][column]

@@ -32,7 +32,7 @@ from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import NEAR, START, with_middles
-from wavesweep.engine.response import plus, port_between, times
+from wavesweep.engine.response import joined, plus, port_between, times
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM, SAFE
 from wavesweep.require.maps import minus, over_frame, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_circle
@@ -47,9 +47,11 @@ def loops_between(loops, along, drift, route, number, p):
     at = loops.some(number).changed({along: p})
     with np.errstate(all="ignore"):
         drawn = at.drawn()
-        port, (pivot, _) = port_between(drawn, *route, drift), Ticks.of(drawn, alone=True).facts
+        port = port_between(drawn, *route, drift)
+        pivot, _ = Ticks.of(drawn, alone=True).facts
     pivot = np.broadcast_to(np.asarray(pivot)[..., None], (p.size, 1))
-    return port, np.concatenate([pivot, at.guards_at(along, p.shape).reshape(p.size, -1)], -1)
+    guards = at.guards_at(along, p.shape).reshape(p.size, -1)
+    return port, np.concatenate([pivot, guards], -1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,41 +85,51 @@ class BoundedGain:
 
     def maps(self, column, p):
         """E less identity, G, O and T of a frame, each with a bound on its error, and pivots; NaN without a solution."""
+        own = self.columns[column]
         try:
-            port, pivots = loops_between(self.loops, self.along, self.drift, self.route, self.columns[column], p)
+            port, pivots = loops_between(self.loops, self.along, self.drift, self.route, own, p)
         except IllPosedLoopError:
             if p.size == 1:
-                n, m = self.kept.size, self.inputs
-                shapes = ((1, n, n), (1, n, m), (1, m, n), (1, m, m))
-                return [(np.full(shape, np.nan),) * 2 for shape in shapes], np.zeros((1, 1))
-            halves = [self.maps(column[half], p[half]) for half in np.array_split(np.arange(p.size), 2)]
-            maps = [
-                tuple(map(np.concatenate, zip(*pair, strict=True)))
-                for pair in zip(*(half_maps for half_maps, _ in halves), strict=True)
-            ]
+                n = self.kept.size
+                m = self.inputs
+                unknown = []
+                for rows, columns in ((n, n), (n, m), (m, n), (m, m)):
+                    unknown.append((np.full((1, rows, columns), np.nan),) * 2)
+                return unknown, np.zeros((1, 1))
+            first, second = np.array_split(np.arange(p.size), 2)
+            first_maps, _ = self.maps(column[first], p[first])
+            second_maps, _ = self.maps(column[second], p[second])
+            maps = [joined(both, 0) for both in zip(first_maps, second_maps, strict=True)]
             return maps, np.zeros((p.size, 1))  # which may be poles
         return over_frame(port, self.kept, p.shape), pivots
 
     def changes(self, column, p):
         """E less identity of frames, `(points, n, n)`."""
-        return self.maps(column, p)[0][0][0]
+        (E, *_), _ = self.maps(column, p)
+        return E[0]
 
     def at_rest_through(self, column, p):
         """What comes of inputs that are constant, as a map of a frame, and the constant input, of length 1."""
-        E, G, O, T = (array for array, _ in self.maps(column, p)[0])
-        return T - O @ solve(E, G), np.full((self.inputs, 1), self.inputs**-0.5)
+        maps, _ = self.maps(column, p)
+        E, G, O, T = (matrix for matrix, _ in maps)
+        w = np.full((self.inputs, 1), self.inputs**-0.5)
+        return T - O @ solve(E, G), w
 
     def off_at_rest(self, column, p):
         """By how much what comes of a constant input, and what goes to a constant output, differ from the level at rest."""
         H, w = self.at_rest_through(column, p)
         signed = np.copysign(self.level, _t(w) @ H @ w) * w
-        return np.max([np.abs(each @ w - signed).max((-1, -2)) for each in (H, _t(H))], 0)
+        of_output = np.abs(H @ w - signed).max((-1, -2))
+        of_input = np.abs(_t(H) @ w - signed).max((-1, -2))
+        return np.maximum(of_output, of_input)
 
     def label(self, column, low, high, bounds):
         """GOOD, BAD or OPEN of panels; BAD outside of where loops may be stable."""
-        own_rows = self.stable.column == self.columns[column][:, None]
-        within = own_rows & (self.stable.low < high[:, None]) & (self.stable.high > low[:, None])
-        label, inside = np.full(column.size, BAD), within.any(-1)
+        stable = self.stable
+        within = stable.column == self.columns[column][:, None]
+        within &= (stable.low < high[:, None]) & (stable.high > low[:, None])
+        inside = within.any(-1)
+        label = np.full(column.size, BAD)
         if inside.any():
             label[inside] = self._label(column[inside], low[inside], high[inside], bounds)
         return label
@@ -125,37 +137,44 @@ class BoundedGain:
     def _about(self, column, low, high, bounds):
         """The maps in the middles of panels and on rims about them, `(panels * points, ...)`, their number, and where they
         are known."""
-        middle, half = (low + high) / 2, (high - low) / 2
-        p = middle[:, None] + 2 * half[:, None] * np.append(0.0, RIM)
+        middle = (low + high) / 2
+        radius = high - low  # twice that of the panel
+        p = middle[:, None] + radius[:, None] * np.append(0.0, RIM)
         maps, pivots = self.maps(np.repeat(column, p.shape[1]), p.ravel())
-        inside_range = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
-        return maps, p.shape, inside_range & ~poles_inside(pivots.reshape(*p.shape, -1))
+        known = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
+        known &= ~poles_inside(pivots.reshape(*p.shape, -1))
+        return maps, p.shape, known
 
     def _label(self, column, low, high, bounds):
         maps, shape, judged = self._about(column, low, high, bounds)
         form = self.form(shape[1], *maps)
-        both = [tuple(array.reshape(*shape, *array.shape[1:]) for array in pair) for pair in self.pencil(maps[0], *form)]
-        (K, dK), (L, dL) = both
+        (K, dK), (L, dL) = _by_panel(self.pencil(maps[0], *form), shape)
+        parts = _by_panel((maps[0], *form), shape)
         if self.at_rest:
-            judged &= ~poles_inside(_determinants(maps[0][0].reshape(*shape, *maps[0][0].shape[1:]))[..., None])
-        judged &= np.logical_and.reduce([np.isfinite(array).all((-1, -2, -3)) for array in (K, dK, L, dL)])
-        label, open_columns = np.full(column.size, OPEN), np.flatnonzero(judged)
-        if not open_columns.size:
+            E, _ = parts[0]
+            judged &= ~poles_inside(_determinants(E)[..., None])
+        for array in (K, dK, L, dL):
+            judged &= np.isfinite(array).all((-1, -2, -3))
+        label = np.full(column.size, OPEN)
+        at = np.flatnonzero(judged)
+        if not at.size:
             return label
-        middles = K[open_columns, 0].real, dK[open_columns, 0], L[open_columns, 0].real, dL[open_columns, 0]
-        arc = self.arc[self.columns[column[open_columns]]]
-        inside, d = clear(*middles, (K[open_columns, 1:], L[open_columns, 1:]), self.inputs, arc)
-        arrays = [tuple(array.reshape(*shape, *array.shape[1:])[open_columns] for array in pair) for pair in (maps[0], *form)]
+
+        middle = K[at, 0].real, dK[at, 0], L[at, 0].real, dL[at, 0]
+        rims = K[at, 1:], L[at, 1:]
+        arc = self.arc[self.columns[column[at]]]
+        inside, d = clear(*middle, rims, self.inputs, arc)
+        parts = _of_panels(parts, at)
         theta = _angles(d, arc)
-        value, size, v = _least([array[:, 0].real for array, _ in arrays], theta)
+        value, size, v = _least([matrix[:, 0].real for matrix, _ in parts], theta)
         good = inside & (value > POSITIVE * size).any(-1)
-        label[open_columns[good]] = GOOD
+        label[at[good]] = GOOD
         rest = np.flatnonzero(~good & (value.min(-1) < 0))
         if rest.size:
-            at = value[rest].argmin(-1)
+            lowest = value[rest].argmin(-1)
             with np.errstate(all="ignore"):
-                bad = _negative([tuple(array[rest] for array in pair) for pair in arrays], theta[rest, at], v[rest, at])
-            label[open_columns[rest[bad]]] = BAD
+                bad = _negative(_of_panels(parts, rest), theta[rest, lowest], v[rest, lowest])
+            label[at[rest[bad]]] = BAD
         return label
 
     def worst(self, column, p):
@@ -166,10 +185,10 @@ class BoundedGain:
         arc = self.arc[np.full(p.size, column)]
         _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), self.inputs, arc)
         theta = _angles(d, arc)
-        value, size, _ = _least([array for array, _ in (maps[0], *form)], theta)
-        most = (value / size).argmin(-1)[:, None]
-        value, size, theta = (np.take_along_axis(array, most, 1)[:, 0] for array in (value, size, theta))
-        return on_circle(theta), -value / size
+        value, size, _ = _least([matrix for matrix, _ in (maps[0], *form)], theta)
+        loop = np.arange(p.size)
+        lowest = (value / size).argmin(-1)
+        return on_circle(theta[loop, lowest]), -value[loop, lowest] / size[loop, lowest]
 
     def form(self, points, E, G, O, T):
         """The matrices G, P, S, R of the form, each with a bound on its error; points: of a disc, with one b."""
@@ -179,20 +198,37 @@ class BoundedGain:
         return G, minus(times(back, O)), minus(times(back, T)), self._level_less(T)
 
     def _form_at_rest(self, points, E, G, O, T):
-        X, w = inverse(-E[0]), np.full((self.inputs, 1), self.inputs**-0.5)
-        aX, h = np.abs(X), self.level * np.sign((_t(w) @ (T[0] + O[0] @ X @ G[0]) @ w).real) * w
-        h, w, G_w = (h, 0 * h), (w, 0 * w), times(G, (w, 0 * w))
-        h_O, r = times(transposed(h), O), X @ G_w[0]
-        r, c = (r, aX @ (E[1] @ np.abs(r) + G_w[1] + ROUNDING * (np.abs(E[0]) @ np.abs(r) + np.abs(G_w[0])))), h_O[0] @ X
-        c = c, (np.abs(c) @ (E[1] + ROUNDING * np.abs(E[0])) + h_O[1] + ROUNDING * np.abs(h_O[0])) @ aX
-        frames = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2  # by which a slow input is late
+        X = inverse(-E[0])
+        X_size = np.abs(X)
+        w = np.full((self.inputs, 1), self.inputs**-0.5)
+        H = T[0] + O[0] @ X @ G[0]
+        h = self.level * np.sign((_t(w) @ H @ w).real) * w
+        w = w, 0 * w
+        h = h, 0 * h
+
+        G_w = times(G, w)
+        r = X @ G_w[0]
+        r_size = np.abs(r)
+        r_rounding = ROUNDING * (np.abs(E[0]) @ r_size + np.abs(G_w[0]))
+        r = r, X_size @ (E[1] @ r_size + G_w[1] + r_rounding)
+
+        h_O = times(transposed(h), O)
+        c = h_O[0] @ X
+        E_error = E[1] + ROUNDING * np.abs(E[0])
+        c = c, (np.abs(c) @ E_error + h_O[1] + ROUNDING * np.abs(h_O[0])) @ X_size
+
+        # By so many frames a slow input is late.
+        frames = (c[0] @ r[0]).real.reshape(-1, points)[:, :1] / self.level**2
         f = np.repeat(1 / np.maximum(2.0, frames), points, axis=0).reshape(-1, 1, 1)
-        w_c, w_cG = times(w, plus(c, minus(h_O))), times(w, times(c, G))
-        S = minus(transposed(plus(times(transposed(T), O), scaled(f, w_c))))
+        w_cA = times(w, plus(c, minus(h_O)))
+        w_cG = times(w, times(c, G))
+        S = minus(transposed(plus(times(transposed(T), O), scaled(f, w_cA))))
         late = times(times(w, times(c, r)), transposed(w))
         late = plus(scaled(f**2, late), minus(scaled(f, plus(w_cG, transposed(w_cG)))))
         R = plus(self._level_less(T), late)
-        return plus(G, minus(scaled(f, times(r, transposed(w))))), minus(times(transposed(O), O)), S, R
+        P = minus(times(transposed(O), O))
+        G = plus(G, minus(scaled(f, times(r, transposed(w)))))
+        return G, P, S, R
 
     def _level_less(self, T):
         """level^2 - T'T."""
@@ -202,17 +238,30 @@ class BoundedGain:
     def pencil(self, E, G, P, S, R):
         """N - L and L, each with a bound on its error."""
         n, m = G[0].shape[-2:]
-        x, l, u, blocks = slice(n), slice(n, 2 * n), slice(2 * n, None), []
+        order = 2 * n + m
+        x = slice(n)
+        l = slice(n, 2 * n)
+        u = slice(2 * n, None)
+        pencils = []  # of the matrices, and of the bounds on their errors
         for e, g, p, s, r in zip(E, G, P, S, R, strict=True):
-            K, L = np.zeros((2, *g.shape[:-2], 2 * n + m, 2 * n + m), np.result_type(e, g, p, s, r))
-            K[..., x, x], K[..., x, u] = e, g
-            K[..., l, x], K[..., l, l], K[..., l, u] = p, _t(e), s
-            K[..., u, x], K[..., u, l], K[..., u, u] = _t(s), _t(g), r
-            L[..., l, l], L[..., u, l] = -_t(e), -_t(g)
-            blocks.append((K, L))
-        (K, L), errors = blocks
-        L[..., x, x], L[..., l, l] = np.eye(n), L[..., l, l] - np.eye(n)
-        return (K, np.abs(errors[0])), (L, np.abs(errors[1]) + ROUNDING * np.abs(L))
+            shape = (*g.shape[:-2], order, order)
+            K = np.zeros(shape, np.result_type(e, g, p, s, r))
+            K[..., x, x] = e
+            K[..., x, u] = g
+            K[..., l, x] = p
+            K[..., l, l] = _t(e)
+            K[..., l, u] = s
+            K[..., u, x] = _t(s)
+            K[..., u, l] = _t(g)
+            K[..., u, u] = r
+            L = np.zeros(shape, K.dtype)
+            L[..., l, l] = -_t(e)
+            L[..., u, l] = -_t(g)
+            pencils.append((K, L))
+        (K, L), (K_error, L_error) = pencils
+        L[..., x, x] = np.eye(n)
+        L[..., l, l] -= np.eye(n)
+        return (K, np.abs(K_error)), (L, np.abs(L_error) + ROUNDING * np.abs(L))
 
 
 class Sine(BoundedGain):
@@ -228,11 +277,12 @@ class Sine(BoundedGain):
 
     def _label(self, column, low, high, bounds):
         maps, shape, judged = self._about(column, low, high, bounds)
-        maps = [tuple(array.reshape(*shape, *array.shape[1:]) for array in pair) for pair in maps]
-        judged &= np.logical_and.reduce([np.isfinite(array).all((1, 2, 3)) for pair in maps for array in pair])
+        maps = _by_panel(maps, shape)
+        for matrix, size in maps:
+            judged &= np.isfinite(matrix).all((1, 2, 3)) & np.isfinite(size).all((1, 2, 3))
         label = np.full(column.size, OPEN)
         for at in np.flatnonzero(judged):
-            label[at] = self._panel(column[at], [tuple(array[at] for array in pair) for pair in maps]).label()
+            label[at] = self._panel(column[at], _of_panels(maps, at)).label()
         return label
 
     def _panel(self, column, maps):
@@ -242,10 +292,27 @@ class Sine(BoundedGain):
         """As that of `BoundedGain`."""
         index = np.searchsorted(self.columns, column)
         maps, _ = self.maps(np.full(p.size, index), p)
-        worst = [
-            self._panel(index, [tuple(array[at : at + 1] for array in pair) for pair in maps]).worst() for at in range(p.size)
-        ]
-        return tuple(map(np.array, zip(*worst, strict=True)))
+        delta = []
+        beyond = []
+        for at in range(p.size):
+            found = self._panel(index, _of_panels(maps, slice(at, at + 1))).worst()
+            delta.append(found[0])
+            beyond.append(found[1])
+        return np.array(delta), np.array(beyond)
+
+
+def _by_panel(pairs, shape):
+    """Matrices of all points, and bounds on their errors, by panels and points of each."""
+    panels = []
+    for matrix, size in pairs:
+        by_panel = *shape, *matrix.shape[1:]
+        panels.append((matrix.reshape(by_panel), size.reshape(by_panel)))
+    return panels
+
+
+def _of_panels(pairs, at):
+    """Those of some panels."""
+    return [(matrix[at], size[at]) for matrix, size in pairs]
 
 
 def _t(part):
@@ -257,10 +324,14 @@ def _angles(d, arc):
     between these."""
     off = off_circle(d)
     nearest = np.argsort(off, -1)[:, :ANGLES]
-    d, off = (np.take_along_axis(array, nearest, -1) for array in (d, off))
-    angles = with_middles(np.clip(np.where(off <= NEAR, angles_of(d), np.nan), arc[:, :1], arc[:, 1:]))
-    angles = np.where(np.isnan(angles), arc[:, :1], np.clip(angles, arc[:, :1], arc[:, 1:]))
-    return np.concatenate([angles, arc[:, :1] + (arc[:, 1:] - arc[:, :1]) * START / np.pi], -1)
+    d = np.take_along_axis(d, nearest, -1)
+    off = np.take_along_axis(off, nearest, -1)
+    low = arc[:, :1]
+    high = arc[:, 1:]
+    beside = np.where(off <= NEAR, angles_of(d), np.nan)
+    angles = with_middles(np.clip(beside, low, high))
+    angles = np.where(np.isnan(angles), low, np.clip(angles, low, high))
+    return np.concatenate([angles, low + (high - low) * START / np.pi], -1)
 
 
 def _least(parts, theta):
@@ -269,14 +340,20 @@ def _least(parts, theta):
     parts: E, G, P, S, R of each, `(n, r, c)`.
     """
     E, G, P, S, R = (array[:, None] for array in parts)
+    w = on_circle(theta)[..., None, None]
     with np.errstate(all="ignore"):
-        x = solve(on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E, G + 0j * theta[..., None, None])
-        back, St = _t(x).conj(), _t(S)
-        hermitian = back @ P @ x + back @ S + St @ x + R
-        size = np.abs(back) @ np.abs(P) @ np.abs(x) + np.abs(back) @ np.abs(S) + np.abs(St) @ np.abs(x) + np.abs(R)
-        finite = np.isfinite(hermitian).all((-1, -2))
-        value, vectors = np.linalg.eigh(np.where(finite[..., None, None], hermitian, 0.0))
-    return np.where(finite, value[..., 0], 0.0), np.where(finite, size.sum((-1, -2)), 1.0), vectors[..., 0]
+        x = solve(w * np.eye(E.shape[-1]) - E, G + 0j * theta[..., None, None])
+        x_size = np.abs(x)
+        back = _t(x).conj()
+        back_size = np.abs(back)
+        St = _t(S)
+        form = back @ P @ x + back @ S + St @ x + R
+        size = back_size @ np.abs(P) @ x_size + back_size @ np.abs(S)
+        size = size + np.abs(St) @ x_size + np.abs(R)
+        finite = np.isfinite(form).all((-1, -2))
+        values, vectors = np.linalg.eigh(np.where(finite[..., None, None], form, 0.0))
+    least = np.where(finite, values[..., 0], 0.0)
+    return least, np.where(finite, size.sum((-1, -2)), 1.0), vectors[..., 0]
 
 
 def _negative(parts, theta, v):
@@ -287,36 +364,59 @@ def _negative(parts, theta, v):
     has an eigenvalue at z. Where the number is complex, conjugates are continued: they solve the same for those of z, v and l.
     """
     (E, dE), (G, dG), (P, dP), (S, dS), (R, dR) = parts
-    n, w, v = E.shape[-1], on_circle(theta), v[:, None, :, None]
+    n = E.shape[-1]
+    w = on_circle(theta)
+    v = v[:, None, :, None]
     x = solve(w[:, None, None] * np.eye(n) - E[:, 0].real, G[:, 0].real @ v[:, 0])
     q = np.concatenate([x, np.ones((len(x), 1, 1))], 1)
     l = (q.conj() / (np.abs(q) ** 2).sum(1, keepdims=True))[:, None, :, 0]
 
     def solved(w, v, l):
+        """The matrix of both equations, its inverse, x and u."""
         B = np.zeros((*E.shape[:2], n + 1, n + 1), complex)
-        B[..., :n, :n], B[..., :n, n:], B[..., n, :] = w[:, None, None, None] * np.eye(n) - E, -G @ v, l
+        B[..., :n, :n] = w[:, None, None, None] * np.eye(n) - E
+        B[..., :n, n:] = -G @ v
+        B[..., n, :] = l
         back = inverse(B)
         return B, back, back[..., :n, n:], v * back[..., n:, n:]
 
-    (B, back, x, i), (dual, _, y, k) = solved(w, v, l), solved(w.conj(), v.conj(), l.conj())
-    value = (_t(y) @ (P @ x + S @ i) + _t(k) @ (_t(S) @ x + R @ i))[..., 0, 0]
+    B, back, x, u = solved(w, v, l)
+    B_dual, _, x_dual, u_dual = solved(w.conj(), v.conj(), l.conj())
+    value = (_t(x_dual) @ (P @ x + S @ u) + _t(u_dual) @ (_t(S) @ x + R @ u))[..., 0, 0]
     change = np.abs(value[:, 1:] - value[:, :1].real).max(-1)
-    x, i, rough = x[:, 0], i[:, 0], 2 * (n + 4) * ROUNDING
-    sizes = [np.abs(array) for array in (x, i, back[:, 0], B[:, 0], v[:, 0])]
-    (ax, ai, far, aB, av), (P, S, R) = sizes, (P[:, 0], S[:, 0], R[:, 0])
-    dE, dG, dP, dS, dR = dE[:, 0], dG[:, 0], *(off[:, 0] + rough * np.abs(array) for off, array in ((dP, P), (dS, S), (dR, R)))
-    left = np.concatenate([dE @ ax + dG @ ai, 0 * ai[:, :1]], 1) + rough * aB @ far[..., n:]
-    off = far @ left
-    dx, di = off[:, :n], av * off[:, n:]
-    error = _t(ax) @ dP @ ax + 2 * _t(ax) @ dS @ ai + _t(ai) @ dR @ ai
-    error = error + 2 * (np.abs(_t(P @ x + S @ i)) @ dx + np.abs(_t(_t(S) @ x + R @ i)) @ di)
-    poles = poles_inside((_determinants(B) * _determinants(dual))[..., None])
+
+    # The error in the middle: of x and u, by what the equations miss, and of the form.
+    x = x[:, 0]
+    u = u[:, 0]
+    P = P[:, 0]
+    S = S[:, 0]
+    R = R[:, 0]
+    x_size = np.abs(x)
+    u_size = np.abs(u)
+    back_size = np.abs(back[:, 0])
+    rough = 2 * (n + 4) * ROUNDING
+    dP = dP[:, 0] + rough * np.abs(P)
+    dS = dS[:, 0] + rough * np.abs(S)
+    dR = dR[:, 0] + rough * np.abs(R)
+    of_states = dE[:, 0] @ x_size + dG[:, 0] @ u_size
+    missed = np.concatenate([of_states, 0 * u_size[:, :1]], 1)
+    missed = missed + rough * np.abs(B[:, 0]) @ back_size[..., n:]
+    off = back_size @ missed
+    dx = off[:, :n]
+    du = np.abs(v[:, 0]) * off[:, n:]
+    error = _t(x_size) @ dP @ x_size + 2 * _t(x_size) @ dS @ u_size + _t(u_size) @ dR @ u_size
+    by_x = np.abs(_t(P @ x + S @ u)) @ dx
+    by_u = np.abs(_t(_t(S) @ x + R @ u)) @ du
+    error = error + 2 * (by_x + by_u)
+
+    poles = poles_inside((_determinants(B) * _determinants(B_dual))[..., None])
     return ~poles & (value[:, 0].real + SAFE / 2 * change + error[:, 0, 0] < 0)
 
 
 def poles_inside(pivots):
     """Whether one of the pivots may be 0 within a circle; pivots: in its middle and on its upper half, `(n, points, k)`."""
-    return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & (pivots != pivots[:, :1]).any((1, 2))
+    moving = (pivots != pivots[:, :1]).any((1, 2))
+    return pole_inside(pivots[:, 1:], level_of(pivots[:, :1])) & moving
 
 
 def _determinants(A):
