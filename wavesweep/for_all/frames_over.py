@@ -1,12 +1,13 @@
 """The frames of loops over cells of a box of numbers: ticks as Taylor models, and their products.
 
-Which blocks run in which tick, and what drifts, follow from the loop in doubles, and are the same in all cells.
+Which blocks run in which tick, and what drifts, follow from the loop in doubles, and are the same
+in all cells. The proof is "Unknown numbers" in docs/proof.md, whose symbols are used here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
@@ -68,9 +69,13 @@ class FramesOver:
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 frames = self._frames(self._maps(cell))
-                return frames if self.units is None else frames.entrywise(self._ratios(cell, frames))
+                if self.units is None:
+                    return frames
+                return frames.entrywise(self._ratios(cell, frames))
         except UnresolvedError as error:
-            return int(np.argmax(np.ptp(cell, 0))) if error.number is None else error.number
+            if error.number is None:
+                return int(np.argmax(np.ptp(cell, 0)))
+            return error.number
 
     def unresolved(self, cell: np.ndarray) -> np.ndarray:
         """Return how much of what is left out of blocks and gains in a cell is due to each of its wide sides, `(sides,)`,
@@ -86,31 +91,42 @@ class FramesOver:
 
     def _maps(self, cell):
         """The maps of all kinds of ticks without drift, `(kinds, n, n)`."""
-        changes, known = [], {}
+        changes = []
+        known = {}
         for loop, places in groupby(self.ticks, lambda pair: pair[0]):
             model = loop.over(cell, known)
-            changes += [model.tick(each.loop, each.place, each.held, each.exact) for _, each in places]
-        terms = np.stack([change.terms for change in changes], 1)
-        both = Polynomials(terms, np.stack([change.rest for change in changes]), changes[0].numbers, changes[0].order)
-        E = without_drift(both, self.drift, self.copies)
-        return E + Polynomials.constant(np.broadcast_to(np.eye(self.states), E.rest.shape), E.numbers, E.order)
+            for _, each in places:
+                changes.append(model.tick(each.loop, each.place, each.held, each.exact))
+        # "Every kind of tick is a Taylor model": those of all kinds as one.
+        E = without_drift(_stacked(changes), self.drift, self.copies)
+        identity = np.broadcast_to(np.eye(self.states), E.rest.shape)
+        return E + Polynomials.constant(identity, E.numbers, E.order)
 
     def _ratios(self, cell, frames):
         """By what the entries of frames change with the units of the states."""
         wide = np.flatnonzero(cell[0] < cell[1])
         sides = []
         for at in range(cell.shape[1]):
-            low, high = map(float, cell[:, at])
-            index = int(np.searchsorted(wide, at))
-            side = TaylorModel.side(index, low, high, frames.numbers, frames.order) if low < high else low
+            low = float(cell[0, at])
+            high = float(cell[1, at])
+            side = low
+            if low < high:
+                index = int(np.searchsorted(wide, at))
+                side = TaylorModel.side(index, low, high, frames.numbers, frames.order)
             sides.append(side - float(self.about[at]))
         units = []
         for exponents in self.units.T:
-            total = sum((side * float(exponent) for side, exponent in zip(sides, exponents, strict=True)), 0.0)
-            units.append(total.exp() if isinstance(total, TaylorModel) else np.exp(total))
+            pairs = zip(sides, exponents, strict=True)
+            total = sum((side * float(exponent) for side, exponent in pairs), 0.0)
+            if isinstance(total, TaylorModel):
+                units.append(total.exp())
+            else:
+                units.append(np.exp(total))
         n = len(units)
-        column = Polynomials.of_entries([[unit] for unit in units], (n, 1), frames.numbers, frames.order)
-        row = Polynomials.of_entries([[1 / unit for unit in units]], (1, n), frames.numbers, frames.order)
+        inverses = [1 / unit for unit in units]
+        own = [[unit] for unit in units]
+        column = Polynomials.of_entries(own, (n, 1), frames.numbers, frames.order)
+        row = Polynomials.of_entries([inverses], (1, n), frames.numbers, frames.order)
         ratio = column @ row
         shape = frames.rest.shape
         terms = np.broadcast_to(ratio.terms[:, None], (len(ratio.terms), *shape))
@@ -119,7 +135,8 @@ class FramesOver:
     def _frames(self, maps):
         if not np.isfinite(maps.whole).all():
             raise UnresolvedError(None)
-        powers_known, powers = {}, {}
+        powers = {}
+        joined_rows = {}
 
         def power(kind, count):
             if (kind, count) not in powers:
@@ -133,28 +150,35 @@ class FramesOver:
             return powers[kind, count]
 
         def joined(row):
-            if row not in powers_known:
-                runs = [(kind, len(list(run))) for kind, run in groupby(row)]
-                if row[:-1] in powers_known:
-                    powers_known[row] = maps.of(row[-1]) @ powers_known[row[:-1]]
-                elif len(runs) == 1:
-                    powers_known[row] = power(*runs[0])
-                else:  # in halves, since what is left out grows with the depth, and what repeats is multiplied once
-                    first = sum(length for _, length in runs[: 1 << (len(runs) - 1).bit_length() - 1])
-                    powers_known[row] = joined(row[first:]) @ joined(row[:first])
-            return powers_known[row]
+            if row in joined_rows:
+                return joined_rows[row]
+            runs = [(kind, len(list(run))) for kind, run in groupby(row)]
+            if row[:-1] in joined_rows:
+                found = maps.of(row[-1]) @ joined_rows[row[:-1]]
+            elif len(runs) == 1:
+                found = power(*runs[0])
+            else:
+                # In halves, since what is left out grows with the depth, and what repeats is
+                # multiplied once.
+                half = 1 << (len(runs) - 1).bit_length() - 1
+                first = sum(length for _, length in runs[:half])
+                found = joined(row[first:]) @ joined(row[:first])
+            joined_rows[row] = found
+            return found
 
-        rows = sorted(set(self.rows), key=len)
-        products = {row: joined(row) for row in rows if row}
+        # "Frames are products of ticks."
         identity = Polynomials.constant(np.eye(self.states), maps.numbers, maps.order)
-        of_rows = [products.get(row, identity) for row in self.rows]
-        terms = np.stack([each.terms for each in of_rows], 1)
-        before = Polynomials(terms, np.stack([each.rest for each in of_rows]), maps.numbers, maps.order)
+        products = {(): identity}
+        for row in sorted(set(self.rows), key=len):
+            if row:
+                products[row] = joined(row)
+        before = _stacked([products[row] for row in self.rows])
         frames = maps.of(list(self.samples)) @ before
         states = alive((frames.whole > 0).any(0), np.arange(self.states))
         if not self.kept:
             self.kept.extend(states.tolist())
-        if not set(states.tolist()) <= set(self.kept) or not np.isfinite(frames.whole).all():
+        known = set(states.tolist()) <= set(self.kept)
+        if not known or not np.isfinite(frames.whole).all():
             raise UnresolvedError(frames.widest())
         return frames.at(self.kept, self.kept)
 
@@ -162,26 +186,34 @@ class FramesOver:
 def constant_frames(loop: Loops, sides: Sequence[Side], box: np.ndarray, most: int = ORDERS[1]) -> FramesOver:
     """Return the frames of a loop whose frames are all alike over the cells of a box of sides. most: of the order."""
     inside = inside_of(box)
-    values = {**loop.values, **{side.path: side.number(inside[:, at]) for at, side in enumerate(sides)}}
+    values = dict(loop.values)
+    for at, side in enumerate(sides):
+        values[side.path] = side.number(inside[:, at])
     drawn = Loops(loop.drawing, values).drawn()
     numbers = int((box[0] < box[1]).sum())
-    order = min(ORDERS[numbers] if numbers < len(ORDERS) else ORDER, most)
-    enclosed = EnclosedLoop(loop.drawing, loop.values, sides, order)
+    order = ORDER
+    if numbers < len(ORDERS):
+        order = ORDERS[numbers]
+    enclosed = EnclosedLoop(loop.drawing, loop.values, sides, min(order, most))
     running, kind = drawn.schedule()
     held = drawn.held()
-    places = [TickPlace(drawn, int(np.argmax(kind == index)), held) for index in range(len(running))]
+    ticks = []
+    for index in range(len(running)):
+        place = int(np.argmax(kind == index))
+        ticks.append((enclosed, TickPlace(drawn, place, held)))
     drift = MarginalModes.of(*Loops(loop.drawing, values).twins())
 
     def ticks_at(points):
         columns = {side.path: side.number(points[:, at]) for at, side in enumerate(sides)}
-        ticks = Ticks.of(Loops(loop.drawing, {**loop.values, **columns}).drawn(), alone=True, terms=True)
-        return drift.relative_ticks(ticks)
+        at_points = Loops(loop.drawing, {**loop.values, **columns}).drawn()
+        return drift.relative_ticks(Ticks.of(at_points, alone=True, terms=True))
 
     _, groups = ticks_at(inside)
     copies = groups[len(drift.constant) :]
     drift = lasting(drift, lambda points: ticks_at(points)[0], box)
     *row, sample = kind.tolist()
-    return FramesOver([(enclosed, place) for place in places], drift, (tuple(row),), (sample,), (Symbol(len(kind)),), copies)
+    symbol = Symbol(len(kind))
+    return FramesOver(ticks, drift, (tuple(row),), (sample,), (symbol,), copies)
 
 
 def inside_of(box: np.ndarray) -> np.ndarray:
@@ -205,24 +237,30 @@ def without_drift(E: Polynomials, drift: MarginalModes, copies: Groups = ()) -> 
                 factors[0, state, lead] = factor
         if factors.any():
             rounding = UNIT * np.abs(factors)
-            to, back = (Polynomials.constant(np.eye(n) + sign * factors, E.numbers, E.order) for sign in (-1, 1))
-            to, back = (Polynomials(each.terms, rounding, E.numbers, E.order) for each in (to, back))
-            E = to @ E @ back
-    remaining, leads = list(drift.remaining), list(drift.varying)
+            to = Polynomials.constant(np.eye(n) - factors, E.numbers, E.order)
+            back = Polynomials.constant(np.eye(n) + factors, E.numbers, E.order)
+            E = replace(to, rest=rounding) @ E @ replace(back, rest=rounding)
+    remaining = list(drift.remaining)
+    leads = list(drift.varying)
     own = E.at(remaining, remaining)
     if not leads:
         return own
-    M, S = (_below(E.at(range(n), columns)) for columns in (remaining, leads))
+    # "`E_R V = -E_S` of all ticks together".
+    E_R = _below(E.at(range(n), remaining))
+    E_S = _below(E.at(range(n), leads))
     # Rows count by how well they are known, and columns alike, so that what is left out of them hardly grows.
-    unknown = M.rest.sum(-1) + S.rest.sum(-1) + ROUNDINGS * UNIT * np.abs(M.terms[0]).sum(-1)
+    rounding = ROUNDINGS * UNIT * np.abs(E_R.terms[0]).sum(-1)
+    unknown = E_R.rest.sum(-1) + E_S.rest.sum(-1) + rounding
     weight = np.divide(1.0, unknown, out=np.zeros_like(unknown), where=unknown > 0)
-    weighed = M.terms[0] * weight[:, None]
+    weighed = E_R.terms[0] * weight[:, None]
     most = np.abs(weighed).max(0, initial=0.0)
     unit = np.divide(1.0, most, out=np.ones_like(most), where=most > 0)
     inverse = unit[:, None] * np.linalg.pinv(weighed * unit) * weight
     J = Polynomials.constant(inverse, E.numbers, E.order)
-    V = (J @ M).inverse() @ (J @ S)
-    shift = Polynomials(V.terms[:, None], V.rest[None], E.numbers, E.order)
+    # "`V = -(J E_R)^-1 J E_S` with J near to an inverse"; the sign is left off.
+    minus_V = (J @ E_R).inverse() @ (J @ E_S)
+    # `E_RR - V E_SR`, for the states counted from the rest.
+    shift = Polynomials(minus_V.terms[:, None], minus_V.rest[None], E.numbers, E.order)
     return own + shift @ E.at(leads, remaining)
 
 
@@ -230,3 +268,10 @@ def _below(E):
     """The rows of all kinds of ticks below each other."""
     terms = E.terms.reshape(len(E.terms), -1, E.rest.shape[-1])
     return Polynomials(terms, E.rest.reshape(-1, E.rest.shape[-1]), E.numbers, E.order)
+
+
+def _stacked(models: Sequence[Polynomials]) -> Polynomials:
+    """Matrices in a row, `(models, n, n)`."""
+    terms = np.stack([each.terms for each in models], 1)
+    rest = np.stack([each.rest for each in models])
+    return Polynomials(terms, rest, models[0].numbers, models[0].order)
