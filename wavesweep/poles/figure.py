@@ -25,24 +25,31 @@ _TURN = np.exp(1j * np.linspace(0, 2 * np.pi, 721))
 
 def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `poles` table: the unit circle, lines of equal damping ratio from frame to frame, and the poles."""
-    name, z = facts["over"], columns["z_re"] + 1j * columns["z_im"]
-    with figure(1.3 * ONE_COLUMN, 1.1 * ONE_COLUMN + 0.17 * (1 + (len(facts["ends"]) if name else NAMED))) as canvas:
+    name = facts["over"]
+    z = columns["z_re"] + 1j * columns["z_im"]
+    entries = len(facts["ends"]) if name else NAMED
+    with figure(1.3 * ONE_COLUMN, 1.1 * ONE_COLUMN + 0.17 * (1 + entries)) as canvas:
         axes = canvas.subplots()
         axes.plot(_TURN.real, _TURN.imag, color="0.6", linewidth=0.8)
         for ratio in RATIOS:
-            spiral = np.exp(np.linspace(0, np.pi, 181) * (1j - ratio / np.sqrt(1 - ratio**2)))
+            rate = 1j - ratio / np.sqrt(1 - ratio**2)
+            spiral = np.exp(np.linspace(0, np.pi, 181) * rate)
             for side in (spiral, spiral.conj()):
                 axes.plot(side.real, side.imag, color="0.85", linewidth=0.6, zorder=1)
-        _root_locus(canvas, axes, columns, facts, z) if name else _named(canvas, axes, columns, z)
+        if name:
+            _root_locus(canvas, axes, columns, facts, z)
+        else:
+            _named(canvas, axes, columns, z)
         shown = np.concatenate([z[np.abs(z) <= REACH], _TURN])
-        for coordinates, limit in ((shown.real, axes.set_xlim), (shown.imag, axes.set_ylim)):
-            limit(ROOM * coordinates.min(), ROOM * coordinates.max())
+        axes.set_xlim(ROOM * shown.real.min(), ROOM * shown.real.max())
+        axes.set_ylim(ROOM * shown.imag.min(), ROOM * shown.imag.max())
         axes.set_aspect("equal")
         axes.set(xlabel="real part of z", ylabel="imaginary part of z")
         axes.grid(**GRID)
         beyond = int((np.abs(z) > REACH).sum())
         far = f"Not shown: {beyond} poles beyond {REACH:g}." if beyond else ""
-        pale = f"Grey: |z| = 1; paler: damping ratios of {', '.join(map(str, RATIOS[:-1]))} and {RATIOS[-1]}."
+        ratios = f"{', '.join(map(str, RATIOS[:-1]))} and {RATIOS[-1]}"
+        pale = f"Grey: |z| = 1; paler: damping ratios of {ratios}."
         note_below(canvas, pale, assumption(facts), far)
     return canvas
 
@@ -50,8 +57,10 @@ def poles(columns: Columns, facts: Mapping[str, Any]) -> Any:
 def _draw_legend(canvas: Any, axes: Any, **options: Any) -> None:
     """The legend above the panel, its texts in lines that are no wider than the figure."""
     handles, labels = axes.get_legend_handles_labels()
-    lines = [fill(label, int(LETTERS * (canvas.get_figwidth() - BESIDE))) for label in labels]
-    canvas.set_figheight(canvas.get_figheight() + 0.13 * sum(line.count("\n") for line in lines))
+    letters = int(LETTERS * (canvas.get_figwidth() - BESIDE))
+    lines = [fill(label, letters) for label in labels]
+    breaks = sum(line.count("\n") for line in lines)
+    canvas.set_figheight(canvas.get_figheight() + 0.13 * breaks)
     canvas.legend(handles, lines, fontsize=7, loc="outside upper center", **options)
 
 
@@ -60,10 +69,21 @@ def _named(canvas: Any, axes: Any, columns: Columns, z: np.ndarray) -> None:
     axes.plot(z.real, z.imag, "x", color="0.3", markersize=4, zorder=2, label="poles")
     lasting = [mode for mode in modes(columns) if mode["radius"] > GONE]
     for n, mode in enumerate(lasting[:NAMED]):
-        hz, tau = mode["shown_hz"], mode["time_constant_s"]
-        rings = f"{hz:.4g} Hz, damping ratio {mode['shown_damping_ratio']:.3g}" if hz else f"no oscillation, {tau or 0:.4g} s"
-        style = {"color": distinct_colour(n), "markerfacecolor": "none", "markersize": 7, "linestyle": "none", "zorder": 3}
-        axes.plot([mode["z_re"]] * 2, [mode["z_im"], -mode["z_im"]], _MARKS[n], label=f"{rings}: {mode['states']}", **style)
+        if mode["shown_hz"]:
+            rings = f"{mode['shown_hz']:.4g} Hz, damping ratio {mode['shown_damping_ratio']:.3g}"
+        else:
+            rings = f"no oscillation, {mode['time_constant_s'] or 0:.4g} s"
+        axes.plot(
+            [mode["z_re"], mode["z_re"]],
+            [mode["z_im"], -mode["z_im"]],
+            _MARKS[n],
+            label=f"{rings}: {mode['states']}",
+            color=distinct_colour(n),
+            markerfacecolor="none",
+            markersize=7,
+            linestyle="none",
+            zorder=3,
+        )
     if lasting:
         _draw_legend(canvas, axes)
 
@@ -73,18 +93,34 @@ def _root_locus(canvas: Any, axes: Any, columns: Columns, facts: Mapping[str, An
     from matplotlib.collections import LineCollection
     from matplotlib.colors import LogNorm, Normalize
 
-    name, finite = facts["over"], np.isfinite(z)
-    numbers, z = columns[name][finite], z[finite]
-    norm = (LogNorm if is_logarithmic(numbers) else Normalize)(numbers.min(), numbers.max())
+    name = facts["over"]
+    finite = np.isfinite(z)
+    numbers = columns[name][finite]
+    z = z[finite]
+    scale = LogNorm if is_logarithmic(numbers) else Normalize
+    norm = scale(numbers.min(), numbers.max())
     dots = axes.scatter(z.real, z.imag, c=numbers, cmap=family_map(), norm=norm, s=4, linewidths=0, zorder=2)
     steps, values = _steps(numbers, z)
-    axes.add_collection(LineCollection(steps, array=values, cmap=family_map(), norm=norm, linewidths=1.2, zorder=2))
+    way = LineCollection(steps, array=values, cmap=family_map(), norm=norm, linewidths=1.2, zorder=2)
+    axes.add_collection(way)
     canvas.colorbar(dots, ax=axes, label=label(name, facts), shrink=0.85)
     for n, (value, real, imaginary, hz, certified) in enumerate(facts["ends"]):
-        words = f"{symbol(name)} = {value:.6g} {unit(name, facts)}".rstrip() + (f", {hz:.4g} Hz" if hz else "")
-        style = {"markerfacecolor": "none", "markersize": 7, "color": "black" if certified else DOUBTFUL}
-        said = words + ("" if certified else ", not certified")
-        axes.plot(real, imaginary, _MARKS[n % len(_MARKS)], linestyle="none", label=said, zorder=3, **style)
+        said = f"{symbol(name)} = {value:.6g} {unit(name, facts)}".rstrip()
+        if hz:
+            said += f", {hz:.4g} Hz"
+        if not certified:
+            said += ", not certified"
+        axes.plot(
+            real,
+            imaginary,
+            _MARKS[n % len(_MARKS)],
+            label=said,
+            color="black" if certified else DOUBTFUL,
+            markerfacecolor="none",
+            markersize=7,
+            linestyle="none",
+            zorder=3,
+        )
     if facts["ends"]:
         _draw_legend(canvas, axes, title="ends of stable intervals", title_fontsize=7)
 
@@ -95,11 +131,13 @@ def _steps(numbers: np.ndarray, z: np.ndarray) -> tuple[list[np.ndarray], np.nda
 
     values = np.unique(numbers)
     poles = np.split(z, np.searchsorted(numbers, values[1:]))
-    steps, colours = [], []
+    steps = []
+    colours = []
     for value, before, after in zip(values, poles, poles[1:], strict=False):
         far = np.abs(before[:, None] - after[None])
         for a, b in zip(*linear_sum_assignment(far), strict=True):
             if far[a, b] < STEP:
-                steps.append(np.array([(before[a].real, before[a].imag), (after[b].real, after[b].imag)]))
+                step = np.array([before[a], after[b]])
+                steps.append(np.column_stack([step.real, step.imag]))
                 colours.append(value)
     return steps, np.array(colours)

@@ -32,7 +32,10 @@ def poles(spec: Spec, number: str = "") -> Table:
     """
     from wavesweep.program.spec.loading import naming
 
-    return over(spec := naming(spec, [number] if number else []), axis_over(spec, number) if number else None)
+    if not number:
+        return over(naming(spec, []))
+    spec = naming(spec, [number])
+    return over(spec, axis_over(spec, number))
 
 
 def over(spec: Spec, axis: Axis | None = None) -> Table:
@@ -41,19 +44,34 @@ def over(spec: Spec, axis: Axis | None = None) -> Table:
     from wavesweep.program.analyses.poles import poles as poles_of
     from wavesweep.program.sweep.grid import own_loop
 
-    started, columns, own_loops = time.perf_counter(), poles_of(spec, axis), own_loop(spec)
-    drawn, drift = own_loops.drawn(), own_loops.drift()
+    started = time.perf_counter()
+    columns = poles_of(spec, axis)
+    own_loops = own_loop(spec)
+    drawn = own_loops.drawn()
+    drift = own_loops.drift()
     labels = drawn.labels()
-    gone = [labels[drift.states[at]] for at in sorted({*drift.leads, *drift.varying, *drift.unobserved})]
-    notices = [f"left out, since nothing in the loop holds or reads it: {', '.join(gone)}"] if gone else []
+    left_out = sorted({*drift.leads, *drift.varying, *drift.unobserved})
+    notices = []
+    if left_out:
+        gone = ", ".join(labels[drift.states[at]] for at in left_out)
+        notices.append(f"left out, since nothing in the loop holds or reads it: {gone}")
     timings = {"compute_s": time.perf_counter() - started}
-    loops, doubted = len(axis.values) if axis else 1, columns["doubt"] != ""
-    certified = loops - np.unique(columns[axis.name][doubted]).size if axis else int(not doubted.any())
+    notices += over_preset(spec)
+    doubted = columns["doubt"] != ""
+    if axis:
+        loops = len(axis.values)
+        certified = loops - np.unique(columns[axis.name][doubted]).size
+        swept = [axis.path]
+    else:
+        loops = 1
+        certified = int(not doubted.any())
+        swept = []
     counts = {"computed": loops, "skipped": 0, "certified": certified}
-    swept, said = [axis.path] if axis else [], [*notices, *over_preset(spec)]
-    facts = facts_of(spec, {"poles": METHOD}, counts, timings, said, swept, nominal=True)
-    facts |= {"over": axis.name if axis else "", "period_s": float(drawn.period * drawn.ticks)}
-    return Table.of("poles", columns, facts | {"ends": ends_on_circle(spec, axis) if axis else []})
+    facts = facts_of(spec, {"poles": METHOD}, counts, timings, notices, swept, nominal=True)
+    facts["over"] = axis.name if axis else ""
+    facts["period_s"] = float(drawn.period * drawn.ticks)
+    facts["ends"] = ends_on_circle(spec, axis) if axis else []
+    return Table.of("poles", columns, facts)
 
 
 def axis_over(spec: Spec, name: str) -> Axis:
@@ -67,11 +85,18 @@ def axis_over(spec: Spec, name: str) -> Axis:
     listed = of_sweep[0].values if of_sweep else ()
     if listed and of_sweep[0].structural:
         return of_sweep[0]
-    ranged = of_sweep and of_sweep[0].start < of_sweep[0].stop
-    start, stop = (of_sweep[0].start, of_sweep[0].stop) if ranged else searched(spec, name, key.path)
-    spaced = np.geomspace if ranged and of_sweep[0].scale == "log" else np.linspace
+    spaced = np.linspace
+    if of_sweep and of_sweep[0].start < of_sweep[0].stop:
+        start = of_sweep[0].start
+        stop = of_sweep[0].stop
+        if of_sweep[0].scale == "log":
+            spaced = np.geomspace
+    else:
+        start, stop = searched(spec, name, key.path)
     values = spaced(start, stop, LOCUS)
-    (axis,) = axes_asked(spec, {name: np.unique(values.round().astype(int)) if key.type == "integer" else values})
+    if key.type == "integer":
+        values = np.unique(values.round().astype(int))
+    (axis,) = axes_asked(spec, {name: values})
     return axis
 
 
@@ -89,23 +114,21 @@ def ends_on_circle(spec: Spec, axis: Axis) -> list[End]:
 
     if axis.structural or not axis.start < axis.stop:
         return []
-    rows, ends = in_memory(job_over(make_grid(spec, (), axis.path), replace(axis, values=()))), []
+    rows = in_memory(job_over(make_grid(spec, (), axis.path), replace(axis, values=())))
+    ends = []
     for end in ("low", "high"):
-        columns = (rows[name] for name in (end, f"{end}_omega", f"{end}_hz", "certified"))
-        for value, omega, hz, certified in zip(*columns, strict=True):
-            if np.isfinite(value) and np.isfinite(omega):  # one that stability sets
-                there_poles = poles_of(spec.with_values({axis.path: float(value)}))
-                on = np.abs(there_poles["radius"] - 1) <= ON_CIRCLE
-                ends.append(
-                    (
-                        float(value),
-                        there_poles["z_re"][on].tolist(),
-                        there_poles["z_im"][on].tolist(),
-                        float(hz),
-                        bool(certified),
-                    )
-                )
-    return sorted((end for end in ends if end[1]), key=lambda each: each[0])  # what drifts there is left out
+        set_by_stability = np.isfinite(rows[end]) & np.isfinite(rows[f"{end}_omega"])
+        for row in np.flatnonzero(set_by_stability):
+            value = float(rows[end][row])
+            there = poles_of(spec.with_values({axis.path: value}))
+            on_circle = np.abs(there["radius"] - 1) <= ON_CIRCLE
+            if not on_circle.any():  # what drifts there is left out
+                continue
+            z_re = there["z_re"][on_circle].tolist()
+            z_im = there["z_im"][on_circle].tolist()
+            hz = float(rows[f"{end}_hz"][row])
+            ends.append((value, z_re, z_im, hz, bool(rows["certified"][row])))
+    return sorted(ends, key=lambda each: each[0])
 
 
 def modes(columns: Columns) -> Iterator[dict[str, Any]]:
@@ -117,27 +140,45 @@ def modes(columns: Columns) -> Iterator[dict[str, Any]]:
 
 def in_words(mode: Mapping[str, Any]) -> str:
     """A mode as a line of a summary."""
-    hz, ratio, tau, image = (mode[name] for name in ("shown_hz", "shown_damping_ratio", "time_constant_s", "frequency_hz"))
     if not mode["radius"]:
         return f"over within a frame: {mode['states']}"
-    second = f" and {mode['second_hz']:.4g} Hz" if mode["second_hz"] else ""
-    once = f" (once a frame {image:.4g} Hz)" if hz and abs(hz - image) > 1e-6 * hz else ""
-    rings = f"{hz:.4g} Hz{second}{once}, damping ratio {ratio:.3g}" if hz else "no oscillation"
-    decays = "stays" if tau is None else f"{'falls to 1/e' if tau > 0 else 'grows by e'} in {abs(tau):.4g} s"
-    unknown = f", {mode['doubt']} hides whether it is stable" if mode["doubt"] else "" if mode["stable"] else ", UNSTABLE"
-    return f"{rings}, {decays}{unknown}: {mode['states']}"
+    hz = mode["shown_hz"]
+    rings = "no oscillation"
+    if hz:
+        rings = f"{hz:.4g} Hz"
+        if mode["second_hz"]:
+            rings += f" and {mode['second_hz']:.4g} Hz"
+        image = mode["frequency_hz"]
+        if abs(hz - image) > 1e-6 * hz:
+            rings += f" (once a frame {image:.4g} Hz)"
+        rings += f", damping ratio {mode['shown_damping_ratio']:.3g}"
+    tau = mode["time_constant_s"]
+    decays = "stays"
+    if tau is not None:
+        way = "falls to 1/e" if tau > 0 else "grows by e"
+        decays = f"{way} in {abs(tau):.4g} s"
+    if mode["doubt"]:
+        decays += f", {mode['doubt']} hides whether it is stable"
+    elif not mode["stable"]:
+        decays += ", UNSTABLE"
+    return f"{rings}, {decays}: {mode['states']}"
 
 
 def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     name = facts["over"]
-    tally = {"period_s": facts["period_s"], "poles": len(columns["radius"]), "doubts": {}, "over": name or None}
-    words, counts = np.unique(columns["doubt"][columns["doubt"] != ""].astype(str), return_counts=True)
-    tally["doubts"] = dict(zip(words.tolist(), counts.tolist(), strict=True))
+    doubted = columns["doubt"] != ""
+    words, counts = np.unique(columns["doubt"][doubted].astype(str), return_counts=True)
+    doubts = dict(zip(words.tolist(), counts.tolist(), strict=True))
+    poles_found = len(columns["radius"])
+    tally = {"period_s": facts["period_s"], "poles": poles_found, "doubts": doubts, "over": name or None}
     if not name:
         return tally | {"modes": [*modes(columns)]}
     values = np.unique(columns[name])
-    ends = [{"value": value, "hz": hz, "certified": certified} for value, _, _, hz, certified in facts["ends"]]
-    return tally | {"from": plain(values[0]), "to": plain(values[-1]), "values": int(values.size), "ends": ends}
+    span = {"from": plain(values[0]), "to": plain(values[-1]), "values": int(values.size)}
+    ends = []
+    for value, _, _, hz, certified in facts["ends"]:
+        ends.append({"value": value, "hz": hz, "certified": certified})
+    return tally | span | {"ends": ends}
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
@@ -146,14 +187,16 @@ def _lines(found: Numbers) -> Iterator[Line]:
         span = f"{found['values']} values of {found['over']}, {found['from']:g} to {found['to']:g}"
         yield f"{count(found['poles'], 'pole')} {per} at {span}", False
         for end in found["ends"]:
+            place = f"{found['over']} = {end['value']:.6g}, {end['hz']:.4g} Hz"
             doubt = "" if end["certified"] else ", not certified"
-            yield f"  a stable interval ends at {found['over']} = {end['value']:.6g}, {end['hz']:.4g} Hz{doubt}", bool(doubt)
+            yield f"  a stable interval ends at {place}{doubt}", bool(doubt)
     else:
         yield f"{count(found['poles'], 'pole')} {per}", False
         for mode in found["modes"][:MOST]:
             yield f"  {in_words(mode)}", not mode["stable"]
         if len(found["modes"]) > MOST:
-            yield f"  and {count(len(found['modes']) - MOST, 'faster mode')}, which the table has", False
+            faster = count(len(found["modes"]) - MOST, "faster mode")
+            yield f"  and {faster}, which the table has", False
     doubts = dict(found["doubts"])
     if overflows := doubts.pop("overflow", 0):
         yield f"not known at {count(overflows, 'value')} (overflow)", True

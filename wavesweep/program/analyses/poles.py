@@ -27,31 +27,42 @@ def poles(spec: Spec, axis: Axis | None = None) -> Columns:
     Errors: SpecError for a loop without a solution.
     """
     refuse_singular(spec, own_loop(spec).drawing)
-    grid, blocks = make_grid(spec, (axis,) if axis else ()), {}
-    for members, loops in drawn_groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
+    grid = make_grid(spec, (axis,) if axis else ())
+    values = grid.loop_values(np.arange(grid.loops))
+    blocks = {}
+    for members, loops in drawn_groups(spec, values, grid.loops, rates=True):
         by_loop = _of_batch(loops.read, members.size)
         axes = grid.axis_columns(members)
         for place, (at, columns) in enumerate(zip(members.tolist(), by_loop, strict=True)):
-            blocks[at] = {name: np.full(len(columns["doubt"]), axes[name][place]) for name in axes} | columns
+            rows = len(columns["doubt"])
+            of_axes = {name: np.full(rows, axes[name][place]) for name in axes}
+            blocks[at] = of_axes | columns
     return joined(blocks[at] for at in sorted(blocks))
 
 
 def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
     """Yield the columns of each loop of a batch."""
-    drawn, drift = loops.drawn(), loops.drift()
-    states, period = len(drift.remaining), np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+    drawn = loops.drawn()
+    drift = loops.drift()
+    states = len(drift.remaining)
+    frame_period = np.asarray(drawn.period * drawn.ticks, float)
+    period = np.broadcast_to(frame_period, (size,))
     E, hidden = loops.frames_with_reliability(drift, drawn)
-    E, hidden = np.broadcast_to(E, (size, *E.shape[-2:])), np.broadcast_to(hidden, (size,))
-    finite, clear = np.isfinite(E).all((-1, -2)), count_outside(E)[1] & ~hidden
-    named = [named_modes(array, drawn, drift) for array in E]
-    all_delta = np.stack([array.delta if array.delta.size else np.full(states, -0.5 + 0j) for _, array in named])
+    E = np.broadcast_to(E, (size, *E.shape[-2:]))
+    hidden = np.broadcast_to(hidden, (size,))
+    finite = np.isfinite(E).all((-1, -2))
+    clear = count_outside(E)[1] & ~hidden
+    named = [named_modes(frame, drawn, drift) for frame in E]
+    all_delta = np.full((size, states), -0.5 + 0j)  # also of frames without numbers
+    for at, (_, found) in enumerate(named):
+        if found.delta.size:
+            all_delta[at] = found.delta
     lines = [*lines_of_each(loops, [np.log1p(all_delta[:, [k]]) for k in range(states)])]
     for at, (names, (delta, shares)) in enumerate(named):
         doubted = ~certain_modes(delta, clear=bool(clear[at]))
-        s, (hz, second) = (
-            np.log1p(delta) / period[at],
-            np.array([array[at] for array in lines]).reshape(-1, 2).T[:, : delta.size],
-        )
+        s = np.log1p(delta) / period[at]
+        lines_here = np.array([line[at] for line in lines]).reshape(-1, 2)
+        hz, second = lines_here[: delta.size].T
         numbers = {
             "z_re": 1 + delta.real,
             "z_im": delta.imag,
@@ -69,8 +80,10 @@ def _of_batch(loops: Loops, size: int) -> Iterator[dict[str, np.ndarray]]:
             "doubt": np.where(doubted, "rounding", "").astype(object),
         }
         if states and not finite[at]:
-            unknown = {"states": np.array([""], object), "stable": np.zeros(1, bool), "doubt": np.array(["overflow"], object)}
-            numbers = {name: unknown.get(name, np.full(1, np.nan)) for name in numbers}
+            numbers = {name: np.full(1, np.nan) for name in numbers}
+            numbers["states"] = np.array([""], object)
+            numbers["stable"] = np.zeros(1, bool)
+            numbers["doubt"] = np.array(["overflow"], object)
         yield {name: _finite_or_missing(array) for name, array in numbers.items()}
 
 
