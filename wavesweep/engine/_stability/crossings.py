@@ -18,7 +18,7 @@ from wavesweep.engine._stability.real_roots import Roots, isolate
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
 # Of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed. A seed, which is
-# a root of the polynomial, has some eight digits; one that moves by ten thousand times more has gone to another root.
+# a root of the polynomial, has eight digits or more, as a rule twelve; one that moves by so much has gone to another root.
 NEAR_SEED = 1e-4
 SMALL = 0.1  # of a resolvent, what errors of entries may change it by
 NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
