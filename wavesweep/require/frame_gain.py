@@ -32,7 +32,7 @@ from wavesweep.engine.frames import level as level_of
 from wavesweep.engine.intervals import Intervals
 from wavesweep.engine.loop import Loops
 from wavesweep.engine.norms import NEAR, START, with_middles
-from wavesweep.engine.response import joined, plus, port_between, times
+from wavesweep.engine.response import plus, port_between, times
 from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM, SAFE
 from wavesweep.require.maps import minus, over_frame, scaled, transposed
 from wavesweep.require.pencil import angles_of, clear, off_circle
@@ -99,7 +99,9 @@ class BoundedGain:
             first, second = np.array_split(np.arange(p.size), 2)
             first_maps, _ = self.maps(column[first], p[first])
             second_maps, _ = self.maps(column[second], p[second])
-            maps = [joined(both, 0) for both in zip(first_maps, second_maps, strict=True)]
+            maps = []
+            for (one, one_size), (other, other_size) in zip(first_maps, second_maps, strict=True):
+                maps.append((np.concatenate([one, other]), np.concatenate([one_size, other_size])))
             return maps, np.zeros((p.size, 1))  # which may be poles
         return over_frame(port, self.kept, p.shape), pivots
 

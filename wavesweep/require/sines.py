@@ -44,55 +44,88 @@ class Panel:
     def __init__(self, maps, level, arc, at_rest):
         from scipy.linalg import schur
 
-        (E, *_), (G, *_), (O, *_), (T, *_) = maps
-        self.middle = [(array[0], size[0]) for array, size in maps]
-        self.level, self.arc, self.at_rest, self.ticks = level, arc, at_rest, T.shape[-1]
-        upper, basis = zip(*(schur(matrix, output="complex") for matrix in E), strict=True)
-        self.upper, basis = np.array(upper), np.array(basis)
-        self.G, self.O = np.swapaxes(basis, -1, -2).conj() @ G, np.swapaxes(O @ basis, -1, -2)
+        E, G, O, T = (matrix for matrix, _ in maps)
+        self.middle = [(matrix[0], size[0]) for matrix, size in maps]
+        self.level = level
+        self.arc = arc
+        self.at_rest = at_rest
+        self.ticks = T.shape[-1]
+        upper = []
+        basis = []
+        for matrix in E:
+            of_matrix, vectors = schur(matrix, output="complex")
+            upper.append(of_matrix)
+            basis.append(vectors)
+        self.upper = np.array(upper)
+        basis = np.array(basis)
+        self.G = np.swapaxes(basis, -1, -2).conj() @ G
+        self.O = np.swapaxes(O @ basis, -1, -2)
         self.late = np.arange(1 - self.ticks, self.ticks)
-        self.T = np.stack([np.trace(T, offset=-lag, axis1=-2, axis2=-1) for lag in self.late], -1)
+        diagonals = [np.trace(T, offset=-lag, axis1=-2, axis2=-1) for lag in self.late]
+        self.T = np.stack(diagonals, -1)
         with np.errstate(divide="ignore"):
             self.poles = np.log1p(np.diagonal(self.upper[0]))
         self.slow = min(1.0, np.abs(self.poles).min()) / self.ticks
 
     def _sided(self, theta, points):
         """h and Q at angles, `(points, n)`, of the first points."""
-        M, n = self.ticks, self.upper.shape[-1]
-        z, upper = np.exp(1j * theta * np.arange(M)[:, None]), self.upper[:points]
+        M = self.ticks
+        upper = self.upper[:points]
+        z = np.exp(1j * theta * np.arange(M)[:, None])
         w = np.expm1(1j * M * theta)
-        x, left = self.G[:points] @ z, self.O[:points] @ (1 / z)
+        x = self.G[:points] @ z
+        left = self.O[:points] @ (1 / z)
         away = w - np.diagonal(upper, axis1=-2, axis2=-1)[..., None]
-        for row in reversed(range(n)):
-            x[:, row] = (x[:, row] + (upper[:, row : row + 1, row + 1 :] @ x[:, row + 1 :])[:, 0]) / away[:, row]
+        for row in reversed(range(upper.shape[-1])):
+            of_others = upper[:, row : row + 1, row + 1 :] @ x[:, row + 1 :]
+            x[:, row] = (x[:, row] + of_others[:, 0]) / away[:, row]
         direct = self.T[:points] @ np.exp(-1j * theta * self.late[:, None])
-        return ((left * x).sum(1) + direct) / M, (away / (1 + w)).prod(1)
+        h = ((left * x).sum(1) + direct) / M
+        Q = (away / (1 + w)).prod(1)
+        return h, Q
 
     def both(self, theta, points):
         """level^2 - h h, over the double zero, and Q Q, at angles, `(points, n)`."""
         with np.errstate(all="ignore"):
-            (h, Q), (back, Q_back) = self._sided(theta, points), self._sided(-theta, points)
-            f = self.level**2 - h * back
-            return (f / (4 * np.sin(theta / 2) ** 2) if self.at_rest else f), Q * Q_back
+            h, Q = self._sided(theta, points)
+            h_back, Q_back = self._sided(-theta, points)
+            f = self.level**2 - h * h_back
+            if self.at_rest:
+                f = f / (4 * np.sin(theta / 2) ** 2)
+            return f, Q * Q_back
 
     def error(self, theta):
         """A bound on the error of level^2 - h h in the middle at angles, over the double zero, `(n,)`."""
         (E, dE), (G, dG), (O, dO), (T, dT) = self.middle
-        M, total, sizes = self.ticks, 0.0, []
-        rough = 2 * (E.shape[-1] + M + 4) * ROUNDING
-        dE, dG, dO, dT = (off + rough * np.abs(matrix) for matrix, off in ((E, dE), (G, dG), (O, dO), (T, dT)))
-        for angle in (theta, -theta):
-            z, w = np.exp(1j * angle[:, None] * np.arange(M)), np.expm1(1j * M * angle)
-            A = w[:, None, None] * np.eye(E.shape[-1]) - E
-            x, y = solve(A, (z @ G.T)[..., None])[..., 0], solve(np.swapaxes(A, -1, -2), ((1 / z) @ O)[..., None])[..., 0]
-            (ax, ay), (az, ab) = (np.abs(array) for array in (x, y)), (np.abs(z), np.abs(1 / z))
-            off = (ay * (ax @ dE.T + rough * np.abs(w)[:, None] * ax + az @ dG.T)).sum(-1)
-            off = off + (ax * (ab @ dO)).sum(-1) + (ab * (az @ dT.T)).sum(-1)
-            sizes.append((np.abs((1 / z * (x @ O.T + z @ T.T)).sum(-1)), 2 * off))
-        (size, d_one), (size_back, d_other) = sizes
-        total = (size * d_other + size_back * d_one + d_one * d_other) / M**2 + rough * (
-            self.level**2 + size * size_back / M**2
-        )
+        M = self.ticks
+        n = E.shape[-1]
+        rough = 2 * (n + M + 4) * ROUNDING
+        dE = dE + rough * np.abs(E)
+        dG = dG + rough * np.abs(G)
+        dO = dO + rough * np.abs(O)
+        dT = dT + rough * np.abs(T)
+
+        def sided(theta):
+            """The size of M h, and a bound on its error."""
+            z = np.exp(1j * theta[:, None] * np.arange(M))
+            w = np.expm1(1j * M * theta)
+            A = w[:, None, None] * np.eye(n) - E
+            x = solve(A, (z @ G.T)[..., None])[..., 0]
+            y = solve(np.swapaxes(A, -1, -2), ((1 / z) @ O)[..., None])[..., 0]
+            x_size = np.abs(x)
+            y_size = np.abs(y)
+            z_size = np.abs(z)
+            back_size = np.abs(1 / z)
+            missed = x_size @ dE.T + rough * np.abs(w)[:, None] * x_size + z_size @ dG.T
+            off = (y_size * missed).sum(-1)
+            off = off + (x_size * (back_size @ dO)).sum(-1)
+            off = off + (back_size * (z_size @ dT.T)).sum(-1)
+            return np.abs((1 / z * (x @ O.T + z @ T.T)).sum(-1)), 2 * off
+
+        size, off = sided(theta)
+        size_back, off_back = sided(-theta)
+        of_product = (size * off_back + size_back * off + off * off_back) / M**2
+        total = of_product + rough * (self.level**2 + size * size_back / M**2)
         return total / np.abs(4 * np.sin(theta / 2) ** 2) if self.at_rest else total
 
     def at(self, theta, points):
@@ -101,37 +134,50 @@ class Panel:
         At the double zero it is the mean over a circle.
         """
         zero = (theta == 0) & self.at_rest
-        f, Q = self.both(np.where(zero, self.slow, theta), points)
-        value, error = f * Q / Q[:1].real, self.error(np.where(zero, self.slow, theta))
+        beside = np.where(zero, self.slow, theta)
+        f, Q = self.both(beside, points)
+        value = f * Q / Q[:1].real
+        error = self.error(beside)
         if zero.any():
             rim = self.slow / 4 * AROUND
-            (f, Q), (_, Q_zero) = self.both(rim, points), self.both(np.zeros(1), 1)
-            value[:, zero] = ((f * Q).mean(-1) / Q_zero[0, 0].real)[:, None]
-            error[zero] = (self.error(rim) * np.abs(Q[0] / Q_zero[0, 0])).max()
+            f, Q = self.both(rim, points)
+            _, Q_zero = self.both(np.zeros(1), 1)
+            Q_zero = Q_zero[0, 0]
+            value[:, zero] = ((f * Q).mean(-1) / Q_zero.real)[:, None]
+            error[zero] = (self.error(rim) * np.abs(Q[0] / Q_zero)).max()
         return value, error
 
     def lowest(self):
         """An angle at which the form is about least."""
-        M, (low, high) = self.ticks, self.arc
+        M = self.ticks
+        low, high = self.arc
+        smallest = SMALLEST * self.slow
+        even = np.linspace(low, high, 16 * M + 48)
+        small = np.geomspace(smallest, np.pi, 100)
         modes = (self.poles.imag[:, None] + 2 * np.pi * np.arange(M)).ravel() / M
-        theta = [np.linspace(low, high, 16 * M + 48), np.geomspace(SMALLEST * self.slow, np.pi, 100), modes]
-        theta = np.concatenate(theta)
-        first = max(low, SMALLEST * self.slow) if self.at_rest else low
+        theta = np.concatenate([even, small, modes])
+        first = max(low, smallest) if self.at_rest else low
         theta = np.unique(np.clip(theta[(theta >= first) & (theta <= high)], first, high))
-        value = self.both(theta, 1)[0][0].real
+        f, _ = self.both(theta, 1)
+        value = f[0].real
         inner = np.append(np.inf, value[:-1]) >= value
         inner &= np.append(value[1:], np.inf) >= value
         at = np.flatnonzero(inner)
         at = at[np.argsort(value[at])[:LOWEST]]
-        best, below, above = theta[at], theta[np.maximum(at - 1, 0)], theta[np.minimum(at + 1, theta.size - 1)]
+        best = theta[at]
+        below = theta[np.maximum(at - 1, 0)]
+        above = theta[np.minimum(at + 1, theta.size - 1)]
         for _ in range(TURNS):
             points = below[:, None] + (above - below)[:, None] * np.linspace(0, 1, NARROWER)
-            value = self.both(points.ravel(), 1)[0][0].real.reshape(points.shape)
+            f, _ = self.both(points.ravel(), 1)
+            value = f[0].real.reshape(points.shape)
             lowest = np.where(np.isfinite(value), value, np.inf).argmin(-1)
             row = np.arange(at.size)
             best = points[row, lowest]
-            below, above = points[row, np.maximum(lowest - 1, 0)], points[row, np.minimum(lowest + 1, NARROWER - 1)]
-        best = np.append(best, 0.0) if self.at_rest else best
+            below = points[row, np.maximum(lowest - 1, 0)]
+            above = points[row, np.minimum(lowest + 1, NARROWER - 1)]
+        if self.at_rest:
+            best = np.append(best, 0.0)
         value, _ = self.at(best, 1)
         return best[np.argmin(np.where(np.isfinite(value[0]), value[0].real, np.inf))]
 
@@ -143,26 +189,36 @@ class Panel:
         low, high = self.arc
         count = int(np.ceil((high - low) * self.ticks / (2 * WIDE)))
         edges = np.linspace(low, high, count + 1)
-        low, high, tried = edges[:-1], edges[1:], 0
+        low = edges[:-1]
+        high = edges[1:]
+        at_once = max(1, AT_ONCE // (POINTS * len(self.upper) * self.upper.shape[-1]))
+        tried = 0
         while low.size:
             tried += low.size
+            if tried > MANY:
+                return OPEN
             zero = (low == 0) & self.at_rest
-            theta, half = np.where(zero, 0.0, (low + high) / 2), np.where(zero, high, (high - low) / 2)
-            if tried > MANY or (decided := self._decided(theta)) is not None:
-                return OPEN if tried > MANY else decided
-            few = max(1, AT_ONCE // (POINTS * len(self.upper) * self.upper.shape[-1]))
-            proved = np.concatenate(
-                [self._proved(theta[at : at + few], half[at : at + few]) for at in range(0, theta.size, few)]
-            )
-            low, high = low[~proved], high[~proved]
+            theta = np.where(zero, 0.0, (low + high) / 2)
+            half = np.where(zero, high, (high - low) / 2)
+            decided = self._decided(theta)
+            if decided is not None:
+                return decided
+            proved = np.zeros(theta.size, bool)
+            for first in range(0, theta.size, at_once):
+                batch = slice(first, first + at_once)
+                proved[batch] = self._proved(theta[batch], half[batch])
+            low = low[~proved]
+            high = high[~proved]
             middle = (low + high) / 2
-            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+            low = np.concatenate([low, middle])
+            high = np.concatenate([middle, high])
         return GOOD
 
     def _decided(self, theta):
         """BAD if F is negative at an angle for all numbers, OPEN if it may be so for some; None else."""
         value, error = self.at(theta, None)
-        middle, change = value[0].real, SAFE / 2 * np.abs(value[1:] - value[0].real).max(0)
+        middle = value[0].real
+        change = SAFE / 2 * np.abs(value[1:] - middle).max(0)
         if (middle + error + change < 0).any():
             return BAD
         return None if (middle - error - change > 0).all() else OPEN
@@ -170,25 +226,34 @@ class Panel:
     def _proved(self, theta, half):
         """Whether the form is positive on arcs for all numbers."""
         proved = self._clear(theta, half)
-        theta, half = theta[proved], half[proved]
+        theta = theta[proved]
+        half = half[proved]
         value, error = self.at(theta, 1)
+        middle = value[0].real
         rim = theta[:, None] + 2 * half[:, None] * AROUND
-        f = self.both(rim.ravel(), None)[0].reshape(len(self.upper), *rim.shape)
+        f, _ = self.both(rim.ravel(), None)
+        f = f.reshape(len(self.upper), *rim.shape)
         with np.errstate(all="ignore"):
-            change = np.abs(f - value[0].real[:, None]).max((0, 2))
-            proved[proved] = value[0].real - error - SAFE / 2 * change > 0
+            change = np.abs(f - middle[:, None]).max((0, 2))
+            proved[proved] = middle - error - SAFE / 2 * change > 0
         return proved
 
     def _clear(self, theta, half):
         """Whether no eigenvalue of a frame is on the circles about arcs, or within, for any number of the disc."""
-        Q = self.both(theta, None)[1]
+        _, Q = self.both(theta, None)
         diagonal = np.diagonal(self.upper, axis1=-2, axis2=-1)[..., None]
-        off = np.min([np.abs(np.expm1(side * 1j * self.ticks * theta) - diagonal).min((0, 1)) for side in (-1, 1)], 0)
-        return (SAFE * np.abs(Q / Q[:1] - 1).max(0) < 1) & (SAFE * np.expm1(2 * self.ticks * half) < off)
+        distance = np.inf
+        for side in (-1, 1):
+            w = np.expm1(side * 1j * self.ticks * theta)
+            distance = np.minimum(distance, np.abs(w - diagonal).min((0, 1)))
+        none_at_middle = SAFE * np.abs(Q / Q[:1] - 1).max(0) < 1
+        return none_at_middle & (SAFE * np.expm1(2 * self.ticks * half) < distance)
 
     def worst(self):
         """The point of the circle, less 1, at which the form is least, and by how much it is negative, of its terms."""
         theta = np.array([self.lowest()])
-        value = self.at(theta, 1)[0][0].real
-        size = 2 * self.level**2
-        return on_circle(theta)[0], -value[0] * (self.slow**2 if self.at_rest else 1.0) / size
+        value, _ = self.at(theta, 1)
+        beyond = -value[0, 0].real
+        if self.at_rest:
+            beyond = beyond * self.slow**2
+        return on_circle(theta)[0], beyond / (2 * self.level**2)
