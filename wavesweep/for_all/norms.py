@@ -13,6 +13,7 @@ need 324 nodes where eighteen lengths of frames need 8 here.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,9 @@ from wavesweep.for_all.norm_check import Norms
 SHARE = 0.8  # part of the way to where the prediction fails that is taken
 CLOSE = 0.6  # Newton decrement below which a point counts as the centre
 ALIKE = 0.5  # nodes are split whose score is at least this part of the largest one
-STALLED, OF_REST = 2e-3, 0.2  # nodes are split if a step gains less than this, absolutely and relative to the rest
+# Nodes are split if a step gains less than this, absolutely and relative to the rest.
+STALLED = 2e-3
+OF_REST = 0.2
 MARGIN = 1e-3  # the matrices are made to shrink by this much more than necessary
 FARTHEST = 0.1  # known forms are of no use if the matrices must be scaled below this
 SMALLEST_STEP = 1e-7  # relative to the rest; below it the prediction has failed
@@ -76,9 +79,11 @@ def rough_basis(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def first_centre(A: np.ndarray, follows: np.ndarray) -> tuple[Centre, float]:
     """Return a form for matrices A `(symbols, n, n)`, the same at each node of the least graph, and a factor: in this form the
     matrices times the factor shrink."""
-    graph, n = Graph.least(follows), A.shape[-1]
+    graph = Graph.least(follows)
+    n = A.shape[-1]
     centre = Centre(np.broadcast_to(np.eye(n), (graph.nodes, n, n)), graph, *rough_basis(A))
-    return centre, 0.5 / max(np.linalg.norm(centre.in_basis(A), 2, axis=(-2, -1)).max(), 0.5)
+    largest = np.linalg.norm(centre.in_basis(A), 2, axis=(-2, -1)).max()
+    return centre, 0.5 / max(largest, 0.5)
 
 
 def find_norms(
@@ -97,16 +102,19 @@ def find_norms(
             before = factor
             centre, factor = advanced(centre, lambda t: t * A, factor, 1.0)
             centre = centre.rounded()
-            if factor < 1 and factor - before < min(STALLED, OF_REST * (1 - factor)):
+            stalled = factor - before < min(STALLED, OF_REST * (1 - factor))
+            if factor < 1 and stalled:
                 if factor >= enough:
                     break
-                more = finer(centre, factor * A, follows)
-                if more is None:
+                split = finer(centre, factor * A, follows)
+                if split is None:
                     break
-                centre = more
+                centre = split
         if factor == 1:
-            more = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)[0].rounded()
-            centre = more if more.shrinks(A) else centre
+            beyond, _ = advanced(centre, lambda t: t * A, 1.0, 1 + MARGIN)
+            beyond = beyond.rounded()
+            if beyond.shrinks(A):
+                centre = beyond
     except np.linalg.LinAlgError:  # singular to rounding
         if start and factor < 1:
             return find_norms(A, follows, None, work - centre.work, enough)
@@ -115,21 +123,23 @@ def find_norms(
 
 def _started(A, follows, start):
     """The forms that a search begins with, and its factor: `start`, unless there is none or it is too far from the matrices."""
-    factor = _largest_factor(start, A) if start else 0.0
-    return (replace(start, work=0.0), factor) if factor else first_centre(A, follows)
-
-
-def _largest_factor(centre, A):
-    """A factor with which the matrices A shrink in known forms; 0 if it would be below FARTHEST."""
+    if start is None:
+        return first_centre(A, follows)
     factor = 1.0
-    while factor > FARTHEST and not centre.shrinks(factor * A):
+    while factor > FARTHEST and not start.shrinks(factor * A):
         factor *= 0.9
-    return factor if factor == 1 else 0.99 * factor if factor > FARTHEST else 0.0
+    if factor <= FARTHEST:
+        return first_centre(A, follows)
+    if factor < 1:
+        factor *= 0.99
+    return replace(start, work=0.0), factor
 
 
 def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
     """Return forms near the centre of all forms in which the matrices A of x shrink, by some Newton steps."""
-    P, seen, work = centre.P, centre.in_basis(A), centre.work
+    P = centre.P
+    seen = centre.in_basis(A)
+    work = centre.work
     for _ in range(steps):
         try:
             newton = _Newton.of(P, seen, centre.graph)
@@ -138,10 +148,12 @@ def recentred(centre: Centre, A: np.ndarray, steps: int = 4) -> Centre:
         step = newton.solved(-newton.gradient)
         work += newton.work
         decrement = np.sqrt(max(0.0, -newton.gradient @ packed(step).ravel()))
-        length, least = 1.0, 0.1 / (1 + decrement)
+        length = 1.0
+        least = 0.1 / (1 + decrement)
         while not _shrinks(P + length * step, seen, centre.graph) and length > least:
             length *= 0.7
-        length *= 1.0 if length == 1 else SHARE
+        if length < 1:
+            length *= SHARE
         if not _shrinks(P + length * step, seen, centre.graph):  # rounding leaves no room
             break
         P = P + length * step
@@ -156,12 +168,13 @@ def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
 
     centre: forms for the number x. matrices: the matrices of a number.
     """
-    graph, A = centre.graph, centre.in_basis(matrices(x))
+    graph = centre.graph
+    A = centre.in_basis(matrices(x))
     newton = _Newton.of(centre.P, A, graph)
     small = 1e-6 * (target - x)
-    change = _gradient(centre.P, centre.in_basis(matrices(x + small)), graph)[0] - newton.gradient
-    tangent, nearer = newton.solved(-change / small), centre.P + newton.solved(-newton.gradient)
-    P = nearer if _shrinks(nearer, A, graph) else centre.P
+    next_gradient, _ = _gradient(centre.P, centre.in_basis(matrices(x + small)), graph)
+    tangent = newton.solved(-(next_gradient - newton.gradient) / small)
+    P = _nearer(centre, newton, A)
 
     def holds(step):
         return _shrinks(P + step * tangent, centre.in_basis(matrices(x + step)), graph)
@@ -175,10 +188,14 @@ def advanced(centre, matrices: Callable[[float], np.ndarray], x, target):
             step /= 4
             if abs(step) < shortest:
                 return replace(centre, work=centre.work + newton.work), x
-        low, high = step, 4 * step
+        low = step
+        high = 4 * step
         for _ in range(5):
             middle = (low + high) / 2
-            low, high = (middle, high) if holds(middle) else (low, middle)
+            if holds(middle):
+                low = middle
+            else:
+                high = middle
         step = SHARE * low
         reached = x + step
     centre = replace(centre, P=P + step * tangent, work=centre.work + newton.work)
@@ -191,14 +208,21 @@ def sloped(centre: Centre, terms: np.ndarray) -> tuple[Centre, np.ndarray]:
     terms: the matrices, and their slopes along each number, `(1 + numbers, symbols, n, n)`, of x.
     """
     A, *changes = (centre.in_basis(each) for each in terms)
-    newton, small = _Newton.of(centre.P, A, centre.graph), 1e-4
-    slopes = [
-        newton.solved(-(_gradient(centre.P, A + small * each, centre.graph)[0] - newton.gradient) / small) for each in changes
-    ]
-    nearer = centre.P + newton.solved(-newton.gradient)
-    P = nearer if _shrinks(nearer, A, centre.graph) else centre.P
+    newton = _Newton.of(centre.P, A, centre.graph)
+    small = 1e-4
+    slopes = []
+    for change in changes:
+        moved, _ = _gradient(centre.P, A + small * change, centre.graph)
+        slopes.append(newton.solved(-(moved - newton.gradient) / small))
+    P = _nearer(centre, newton, A)
     work = newton.work * (1 + len(changes) / 4)
     return replace(centre, P=P, work=work), np.array(slopes).reshape(len(changes), *P.shape)
+
+
+def _nearer(centre, newton, A):
+    """The forms after a Newton step, if the matrices A of z shrink in them; or else those before."""
+    P = centre.P + newton.solved(-newton.gradient)
+    return P if _shrinks(P, A, centre.graph) else centre.P
 
 
 def finer(centre, A, follows):
@@ -208,26 +232,32 @@ def finer(centre, A, follows):
     are worst. Nodes are split where very different sequences meet, along the principal component of their differences.
     """
     graph = centre.graph
-    _, (inverse, _, _, arriving) = _gradient(centre.P, centre.in_basis(A), graph)
+    _, edge_terms = _gradient(centre.P, centre.in_basis(A), graph)
     leaving = np.zeros_like(centre.P)
-    np.add.at(leaving, graph.source, inverse)
-    scores, parts = [], []
+    np.add.at(leaving, graph.source, edge_terms.inverse)
+    scores = []
+    parts = []
     for node in range(graph.nodes):
         edges = np.flatnonzero(graph.target == node)
         if edges.size < 2:
             continue
         scale = np.linalg.inv(np.linalg.cholesky(leaving[node]))
-        flows = scale @ arriving[edges] @ _transposed(scale)
+        flows = scale @ edge_terms.arriving[edges] @ _transposed(scale)
         weight = np.trace(flows, axis1=-2, axis2=-1)
-        apart = packed(flows / weight[:, None, None] - flows.sum(0) / weight.sum())
+        mean = flows.sum(0) / weight.sum()
+        apart = packed(flows / weight[:, None, None] - mean)
         values, vectors = np.linalg.eigh((apart * weight[:, None]).T @ apart)
         late = apart @ vectors[:, -1] > 0
         if late.any() and not late.all():
-            scores.append(values[-1] / weight.sum() * np.trace(leaving[node] @ centre.P[node]))
+            share = values[-1] / weight.sum()
+            scores.append(share * np.trace(leaving[node] @ centre.P[node]))
             parts.append((node, edges[late]))
     if not scores:
         return None
-    chosen = dict(part for part, score in zip(parts, scores, strict=True) if score >= ALIKE * max(scores))
+    chosen = {}
+    for (node, late_edges), score in zip(parts, scores, strict=True):
+        if score >= ALIKE * max(scores):
+            chosen[node] = late_edges
     graph, origin = graph.split(chosen, follows)
     return recentred(replace(centre, graph=graph, P=centre.P[origin]), A, 6)
 
@@ -248,8 +278,16 @@ def _slack(P, A, graph):
     return P[graph.source] - _transposed(A) @ P[graph.target] @ A
 
 
+class _EdgeTerms(NamedTuple):
+    """Of each edge the inverse slack F^-1, A F^-1 and A F^-1 A'."""
+
+    inverse: np.ndarray
+    moved: np.ndarray
+    arriving: np.ndarray
+
+
 def _gradient(P, A, graph):
-    """The gradient of the barrier, and for each edge the inverse slack F^-1, A, A F^-1 and A F^-1 A'."""
+    """The gradient of the barrier, and the terms of each edge that it consists of."""
     A = A[graph.symbol]
     inverse = np.linalg.inv(_slack(P, A, graph))
     inverse = (inverse + _transposed(inverse)) / 2
@@ -258,7 +296,7 @@ def _gradient(P, A, graph):
     total = np.zeros_like(P) + np.eye(P.shape[-1])
     np.add.at(total, graph.source, -inverse)
     np.add.at(total, graph.target, arriving)
-    return packed(total).ravel(), (inverse, A, moved, arriving)
+    return packed(total).ravel(), _EdgeTerms(inverse, moved, arriving)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -273,9 +311,9 @@ class _Newton:
     def of(P, A, graph) -> "_Newton":
         from scipy.linalg import cho_factor
 
-        nodes, n = P.shape[0], P.shape[-1]
-        gradient, (inverse, _, moved, arriving) = _gradient(P, A, graph)
-        hessian = hessian_of(inverse, moved, arriving, graph, nodes)
+        nodes, n, _ = P.shape
+        gradient, edge_terms = _gradient(P, A, graph)
+        hessian = hessian_of(*edge_terms, graph, nodes)
         return _Newton(gradient, cho_factor(hessian, lower=True, overwrite_a=True), (nodes, n))
 
     @property
@@ -287,7 +325,8 @@ class _Newton:
         """The changes of the forms that solve the equations for a right side."""
         from scipy.linalg import cho_solve
 
-        return unpacked(cho_solve(self.factor, right).reshape(self.shape[0], -1), self.shape[1])
+        nodes, n = self.shape
+        return unpacked(cho_solve(self.factor, right).reshape(nodes, -1), n)
 
 
 def hessian_of(inverse, moved, arriving, graph, nodes) -> np.ndarray:
