@@ -58,59 +58,72 @@ def open_frame(
     """
     ticks = Ticks.of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
-    at = _only_tick(_showing(ticks, len(read)) if shown else ticks, w)
+    at = _only_tick(ticks, w, len(read))
     if at is None:
         return None
     if ticks.states != drift.states:
         raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
-    ticks, groups = drift.relative_ticks(replace(ticks, kind=np.roll(ticks.kind, -at)))  # the frame begins with that tick
-    inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
-    head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
-    changes = [concatenated((block.E, _with_moment(block.B[..., inputs])), -1) for block in ticks.maps]
-    sizes = [concatenated((block.terms[0], _with_moment(block.terms[1][..., inputs])), -1) for block in ticks.maps]
-    E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), per_loop=per_loop)
-    D, dD = _with_moment(head.D[..., inputs]), _with_moment(head.terms[3][..., inputs])
-    system = StateSpace(E[..., :n], E[..., n:], head.C, D)
-    errors = dE[..., :n], dE[..., n:], ENTRIES * head.terms[2], ENTRIES * dD
-    return OpenFrame(ticks, groups, *system, *errors, np.asarray(drawn.period) * drawn.ticks)
-
-
-def _showing(ticks, count):
-    """The ticks with their first signals alone."""
-    return replace(
+    from_there = replace(ticks, kind=np.roll(ticks.kind, -at))
+    ticks, groups = drift.relative_ticks(from_there)
+    inputs = [w]
+    if hand:
+        inputs.append(drawn.inputs.index(hand))
+    changes = []
+    sizes = []
+    for block in ticks.maps:
+        B = _with_moment(block.B[..., inputs])
+        size_of_B = _with_moment(block.terms[1][..., inputs])
+        changes.append(concatenated((block.E, B), -1))
+        sizes.append(concatenated((block.terms[0], size_of_B), -1))
+    EB, dEB = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), per_loop=per_loop)
+    n = len(ticks.states)
+    head = ticks.maps[ticks.kind[0]]
+    return OpenFrame(
         ticks,
-        maps=tuple(
-            replace(block, outputs=block.outputs[:count], C=block.C[..., :count, :], D=block.D[..., :count, :])
-            for block in ticks.maps
-        ),
+        groups,
+        E=EB[..., :n],
+        B=EB[..., n:],
+        C=head.C,
+        D=_with_moment(head.D[..., inputs]),
+        dE=dEB[..., :n],
+        dB=dEB[..., n:],
+        dC=ENTRIES * head.terms[2],
+        dD=ENTRIES * _with_moment(head.terms[3][..., inputs]),
+        period=np.asarray(drawn.period) * drawn.ticks,
     )
 
 
-def _only_tick(ticks, w):
-    """The tick in which the frame begins, the only one in which the input reaches the loop or changes; None if none."""
-    reached = [np.any(block.B[..., w]) or np.any(block.D[..., w]) for block in ticks.maps]
+def _only_tick(ticks, w, read):
+    """The tick in which the frame begins, the only one in which the product reaches the loop or what is read changes.
+
+    None if there is none. w: index of the product among the inputs. read: number of signals that are read.
+    """
+    reached = [np.any(block.B[..., w]) or np.any(block.D[..., :read, w]) for block in ticks.maps]
     where = np.flatnonzero(np.array(reached)[ticks.kind])
-    if where.size == 0:
-        return None
-    if where.size == 1:
-        return int(where[0])
-    changes = _changing(ticks)
-    where = np.flatnonzero(np.isin(ticks.kind, changes)) if changes else np.zeros(0)
+    if where.size > 1:
+        changing = np.array(_changing(ticks, read), int)
+        where = np.flatnonzero(np.isin(ticks.kind, changing))
     return int(where[0]) if where.size == 1 else None
 
 
-def _changing(ticks):
-    """The kinds of tick in which the output changes, if it is a state that is held in all others; otherwise none."""
-    for still in ticks.maps:
-        shown = still.C
-        held = [shown @ block.E for block in ticks.maps]
-        follows = [
-            _alike(shown + step, block.C, np.abs(shown) + np.abs(shown) @ np.abs(block.E))
-            and _alike(shown @ block.B, block.D, np.abs(shown) @ np.abs(block.B))
-            for step, block in zip(held, ticks.maps, strict=True)
-        ]
-        if not np.any(still.D) and all(follows):
-            return [kind for kind, step in enumerate(held) if np.any(step) or np.any(ticks.maps[kind].D)]
+def _changing(ticks, read):
+    """The kinds of tick in which the first signals change, if they are states that all others hold; otherwise none."""
+    rows = [(block.C[..., :read, :], block.D[..., :read, :]) for block in ticks.maps]
+    for shown, direct in rows:
+        if np.any(direct):
+            continue
+        changing = []
+        follows = True
+        for kind, block in enumerate(ticks.maps):
+            C, D = rows[kind]
+            size = np.abs(shown)
+            step = shown @ block.E
+            follows &= _alike(shown + step, C, size + size @ np.abs(block.E))
+            follows &= _alike(shown @ block.B, D, size @ np.abs(block.B))
+            if np.any(step) or np.any(D):
+                changing.append(kind)
+        if follows:
+            return changing
     return []
 
 
@@ -135,14 +148,20 @@ def cut_of(frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: 
     leads = drift.leads
     share = frame.C[..., 0, leads]
     moving = [at for at in range(len(leads)) if np.any(share[..., at])]
-    if drift.varying or len(moving) > 1 or (read > 1 and np.any(frame.C[..., 1:read, leads])):
+    second_drifts = np.any(frame.C[..., 1:read, leads])
+    if drift.varying or len(moving) > 1 or second_drifts:
         return None
-    remaining = [i for i in range(len(drift.states)) if i not in leads and i not in drift.unobserved]
+    remaining = drift.remaining
     system = StateSpace(frame.E, frame.B[..., :1], frame.C[..., :read, :], frame.D[..., :read, :1])
     errors = StateSpace(frame.dE, frame.dB[..., :1], frame.dC[..., :read, :], frame.dD[..., :read, :1])
-    lead, factor = (leads[moving[0]], share[..., moving[0], None, None]) if moving else (None, None)
-    system = _with_rows(system, remaining, lead, factor)
-    errors = _with_rows(errors, remaining, lead, factor if factor is None else np.abs(factor))
+    if moving:
+        lead = leads[moving[0]]
+        factor = share[..., moving[0], None, None]
+        system = _with_rows(system, remaining, lead, factor)
+        errors = _with_rows(errors, remaining, lead, np.abs(factor))
+    else:
+        system = _with_rows(system, remaining)
+        errors = _with_rows(errors, remaining)
     names = tuple(drift.states[i] for i in remaining)
     cut = LinearFractional(*system, *errors, bool(moving), frame.period, names)
     if conserved and moving:
@@ -150,15 +169,29 @@ def cut_of(frame: OpenFrame, drift: MarginalModes, read: int = 1, *, conserved: 
     return _acted_on(cut)
 
 
-def _with_rows(system, states, lead, factor):
-    """Return a system with its remaining states, and the rows VELOCITY, ADVANCE and OFFSET; lead: the state that the first
-    signal moves with, by the factor, or None."""
+def _with_rows(system, states, lead=None, factor=None):
+    """Return a system with its remaining states, and the rows VELOCITY, ADVANCE and OFFSET.
+
+    lead: the state that the first signal moves with, by the factor; None if it moves with none.
+    """
     E, B, C, D = system
-    advance = 0 * C[..., :1, states] if lead is None else factor * E[..., [lead], :][..., states]
-    step = 0 * D[..., :1, :] if lead is None else factor * B[..., [lead], :]
-    v, dv = (C[..., 1:, states], D[..., 1:, :]) if C.shape[-2] > 1 else (0 * C[..., states], 0 * D)
-    rows = np.concatenate(np.broadcast_arrays(v, advance, C[..., :1, states]), axis=-2)
-    columns = np.concatenate(np.broadcast_arrays(dv, step, D[..., :1, :]), axis=-2)
+    offset = C[..., :1, states]
+    offset_direct = D[..., :1, :]
+    if lead is None:
+        advance = 0 * offset
+        advance_direct = 0 * offset_direct
+    else:
+        advance = factor * E[..., [lead], :][..., states]
+        advance_direct = factor * B[..., [lead], :]
+    if C.shape[-2] > 1:
+        velocity = C[..., 1:, states]
+        velocity_direct = D[..., 1:, :]
+    else:
+        velocity = 0 * offset
+        velocity_direct = 0 * offset_direct
+    rows = np.concatenate(np.broadcast_arrays(velocity, advance, offset), axis=-2)
+    direct = [velocity_direct, advance_direct, offset_direct]
+    columns = np.concatenate(np.broadcast_arrays(*direct), axis=-2)
     return StateSpace(E[..., states, :][..., states], B[..., states, :], rows, columns)
 
 
@@ -167,8 +200,11 @@ def _without_integrator(cut):
     back = inverse(cut.E)
     l = cut.C[..., ADVANCE : ADVANCE + 1, :] @ back
     unsure = (cut.dC[..., ADVANCE : ADVANCE + 1, :] + np.abs(l) @ cut.dE) @ np.abs(back)
-    C, dC = (np.broadcast_to(rows, (*cut.batch, *rows.shape[-2:])).copy() for rows in (cut.C, cut.dC))
-    D, dD = cut.D.copy(), cut.dD.copy()
+    of_all_loops = (*cut.batch, *cut.C.shape[-2:])
+    C = np.broadcast_to(cut.C, of_all_loops).copy()
+    dC = np.broadcast_to(cut.dC, of_all_loops).copy()
+    D = cut.D.copy()
+    dD = cut.dD.copy()
     C[..., OFFSET, :] += l[..., 0, :]
     dC[..., OFFSET, :] += unsure[..., 0, :]
     for matrix in (C, D, dC, dD):
@@ -179,21 +215,42 @@ def _without_integrator(cut):
 def _acted_on(cut: LinearFractional) -> LinearFractional | None:
     """Return the loop with the states that the numbers act on, by the triangular form of its pattern; None if it has none."""
     n = cut.E.shape[-1]
-    acts, driven, shown = (np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2))) for matrix in (cut.E, cut.B, cut.C))
+    acts = _somewhere(cut.E)
     pattern = np.zeros((n + 1, n + 1), bool)
-    pattern[:n, :n], pattern[:n, n], pattern[n, :n] = acts, driven[:, 0], shown.any(0)
-    states, uncontrolled = np.zeros(0, int), []
+    pattern[:n, :n] = acts
+    pattern[:n, n] = _somewhere(cut.B)[:, 0]
+    pattern[n, :n] = _somewhere(cut.C).any(0)
+    states = np.zeros(0, int)
+    uncontrolled = []
     for block in blocks_of(pattern):
         if n in block:
             states = block[block < n]
-        elif not (block.size == 1 and np.all(cut.E[..., block[0], block[0]] == -1)):  # set anew in every frame
-            uncontrolled.append(cut.E[..., block[:, None], block])
+            continue
+        E = cut.E[..., block[:, None], block]
+        set_anew_in_every_frame = block.size == 1 and np.all(E == -1)
+        if not set_anew_in_every_frame:
+            uncontrolled.append(E)
     if not states.size:
         return None
     at = np.ix_(states, states)
-    E, dE, B, dB = cut.E[..., *at], cut.dE[..., *at], cut.B[..., states, :], cut.dB[..., states, :]
     acts = acts[at]  # eigenvalues are 0 in every loop because of where entries of E are not zero
-    poles_at_one = sum(block.size == 1 and not acts[block[0], block[0]] for block in blocks_of(acts))
-    names = tuple(cut.states[i] for i in states)
-    facts = {"states": names, "poles_at_one": poles_at_one, "uncontrolled": tuple(uncontrolled)}
-    return replace(cut, E=E, dE=dE, B=B, dB=dB, C=cut.C[..., states], dC=cut.dC[..., states], **facts)
+    poles_at_one = 0
+    for block in blocks_of(acts):
+        poles_at_one += block.size == 1 and not acts[block[0], block[0]]
+    return replace(
+        cut,
+        E=cut.E[..., *at],
+        B=cut.B[..., states, :],
+        C=cut.C[..., states],
+        dE=cut.dE[..., *at],
+        dB=cut.dB[..., states, :],
+        dC=cut.dC[..., states],
+        states=tuple(cut.states[i] for i in states),
+        poles_at_one=poles_at_one,
+        uncontrolled=tuple(uncontrolled),
+    )
+
+
+def _somewhere(matrix):
+    """Which entries are not zero in some loop of the batch."""
+    return np.any(matrix != 0, axis=tuple(range(matrix.ndim - 2)))

@@ -20,19 +20,19 @@ HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 NEAREST = 4  # number of eigenvalues that are examined
 
 
-def both(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def both(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return `E` of one run of ticks after the other.
 
     Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
     """
-    (a, _), (b, _) = first, second
-    return a + b + b @ a, _error(first, second)
-
-
-def _error(first, second):
-    (a, da), (b, db) = first, second
-    eye, size_a, size_b = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
-    return np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (size_a + size_b + size_b @ size_a)
+    a, da = first
+    b, db = second
+    eye = np.eye(a.shape[-1])
+    size_a = np.abs(a)
+    size_b = np.abs(b)
+    rounding = ROUNDING * (size_a + size_b + size_b @ size_a)
+    error = np.abs(eye + b) @ da + db @ np.abs(eye + a) + rounding
+    return a + b + b @ a, error
 
 
 def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
@@ -42,25 +42,33 @@ def measured_frame(kind, changes) -> tuple[np.ndarray, np.ndarray]:
     Accuracy: growth is a measure of the digits that are lost, and not a bound. It is given as 1 where the products of the
     largest entries in many loops of a batch are no larger than GROWING, which is quick to see.
     """
-    kinds, batch = kind.tolist(), np.broadcast_shapes(*(change.shape[:-2] for change in changes))
-    n, growth = changes[0].shape[-1], np.ones(batch)
-    changes = [np.broadcast_to(change, (*batch, *change.shape[-2:])) if change.ndim > 2 else change for change in changes]
+    kinds = kind.tolist()
+    batch = np.broadcast_shapes(*(change.shape[:-2] for change in changes))
+    n = changes[0].shape[-1]
+    growth = np.ones(batch)
+    of_batch = []
+    for change in changes:
+        alike = change.ndim == 2
+        of_batch.append(change if alike else np.broadcast_to(change, (*batch, n, n)))
 
     def frame(index):
-        ticks = [change[index] if change.ndim > 2 else change for change in changes]
-        E, _, largest = in_a_row(kinds, [(Change.of(tick), _largest(tick), 1.0) for tick in ticks], joined)
+        ticks = [change if change.ndim == 2 else change[index] for change in of_batch]
+        measured = [(Change.of(tick), _largest(tick), 1.0) for tick in ticks]
+        E, _, largest = in_a_row(kinds, measured, joined)
         if not largest <= GROWING:
             growth[index] = growth_of(kind, ticks)
         return E.E
 
     def joined(first, second):
-        (P, size_P, largest_P), (Q, size_Q, largest_Q) = first, second
+        P, size_P, largest_P = first
+        Q, size_Q, largest_Q = second
         both = P.then(Q)
         terms = np.nan_to_num(size_of(size_Q @ size_P), nan=np.inf)
         return both, _largest(both.E), max(largest_P, largest_Q, terms)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
-        return in_parts(frame, batch, n, float), growth
+        E = in_parts(frame, batch, n, float)
+    return E, growth
 
 
 def _largest(E):
@@ -75,13 +83,15 @@ def balance(E: np.ndarray, sweeps: int = BALANCING) -> tuple[np.ndarray, np.ndar
     The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied
     by u_j/u_i. sweeps: number of passes over all states.
     """
-    size, units = np.abs(E), np.ones(E.shape[:-1])
+    size = np.abs(E)
+    units = np.ones(E.shape[:-1])
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
     for _ in range(sweeps):
         changed = False
         for k in index:
-            row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
+            row = size[:, k, :].sum(-1)
+            column = size[:, :, k].sum(-1)
             factor = np.exp2(np.round(np.log2(row / column) / 2))
             factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
             if (factor == 1).all():
@@ -101,7 +111,8 @@ def uneven_units(sizes):
     sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
     by powers of its poles; entries of a frame that grows are large in any units.
     """
-    units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
+    units = np.ones(sizes.shape[:-1])
+    largest = np.abs(sizes).max((1, 2), initial=0.0)
     uneven = np.flatnonzero(largest > UNEVEN)
     if uneven.size:
         better, balanced = balance(sizes[uneven], MORE)
@@ -118,11 +129,15 @@ def may_have(E, dE, points) -> np.ndarray:
     It is at most the largest growth of a component of a positive vector (L. Collatz, Math. Z. 48, 1942), which settles most.
     """
     with np.errstate(all="ignore"):
-        reach = np.abs(inverse(points[..., None, None] * np.eye(E.shape[-1]) - E[:, None])) @ dE[:, None]
-        finite, vector = np.isfinite(reach).all((-1, -2)), reach.sum(-1, keepdims=True)
-        clear = finite & ~((reach @ vector >= vector) & (vector > 0)).any((-1, -2))  # a row of zeros has no part in it
+        resolvent = inverse(points[..., None, None] * np.eye(E.shape[-1]) - E[:, None])
+        reach = np.abs(resolvent) @ dE[:, None]
+        finite = np.isfinite(reach).all((-1, -2))
+        vector = reach.sum(-1, keepdims=True)
+        grows = (reach @ vector >= vector) & (vector > 0)  # a row of zeros has no part in it
+        clear = finite & ~grows.any((-1, -2))
         open_ = np.nonzero(finite & ~clear)
-        clear[open_] = np.abs(np.linalg.eigvals(reach[open_])).max(-1, initial=0.0) < 1
+        spectral_radius = np.abs(np.linalg.eigvals(reach[open_])).max(-1, initial=0.0)
+        clear[open_] = spectral_radius < 1
     return ~clear.all(-1)
 
 
@@ -131,22 +146,31 @@ def at_angles_of(delta, radius, rank) -> np.ndarray:
 
     rank: of each eigenvalue, the least of which are chosen, one of a conjugate pair; radius: `(matrices,)` or a number.
     """
-    chosen = np.take_along_axis(delta, np.argsort(np.where(delta.imag < 0, np.inf, rank), axis=-1)[:, :NEAREST], axis=-1)
+    one_of_a_pair = np.where(delta.imag < 0, np.inf, rank)
+    order = np.argsort(one_of_a_pair, axis=-1)
+    chosen = np.take_along_axis(delta, order[:, :NEAREST], axis=-1)
     z = 1 + chosen
     size = np.where(z == 0, 1.0, np.abs(z))
+    ray = np.where(z == 0, 1.0, z / size)
     # Along the ray from 0: a point next to 1 keeps the digits of its distance from the eigenvalue.
-    return chosen + np.where(z == 0, 1.0, z / size) * (np.reshape(radius, (-1, 1)) - np.abs(z))
+    return chosen + ray * (np.reshape(radius, (-1, 1)) - np.abs(z))
 
 
 def radius_hidden(E, dE) -> np.ndarray:
     """Return whether the spectral radius of `I + E` may be larger by TELLING, or on the other side of 1, within dE of E."""
-    shape, n = E.shape[:-2], E.shape[-1]
-    E, dE = E.reshape(-1, n, n), np.broadcast_to(dE, E.shape).reshape(-1, n, n)
+    shape = E.shape[:-2]
+    n = E.shape[-1]
+    dE = np.broadcast_to(dE, E.shape).reshape(-1, n, n)
+    E = E.reshape(-1, n, n)
     finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
-    E, dE = np.where(finite[:, None, None], E, 0.0), np.where(finite[:, None, None], dE, 0.0)
+    E = np.where(finite[:, None, None], E, 0.0)
+    dE = np.where(finite[:, None, None], dE, 0.0)
     delta = np.linalg.eigvals(E).astype(complex)
     size = np.abs(1 + delta)
     radius = size.max(-1, initial=0.0)
-    further = at_angles_of(delta, radius + TELLING * np.maximum(radius, 1), -size)
-    hidden = finite & may_have(E, dE, np.concatenate([further, at_angles_of(delta, 1.0, -size)], axis=-1))
+    larger = radius + TELLING * np.maximum(radius, 1)
+    further = at_angles_of(delta, larger, -size)
+    on_unit_circle = at_angles_of(delta, 1.0, -size)
+    points = np.concatenate([further, on_unit_circle], axis=-1)
+    hidden = finite & may_have(E, dE, points)
     return hidden.reshape(shape)
