@@ -60,26 +60,31 @@ def explain(words: tuple[str, ...]) -> None:
         for entry in matches:
             listed.setdefault(entry.word, []).append(entry._asdict())
         click.echo(json.dumps(listed, indent=2))
-    else:
-        click.echo("\n".join(line for entry in matches for line in _lines(entry)) if words else "\n".join(_list(matches)))
+        return
+    if not words:
+        click.echo("\n".join(_list(matches)))
+        return
+    lines = []
+    for entry in matches:
+        lines += _lines(entry)
+    click.echo("\n".join(lines))
 
 
 @cache
 def entries() -> tuple[Entry, ...]:
     """All meanings of all words, those of one group together."""
-    doubts = (Entry(word, "doubt", *doubt) for word, doubt in DOUBTS.items() if word)
-    terms = (Entry(word, "term", meaning) for names, meaning in TERMS.items() for word in names.split(", "))
-    messages = (Entry(word, "message", *text) for names, text in MESSAGES.items() for word in names.split(", "))
-    columns = [(field, tables) for field, tables in _columns().items()]
-    columns_entries = (
-        Entry(field.name, f"column of {_some(tables)}", _meaning(field), field.advice) for field, tables in columns
-    )
-    values = {
-        (word, meaning): Entry(word, "value", f"in the column {field.name}: {meaning}", field.advice)
-        for field, _ in columns
-        for word, meaning in field.values.items()
-    }
-    return (*doubts, *terms, *messages, *columns_entries, *values.values())
+    found = [Entry(word, "doubt", *doubt) for word, doubt in DOUBTS.items() if word]
+    for names, meaning in TERMS.items():
+        found += [Entry(word, "term", meaning) for word in names.split(", ")]
+    for names, text in MESSAGES.items():
+        found += [Entry(word, "message", *text) for word in names.split(", ")]
+    values = {}  # a meaning that several columns have in common stands once
+    for field, tables in _columns().items():
+        found.append(Entry(field.name, f"column of {_some(tables)}", _meaning(field), field.advice))
+        for word, meaning in field.values.items():
+            said = f"in the column {field.name}: {meaning}"
+            values[word, meaning] = Entry(word, "value", said, field.advice)
+    return (*found, *values.values())
 
 
 def _columns() -> dict[Field, list[str]]:
@@ -93,7 +98,8 @@ def _columns() -> dict[Field, list[str]]:
 
 def _some(tables: list[str]) -> str:
     """The names of tables, of many the first."""
-    return ", ".join(tables if len(tables) <= MANY else [*tables[: MANY - 1], "..."])
+    shown = tables if len(tables) <= MANY else [*tables[: MANY - 1], "..."]
+    return ", ".join(shown)
 
 
 def _meaning(field: Field) -> str:

@@ -33,10 +33,11 @@ def inspect(table: str) -> None:
     facts = {str(path): _facts_of(path) for path in _tables(table)}
     if verbosity().as_json:
         show_json({"command": "inspect", "tables": facts})
-    else:
-        click.echo(
-            printable("\n".join(line for path, facts_of_table in facts.items() for line in _lines(path, facts_of_table)))
-        )
+        return
+    lines = []
+    for path, facts_of_table in facts.items():
+        lines += _lines(path, facts_of_table)
+    click.echo(printable("\n".join(lines)))
 
 
 def _tables(name: str) -> list[Path]:
@@ -57,18 +58,15 @@ def _facts_of(path: Path) -> Mapping[str, Any]:
     from wavesweep.program.tables.kind import counted_doubts
 
     kind, columns, facts = read_table(path)
-    fields = fields_of(kind, columns, facts)
-    doubts = {"doubts": counted_doubts(columns["doubt"])} if "doubt" in columns else {}
-    return {
-        "kind": kind,
-        "rows": len(next(iter(columns.values()))),
-        **doubts,
-        "facts": {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)},
-        "columns": [
-            {name: getattr(field, name) for name in ("name", "unit", "kind", "description")} | _extent(columns[field.name])
-            for field in fields
-        ],
-    }
+    table = {"kind": kind, "rows": len(next(iter(columns.values())))}
+    if "doubt" in columns:
+        table["doubts"] = counted_doubts(columns["doubt"])
+    table["facts"] = {name: facts[name] for name in FACTS if isinstance(facts.get(name), str)}
+    table["columns"] = []
+    for field in fields_of(kind, columns, facts):
+        said = {"name": field.name, "unit": field.unit, "kind": field.kind, "description": field.description}
+        table["columns"].append(said | _extent(columns[field.name]))
+    return table
 
 
 def _extent(values: np.ndarray) -> dict[str, Any]:
@@ -79,29 +77,43 @@ def _extent(values: np.ndarray) -> dict[str, Any]:
     if values.dtype == np.bool_:
         return {"true": int(values.sum())}
     finite = values[~np.isnan(values)] if values.dtype == np.float64 else values
-    ends = {"least": finite.min().item(), "largest": finite.max().item()} if len(finite) else {}
-    return {"missing": len(values) - len(finite), **ends}
+    extent = {"missing": len(values) - len(finite)}
+    if len(finite):
+        extent["least"] = finite.min().item()
+        extent["largest"] = finite.max().item()
+    return extent
 
 
 def _lines(path: str, table: Mapping[str, Any]) -> Iterator[str]:
-    doubts = ", ".join(f"{word} {number}" for word, number in table.get("doubts", {}).items())
-    certified = f"; in doubt: {doubts}" if doubts else "; no row in doubt" if "doubts" in table else ""
-    yield f"{path}: {table['kind']}, {table['rows']} rows{certified}"
-    yield from (f"  {name}: {value}" for name, value in table["facts"].items())
+    first = f"{path}: {table['kind']}, {table['rows']} rows"
+    if "doubts" in table:
+        doubts = ", ".join(f"{word} {number}" for word, number in table["doubts"].items())
+        first += f"; in doubt: {doubts}" if doubts else "; no row in doubt"
+    yield first
+    for name, value in table["facts"].items():
+        yield f"  {name}: {value}"
     cells = [("column", "unit", "values", "meaning")]
     for column in table["columns"]:
         unit = "" if column["unit"] == "1" else column["unit"]
         cells.append((column["name"], unit, _values(column), column["description"]))
-    widths = [max(len(row[column]) for row in cells) for column in range(3)]
-    yield from ("  " + "  ".join(f"{cell:{width}}" for cell, width in zip(row, (*widths, 0), strict=True)) for row in cells)
+    names, units, values, _ = zip(*cells, strict=True)
+    wide_name = max(map(len, names))
+    wide_unit = max(map(len, units))
+    wide_values = max(map(len, values))
+    for name, unit, extent, meaning in cells:
+        yield f"  {name:{wide_name}}  {unit:{wide_unit}}  {extent:{wide_values}}  {meaning}"
 
 
 def _values(column: Mapping[str, Any]) -> str:
     if "true" in column:
         return f"{column['true']} true"
-    missing = f"{column['missing']} missing" if column["missing"] else ""
+    parts = []
     if "different" in column:
-        different = column["different"] - bool(missing)
-        return ", ".join(filter(None, [f"{different} different" if different else "", missing]))
-    ends = span_in_words(column["least"], column["largest"]) if "least" in column else ""
-    return ", ".join(filter(None, [ends, missing]))
+        different = column["different"] - bool(column["missing"])  # texts that are not empty
+        if different:
+            parts.append(f"{different} different")
+    elif "least" in column:
+        parts.append(span_in_words(column["least"], column["largest"]))
+    if column["missing"]:
+        parts.append(f"{column['missing']} missing")
+    return ", ".join(parts)

@@ -34,10 +34,12 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     goes on; outweighed_hz: where the first begins, None without. They are looked for at 80 frequencies a decade from 1e-4 Hz
     on, and located to a thousandth; a resonance that is narrower may be missed.
     """
+    if not spec.wall:
+        return None
     try:
-        free = loop_at_hand(spec.with_values(dict.fromkeys(spec.wall, 0.0))) if spec.wall else None
+        free = loop_at_hand(spec.with_values(dict.fromkeys(spec.wall, 0.0)))
     except WavesweepError:  # a drawing that divides by a number of its wall
-        free = None
+        return None
     if free is None:
         return None
     most = min(HIGHEST_HZ, 0.499 * loop.port.rate)
@@ -53,7 +55,8 @@ def felt_over_band(spec: Spec, loop: Lifted, stiffness: float) -> dict | None:
     changed = _runs(frequencies, lambda *ends: ~(np.abs(added(*ends)[0] / rest - 1) <= TENTH))
     felt["holds_to_hz"] = next((before for before, *_ in changed), None)
     bands = [band for _, *band in _runs(frequencies, lambda *ends: np.greater(*added(*ends)[1::-1]))]
-    return {"hz": hertz.tolist(), **felt, "outweighed_hz": bands[0][0] if bands else None, "outweighed_bands_hz": bands}
+    first = bands[0][0] if bands else None
+    return {"hz": hertz.tolist(), **felt, "outweighed_hz": first, "outweighed_bands_hz": bands}
 
 
 def _runs(grid, so):
@@ -61,38 +64,53 @@ def _runs(grid, so):
 
     so(): at all of the grid; so(low, high): at FINE frequencies between two of it. The last is None of one that goes on.
     """
-    for first, beyond in np.flatnonzero(np.diff(so(), prepend=False, append=False)).reshape(-1, 2).tolist():
-        begin, end = (grid[max(first - 1, 0)], grid[first]), grid[beyond - 1 : beyond + 1]
-        fine, at = np.geomspace(*begin, FINE), int(np.argmax(so(*begin)))
-        last = np.geomspace(*end, FINE)[np.flatnonzero(so(*end)).max(initial=0)].item() if end.size > 1 else None
+    changes = np.flatnonzero(np.diff(so(), prepend=False, append=False))
+    for first, beyond in changes.reshape(-1, 2).tolist():
+        begin = (grid[max(first - 1, 0)], grid[first])
+        fine = np.geomspace(*begin, FINE)
+        at = int(np.argmax(so(*begin)))
+        last = None
+        if beyond < grid.size:
+            end = (grid[beyond - 1], grid[beyond])
+            at_last = np.flatnonzero(so(*end)).max(initial=0)
+            last = np.geomspace(*end, FINE)[at_last].item()
         yield float(fine[max(at - 1, 0)]), float(fine[at]), last
 
 
 def _added(loop, free, hertz):
     """The sizes of what the wall adds to the impedance and of that of free motion, and whether they are known, at each Hz."""
-    with_loop, without = respond(loop, hertz), respond(free, hertz)
+    walled = respond(loop, hertz)
+    without = respond(free, hertz)
     with np.errstate(all="ignore"):
-        added = np.abs(with_loop.impedance - without.impedance)
-        off = sum(np.abs(answer.impedance) * answer.impedance_error for answer in (with_loop, without))
-        return added, np.abs(without.impedance), off <= SURE * added
+        added = np.abs(walled.impedance - without.impedance)
+        size_free = np.abs(without.impedance)
+        off = np.abs(walled.impedance) * walled.impedance_error + size_free * without.impedance_error
+        return added, size_free, off <= SURE * added
 
 
 def sizes_in_words(band: Mapping[str, object] | None) -> list[str]:
     """Texts: what is felt at each frequency at which free motion has no more than the wall adds."""
-    pairs = zip(band["hz"], band["impedance"], strict=True) if band else ()
-    return [
-        f"{'not known' if size is None else f'{size:.4g}' if size < 1e4 else f'{size:.0f}'} at {hz:g} Hz"
-        for hz, size in pairs
-        if not any(low <= hz and (high is None or hz <= high) for low, high in band["outweighed_bands_hz"])
-    ]
+    if not band:
+        return []
+    texts = []
+    for hz, size in zip(band["hz"], band["impedance"], strict=True):
+        bands = band["outweighed_bands_hz"]
+        if any(low <= hz and (high is None or hz <= high) for low, high in bands):
+            continue
+        felt = "not known"
+        if size is not None:
+            felt = f"{size:.4g}" if size < 1e4 else f"{size:.0f}"
+        texts.append(f"{felt} at {hz:g} Hz")
+    return texts
 
 
 def outweighed_in_words(band: Mapping[str, object]) -> str:
     """Where free motion has more than the wall adds; empty if it has nowhere."""
     bands = []
     for low, high in band["outweighed_bands_hz"]:
-        start = "up " if low == LOWEST_HZ and high else f"from {low:.3g} "
-        bands.append(start + ("Hz on" if high is None else f"to {high:.3g} Hz"))
+        start = "up" if low == LOWEST_HZ and high else f"from {low:.3g}"
+        end = "Hz on" if high is None else f"to {high:.3g} Hz"
+        bands.append(f"{start} {end}")
     said = " and ".join(filter(None, [", ".join(bands[:-1]), *bands[-1:]]))
     return f"free motion outweighs it {said}" if said else ""
 
@@ -124,10 +142,14 @@ def _damping(response, low):
     """
     frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
     at_port = response(frequency.ravel())
-    impedance, error = (array.reshape(frequency.shape) for array in (at_port.impedance, at_port.impedance_error))
+    impedance = at_port.impedance.reshape(frequency.shape)
+    error = at_port.impedance_error.reshape(frequency.shape)
     with np.errstate(all="ignore"):
-        values, unsure = impedance.imag / (2 * np.pi * frequency), error * np.abs(impedance) / (2 * np.pi * frequency)
-        damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
+        values = impedance.imag / (2 * np.pi * frequency)
+        unsure = error * np.abs(impedance) / (2 * np.pi * frequency)
+        # Extrapolated to 0 Hz: a damping is even in frequency, and the second of a pair is half the first.
+        damping = (4 * values[:, 1] - values[:, 0]) / 3
+        rounding = (4 * unsure[:, 1] + unsure[:, 0]) / 3
         apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
         off = np.fmin(apart[:-1], apart[1:]) + rounding
         off = np.where(np.isnan(off), np.inf, off)
