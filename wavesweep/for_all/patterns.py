@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from heapq import nlargest
+from itertools import combinations
 
 import numpy as np
 
@@ -15,16 +16,20 @@ LOOKED_AT = 120  # words of each length whose eigenvalues are computed
 LONGEST = 14  # matrices in a word
 RUN = 12  # matrices of each of the two runs of a word
 LEADING = 8  # words of each length, and of each pair of runs, whose growth counts
-WALKS, WALKED = 32, 160  # walks of a state, and their matrices
+WALKS = 32  # of a state
+WALKED = 160  # matrices of a walk
 TINY = 1e-290  # a state that is gone
 IMPROVED = 3  # of all words that grow most, those that are changed matrix by matrix
 LONGEST_IMPROVED = 64  # matrices
 BISECTIONS = 40
 BEYOND = (1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3)  # of a number where a word begins to grow, how far beyond it that is proved
 LOOKED_BACK = 32  # numbers on the way to a refuted one at which its word may grow already
-SHORTEST, MOST = 4, 400  # matrices of the words that are all tried, and how many these are at most
+SHORTEST = 4  # matrices of the words that are all tried
+MOST = 400  # how many these are at most
 SHORT = 2  # matrices of the words that are looked for to rank numbers, before the best are improved
-RANKED, STEPS, HALVED = 1e-2, 24, 6  # of the limit, from where on numbers are tried; how many, and bisections after them
+RANKED = 1e-2  # of the limit, from where on numbers are tried
+STEPS = 24  # numbers that are tried
+HALVED = 6  # bisections after them
 
 Word = tuple[int, ...]
 
@@ -54,7 +59,14 @@ def product_of(A: np.ndarray, word: Word) -> np.ndarray:
 def growth(A: np.ndarray, word: Word) -> float:
     """Return the spectral radius of the product of a word."""
     product = product_of(A, word)
-    return float(np.abs(np.linalg.eigvals(product)).max()) if np.isfinite(product).all() else np.inf
+    if not np.isfinite(product).all():
+        return np.inf
+    return float(np.abs(np.linalg.eigvals(product)).max())
+
+
+def _rate(A, word):
+    """The growth of a word per matrix."""
+    return growth(A, word) ** (1 / len(word))
 
 
 def growing(
@@ -74,26 +86,34 @@ def growing(
     words of two runs, and the ends of walks. The best of all are changed matrix by matrix. This is a search: it may return
     nothing although there are such words.
     """
-    A, longest = np.linalg.inv(basis) @ A @ basis, more * longest
-    rates = {word: growth(A, word) ** (1 / len(word)) for word in known} | _of_two_runs(A, follows)
-    words, products = np.arange(len(A))[:, None], A
-    for length in range(1, longest + 1):
+    A = np.linalg.inv(basis) @ A @ basis
+    rates = {word: _rate(A, word) for word in known}
+    rates |= _of_two_runs(A, follows)
+    words = np.arange(len(A))[:, None]
+    products = A
+    for length in range(1, more * longest + 1):
         order = np.argsort(-np.linalg.norm(products, axis=(-2, -1)))
-        closing = order[follows[words[order, -1], words[order, 0]]][:LOOKED_AT]
+        may_repeat = follows[words[order, -1], words[order, 0]]
+        closing = order[may_repeat][:LOOKED_AT]
         if closing.size:
             radius = np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
-            best = np.argsort(-radius)[:LEADING]
-            rates |= {_least(tuple(words[closing[i]].tolist())): radius[i] for i in best}
-        first, symbol = np.nonzero(follows[words[order[: more * KEPT], -1]])
-        first = order[first]
+            for i in np.argsort(-radius)[:LEADING]:
+                rates[_least(tuple(words[closing[i]].tolist()))] = radius[i]
+        extended = order[: more * KEPT]
+        first, symbol = np.nonzero(follows[words[extended, -1]])
+        first = extended[first]
         words = np.concatenate([words[first], symbol[:, None]], axis=1)
         products = A[symbol] @ products[first]
-    graph = norms.graph if norms else Graph.least(follows)
-    P = basis.T @ norms.P @ basis if norms else np.broadcast_to(np.eye(len(basis)), (graph.nodes, *basis.shape))
+    if norms is None:
+        graph = Graph.least(follows)
+        P = np.broadcast_to(np.eye(len(basis)), (graph.nodes, *basis.shape))
+    else:
+        graph = norms.graph
+        P = basis.T @ norms.P @ basis
     rates |= _of_walks(A, follows, Norms(P, graph))
     for word in sorted(rates, key=rates.get, reverse=True)[:IMPROVED]:
         better = improved(A, follows, word)
-        rates[better] = growth(A, better) ** (1 / len(better))
+        rates[better] = _rate(A, better)
     return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
 
 
@@ -102,9 +122,14 @@ def _of_two_runs(A, follows):
 
     Frames are in the order of their lengths: one of both is the first or the last, the other one of these or of three between.
     """
-    last, rates = len(A) - 1, {}
+    last = len(A) - 1
     some = sorted({0, last // 4, last // 2, 3 * last // 4, last})
-    ends = [(i, j) for i in some for j in some if i < j and (i == 0 or j == last) and follows[[i, i, j, j], [i, j, i, j]].all()]
+    ends = []
+    for i, j in combinations(some, 2):
+        at_an_end = i == 0 or j == last
+        if at_an_end and follows[[i, i, j, j], [i, j, i, j]].all():
+            ends.append((i, j))
+    rates = {}
     if not ends:
         return rates
     size = np.linalg.norm(A[some], axis=(-2, -1)).max() or 1.0
@@ -123,26 +148,38 @@ def _of_two_runs(A, follows):
 
 def _of_walks(A, follows, norms):
     """The growth per matrix of the ends of walks, on which each matrix is that which leaves the state largest in norms."""
-    graph, n = norms.graph, A.shape[-1]
+    graph = norms.graph
+    n = A.shape[-1]
     scale = np.linalg.norm(A, axis=(-2, -1)).max() or 1.0
-    A, state = A / scale, np.random.default_rng(0).normal(size=(WALKS, n))
+    A = A / scale
+    state = np.random.default_rng(0).normal(size=(WALKS, n))
     leads_to = np.full((graph.nodes, len(A)), -1)
     leads_to[graph.source, graph.symbol] = graph.target
-    node, walker, walks = np.arange(WALKS) % graph.nodes, np.arange(WALKS), np.empty((WALKS, WALKED), int)
+    walker = np.arange(WALKS)
+    node = walker % graph.nodes
+    walks = np.empty((WALKS, WALKED), int)
     for step in range(WALKED):
-        moved, target = np.einsum("sij,wj->wsi", A, state), leads_to[node]
+        moved = np.einsum("sij,wj->wsi", A, state)
+        target = leads_to[node]
         size = np.einsum("wsi,wsij,wsj->ws", moved, norms.P[target], moved)
-        walks[:, step] = symbol = np.where(target < 0, -1.0, size).argmax(1)
-        state, node = moved[walker, symbol], target[walker, symbol]
+        symbol = np.where(target < 0, -1.0, size).argmax(1)
+        walks[:, step] = symbol
+        state = moved[walker, symbol]
+        node = target[walker, symbol]
         state /= np.maximum(np.linalg.norm(state, axis=-1, keepdims=True), TINY)
     ends = np.unique(walks[:, -LONGEST_IMPROVED:], axis=0)
-    products, closed = np.broadcast_to(np.eye(n), (len(ends), n, n)), []
+    products = np.broadcast_to(np.eye(n), (len(ends), n, n))
+    closed = []
     for length in range(1, 1 + LONGEST_IMPROVED):
         products = products @ A[ends[:, -length]]
         closing = np.flatnonzero(follows[ends[:, -1], ends[:, -length]])
         radius = scale * np.abs(np.linalg.eigvals(products[closing])).max(-1) ** (1 / length)
-        closed += zip(radius.tolist(), closing.tolist(), [length] * closing.size, strict=True)
-    return {_least(tuple(ends[i, -length:].tolist())): rate for rate, i, length in nlargest(LOOKED_AT, closed)}
+        for rate, i in zip(radius.tolist(), closing.tolist(), strict=True):
+            closed.append((rate, i, length))
+    rates = {}
+    for rate, i, length in nlargest(LOOKED_AT, closed):
+        rates[_least(tuple(ends[i, -length:].tolist()))] = rate
+    return rates
 
 
 def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
@@ -150,52 +187,72 @@ def improved(A: np.ndarray, follows: np.ndarray, word: Word) -> Word:
 
     If many matrices are nearly alike, this finds words that `growing` drops. A: `(symbols, n, n)`.
     """
-    rate = growth(A, word) ** (1 / len(word))
+    rate = _rate(A, word)
     while len(word) < LONGEST_IMPROVED:
         words, products = _neighbours(A, word)
-        radius = np.abs(np.linalg.eigvals(products)).max(-1) ** (1 / np.array([len(each) for each in words]))
-        best = next((i for i in np.argsort(-radius).tolist() if _allowed(follows, words[i])), None)
+        lengths = np.array([len(each) for each in words])
+        radius = np.abs(np.linalg.eigvals(products)).max(-1) ** (1 / lengths)
+        allowed = (i for i in np.argsort(-radius).tolist() if _allowed(follows, words[i]))
+        best = next(allowed, None)
         if best is None or radius[best] <= rate * (1 + 1e-12):
             break
-        word, rate = words[best], radius[best]
+        word = words[best]
+        rate = radius[best]
     return _least(word)
 
 
 def _neighbours(A, word):
     """The words with one matrix changed, added or removed, and their products."""
-    n, length = A.shape[-1], len(word)
-    before, after = [np.eye(n)], [np.eye(n)]
+    n = A.shape[-1]
+    length = len(word)
+    before = [np.eye(n)]  # before[i]: of the matrices before the i-th
+    after = [np.eye(n)]
     for i in range(length):
         before.append(A[word[i]] @ before[-1])
         after.append(after[-1] @ A[word[-1 - i]])
     after.reverse()  # after[i]: of the matrices from the i-th on
-    changed = [(*word[:i], j, *word[i + 1 :]) for i in range(length) for j in range(len(A))]
-    added = [(*word[:i], j, *word[i:]) for i in range(length) for j in range(len(A))]
-    less = [word[:i] + word[i + 1 :] for i in range(length)] if length > 1 else []
-    products = [after[i + 1] @ A @ before[i] for i in range(length)] + [after[i] @ A @ before[i] for i in range(length)]
-    products = np.concatenate([*products, np.array([after[i + 1] @ before[i] for i in range(len(less))]).reshape(-1, n, n)])
-    return changed + added + less, products
+    words = []
+    products = []
+    for i in range(length):
+        words += [(*word[:i], j, *word[i + 1 :]) for j in range(len(A))]
+        products.append(after[i + 1] @ A @ before[i])
+    for i in range(length):
+        words += [(*word[:i], j, *word[i:]) for j in range(len(A))]
+        products.append(after[i] @ A @ before[i])
+    if length > 1:
+        for i in range(length):
+            words.append(word[:i] + word[i + 1 :])
+            products.append((after[i + 1] @ before[i])[None])
+    return words, np.concatenate(products)
 
 
 def _allowed(follows, word):
-    return all(follows[one, other] for one, other in zip(word, (*word[1:], word[0]), strict=True))
+    after = (*word[1:], word[0])
+    return all(follows[one, other] for one, other in zip(word, after, strict=True))
 
 
 def _least(word):
     """The representative of all words with the same cycle: rotations and repetitions of a word have the same one."""
-    length = next(k for k in range(1, len(word) + 1) if len(word) % k == 0 and word == word[:k] * (len(word) // k))
+    for length in range(1, len(word) + 1):
+        repetitions, left = divmod(len(word), length)
+        if not left and word == word[:length] * repetitions:
+            break
     return min(word[i:length] + word[:i] for i in range(length))
 
 
 def short_words(follows: np.ndarray) -> list[Word]:
     """Return all words of few matrices, each cycle once: of up to SHORTEST matrices, or fewer if they are more than MOST."""
-    one_way, found = [(i,) for i in range(len(follows))], {}
+    one_way = [(i,) for i in range(len(follows))]
+    found = {}
     for _ in range(SHORTEST):
         closed = {_least(word) for word in one_way if follows[word[-1], word[0]]}
         if found and len(found) + len(closed) > MOST:
             break
         found |= dict.fromkeys(sorted(closed, key=lambda word: (len(word), word)))
-        one_way = [(*word, i) for word in one_way for i in np.flatnonzero(follows[word[-1]]).tolist()]
+        longer = []
+        for word in one_way:
+            longer += [(*word, i) for i in np.flatnonzero(follows[word[-1]]).tolist()]
+        one_way = longer
         if len(one_way) > MOST * SHORTEST:
             break
     return list(found)
@@ -210,17 +267,21 @@ def growing_of(A: np.ndarray, words: Sequence[Word]) -> list[Word]:
         for at in range(1, length):
             products = A[[word[at] for word in some]] @ products
         known = np.isfinite(products).all((-1, -2))
-        radius = np.abs(np.linalg.eigvals(np.where(known[:, None, None], products, 0.0))).max(-1)
-        rates |= dict(zip(some, np.where(known, radius, np.inf) ** (1 / length), strict=True))
+        finite = np.where(known[:, None, None], products, 0.0)
+        radius = np.abs(np.linalg.eigvals(finite)).max(-1)
+        of_some = np.where(known, radius, np.inf) ** (1 / length)
+        rates |= dict(zip(some, of_some, strict=True))
     return [word for word in sorted(rates, key=rates.get, reverse=True) if rates[word] >= 1]
 
 
 def nearest(family: Family, word: Word, start: float, x: float) -> float:
     """Return the refuted number closest to the start at which a word grows, one that is refuted at x."""
     inside = start
-    for outside in start + (x - start) * np.linspace(0, 1, LOOKED_BACK + 1)[1:]:
+    on_the_way = start + (x - start) * np.linspace(0, 1, LOOKED_BACK + 1)[1:]
+    for outside in on_the_way:
         if growth(family.at(outside), word) >= 1:
-            at = refuted_beyond(family, word, crossing(family, word, inside, outside), x)
+            begins = crossing(family, word, inside, outside)
+            at = refuted_beyond(family, word, begins, x)
             return x if at is None else at
         inside = outside
     return x
@@ -228,17 +289,23 @@ def nearest(family: Family, word: Word, start: float, x: float) -> float:
 
 def crossing(family: Family, word: Word, stable: float, unstable: float) -> float:
     """Return the number between both at which the word begins to grow, on the side where it does."""
-    low, high = stable, unstable
+    low = stable
+    high = unstable
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        low, high = (low, middle) if growth(family.at(middle), word) >= 1 else (middle, high)
+        if growth(family.at(middle), word) >= 1:
+            high = middle
+        else:
+            low = middle
     return high
 
 
 def seems_refuted(family: Family, x: float) -> bool:
     """Return whether some short word grows at x, in plain doubles: a search, which proves nothing."""
     A = family.at(x)
-    return not np.isfinite(A).all() or bool(growing(A, family.follows, np.eye(A.shape[-1]), longest=SHORT))
+    if not np.isfinite(A).all():
+        return True
+    return bool(growing(A, family.follows, np.eye(A.shape[-1]), longest=SHORT))
 
 
 def seems_refuted_from(family: Family, limit: float) -> float:
@@ -246,7 +313,8 @@ def seems_refuted_from(family: Family, limit: float) -> float:
 
     To rank what it is too long to prove: a proof from 0 on hardly reaches further.
     """
-    low, high = 0.0, limit
+    low = 0.0
+    high = limit
     for x in np.geomspace(RANKED * limit, limit, STEPS):
         if seems_refuted(family, x):
             high = float(x)
@@ -254,7 +322,10 @@ def seems_refuted_from(family: Family, limit: float) -> float:
         low = float(x)
     for _ in range(HALVED):
         middle = (low + high) / 2
-        low, high = (low, middle) if seems_refuted(family, middle) else (middle, high)
+        if seems_refuted(family, middle):
+            high = middle
+        else:
+            low = middle
     return high
 
 
