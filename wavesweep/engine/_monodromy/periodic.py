@@ -33,8 +33,9 @@ class Ticks:
     @property
     def facts(self) -> tuple[np.ndarray, np.ndarray]:
         """The pivot and the condition of the frame, the products of those of its kinds of ticks; see `Block`."""
-        pivots, conditions = ([getattr(block, fact) for block in self.maps] for fact in ("pivot", "condition"))
-        return reduce(np.multiply, pivots), reduce(np.multiply, conditions)
+        pivot = reduce(np.multiply, [block.pivot for block in self.maps])
+        condition = reduce(np.multiply, [block.condition for block in self.maps])
+        return pivot, condition
 
     @staticmethod
     def of(
@@ -57,24 +58,39 @@ class Ticks:
         if places is not None:
             used, kind = np.unique(kind[places], return_inverse=True)
             sets = [sets[index] for index in used]
-        held = drawn.held(outputs) if held is None else held
+        if held is None:
+            held = drawn.held(outputs)
         blocks = [scheduled.block for scheduled in drawn.placed]
         sums = all_sums(blocks, drawn.sums)
         silent = sums | {name: {} for name in drawn.inputs}
-        open_, maps = {name: sources for name, sources in silent.items() if name != through}, []
+        inputs = drawn.inputs
+        wires = sums
+        if through:
+            inputs = (through,)
+            wires = {name: sources for name, sources in silent.items() if name != through}
+        elif alone:
+            inputs = ()
+            wires = silent
+        maps = []
         for runs in map(set, sets):
-            inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
-            if through:
-                inputs, shown, wires = ((through,), outputs, open_) if _reaches(drawn, runs, through) else ((), (), silent)
-            in_tick = [_in_tick(block, index in runs, held[block.name]) for index, block in enumerate(blocks)]
-            maps.append(connect("tick", in_tick, wires, inputs, tuple(shown), terms))
+            in_tick = []
+            for index, block in enumerate(blocks):
+                in_tick.append(_in_tick(block, index in runs, held[block.name]))
+            if through and not _reaches(drawn, runs, through):
+                maps.append(connect("tick", in_tick, silent, (), (), terms))
+            else:
+                maps.append(connect("tick", in_tick, wires, inputs, tuple(outputs), terms))
         return Ticks(tuple(maps), kind)
 
 
 def _reaches(drawn, runs, signal):
     """Return whether one of the blocks that run reads the signal."""
-    blocks = (drawn.placed[index].block for index in runs)
-    return any(signal in drawn.sources(f"{block.name}.{port}") for block in blocks for port in block.inputs)
+    for index in runs:
+        block = drawn.placed[index].block
+        for port in block.inputs:
+            if signal in drawn.sources(f"{block.name}.{port}"):
+                return True
+    return False
 
 
 def _in_tick(block, runs, held):
@@ -86,22 +102,36 @@ def _in_tick(block, runs, held):
         return block
     rows = [block.outputs.index(port) for port in held]
     system = _holding(StateSpace(block.E, block.B, block.C, block.D), rows, runs, -1.0)
-    terms = _holding(StateSpace(*block.terms), rows, runs, 1.0) if block.terms and runs else None
-    states = (*block.states, *(f"{port} held" for port in held))
+    terms = None
+    if block.terms and runs:
+        terms = _holding(StateSpace(*block.terms), rows, runs, 1.0)
+    held_states = [f"{port} held" for port in held]
+    states = (*block.states, *held_states)
     return replace(block, states=states, **system._asdict(), labels=(), terms=terms)
 
 
 def _holding(system, rows, runs, forgotten):
     """Return a system with states for the outputs `rows`; forgotten: of each of them if the block runs."""
-    (n, m), p, h = system.B.shape[-2:], system.C.shape[-2], len(rows)
-    batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in system)) if runs else ()
-    kind = np.result_type(*system) if runs else float
-    E, B = np.zeros((*batch, n + h, n + h), kind), np.zeros((*batch, n + h, m), kind)
-    C, D = np.zeros((*batch, p, n + h), kind), np.zeros((*batch, p, m), kind)
+    n, m = system.B.shape[-2:]
+    p = system.C.shape[-2]
+    h = len(rows)
+    batch = ()
+    kind = float
     if runs:
-        E[..., :n, :n], B[..., :n, :], C[..., :n], D[...] = system
-        E[..., n:, :n], B[..., n:, :] = system.C[..., rows, :], system.D[..., rows, :]
+        batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in system))
+        kind = np.result_type(*system)
+    E = np.zeros((*batch, n + h, n + h), kind)
+    B = np.zeros((*batch, n + h, m), kind)
+    C = np.zeros((*batch, p, n + h), kind)
+    D = np.zeros((*batch, p, m), kind)
+    if runs:
+        E[..., :n, :n] = system.E
+        E[..., n:, :n] = system.C[..., rows, :]
         E[..., n:, n:] = forgotten * np.eye(h)
+        B[..., :n, :] = system.B
+        B[..., n:, :] = system.D[..., rows, :]
+        C[..., :n] = system.C
+        D[...] = system.D
     else:
         C[..., rows, n:] = np.eye(h)
     return StateSpace(E, B, C, D)
@@ -112,14 +142,20 @@ def frame_of(ticks: Ticks) -> np.ndarray:
 
     Delta form keeps the digits of slow poles. Overflow gives infinities or NaN without a warning.
     """
-    n, kinds = len(ticks.states), ticks.kind.tolist()
+    n = len(ticks.states)
+    kinds = ticks.kind.tolist()
     if not kinds:
         return np.zeros((n, n))
-    changes = [Change.of(tick.E) for tick in ticks.maps]
-    E = [change.E for change in changes]
-    batch, kind = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in E)), np.result_type(*E)
+    matrices = [tick.E for tick in ticks.maps]
+    changes = [Change.of(E) for E in matrices]
+    batch = np.broadcast_shapes(*(E.shape[:-2] for E in matrices))
+
+    def frame(index):
+        part = [change.at(index) for change in changes]
+        return in_a_row(kinds, part, Change.then).E
+
     with np.errstate(over="ignore", invalid="ignore"):
-        return in_parts(lambda index: in_a_row(kinds, [change.at(index) for change in changes], Change.then).E, batch, n, kind)
+        return in_parts(frame, batch, n, np.result_type(*matrices))
 
 
 GROWING = 32.0  # growth beyond which it is computed for each loop (see `rounding`)
@@ -137,20 +173,28 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     """
 
     def joined(first, second):
-        (E, largest_E, lost_E), (later, largest_later, lost_later) = first, second
-        both = then(E, later)
-        terms = size_of(np.abs(_with_identity(later)) @ np.abs(_with_identity(E)))
-        largest, lost = np.maximum(largest_E, largest_later), np.maximum(lost_E, lost_later)
-        return both, np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_with_identity(both))))
+        P, largest_P, lost_P = first
+        Q, largest_Q, lost_Q = second
+        both = then(P, Q)
+        terms = size_of(np.abs(_with_identity(Q)) @ np.abs(_with_identity(P)))
+        largest = np.maximum(largest_P, largest_Q)
+        lost = np.maximum(lost_P, lost_Q)
+        lost_here = terms / np.fmax(1.0, size_of(_with_identity(both)))
+        return both, np.maximum(largest, terms), np.fmax(lost, lost_here)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
-        E, largest, lost = in_a_row(kind.tolist(), [(E, 1.0, 1.0) for E in changes], joined)
-        return np.fmax(lost, largest / np.fmax(1.0, size_of(_with_identity(E))))
+        of_ticks = [(E, 1.0, 1.0) for E in changes]
+        E, largest, lost = in_a_row(kind.tolist(), of_ticks, joined)
+        of_frame = np.fmax(1.0, size_of(_with_identity(E)))
+        return np.fmax(lost, largest / of_frame)
 
 
 def known_frames(E: np.ndarray, growth) -> np.ndarray:
     """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
-    return np.where((growth <= LOST)[..., None, None], E, np.nan) if np.any(growth > LOST) else E
+    if not np.any(growth > LOST):
+        return E
+    known = growth <= LOST
+    return np.where(known[..., None, None], E, np.nan)
 
 
 def _with_identity(E):
@@ -159,7 +203,8 @@ def _with_identity(E):
 
 def size_of(matrix) -> np.ndarray:
     """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no units of the states change."""
-    return np.sqrt(np.abs(matrix * np.swapaxes(matrix, -1, -2)).max((-1, -2), initial=0.0))
+    squares = np.abs(matrix * np.swapaxes(matrix, -1, -2))
+    return np.sqrt(squares.max((-1, -2), initial=0.0))
 
 
 def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, Any], Any]) -> Any:
@@ -170,7 +215,10 @@ def in_a_row(kinds: Sequence[int], maps: Sequence[Any], joined: Callable[[Any, A
     """
     row = stretches(kinds, maps, joined)
     while len(row) > 1:
-        row = [joined(*row[at : at + 2]) if at + 1 < len(row) else row[at] for at in range(0, len(row), 2)]
+        shorter = [joined(first, second) for first, second in zip(row[::2], row[1::2], strict=False)]
+        if len(row) % 2:
+            shorter.append(row[-1])
+        row = shorter
     return row[0]
 
 
@@ -191,7 +239,8 @@ def _plan(kinds: bytes):
     becomes its powers of two, and a pattern that recurs is joined once.
     """
     sequence = np.frombuffer(kinds, np.int64).tolist()
-    pairs, name = [], 1 + max(sequence)
+    pairs = []
+    name = 1 + max(sequence)
     while len(sequence) > 1:
         pair, count = _most_frequent(sequence)
         if count < 2:
@@ -204,7 +253,8 @@ def _plan(kinds: bytes):
 
 def _most_frequent(sequence):
     """Return the pair of neighbours that occurs most often without overlap, the first of several, and its count."""
-    counts, last = {}, {}
+    counts = {}
+    last = {}
     for at, pair in enumerate(pairwise(sequence)):
         if last.get(pair) == at - 1 and pair[0] == pair[1]:
             last.pop(pair)
@@ -216,7 +266,9 @@ def _most_frequent(sequence):
 
 
 def _replaced(sequence, pair, name):
-    replaced, at = [], 0
+    """The sequence with a name in place of a pair of neighbours."""
+    replaced = []
+    at = 0
     while at < len(sequence):
         if at + 1 < len(sequence) and (sequence[at], sequence[at + 1]) == pair:
             replaced.append(name)
@@ -259,13 +311,15 @@ class Change:
         if self.E.ndim == 2 or len(self.E) == 1:
             return self
         unread = [(state, loops[index]) for state, loops in self.unread]
-        return Change(self.E[index], unread, [(state, loops[index]) for state, loops in self.unset])
+        unset = [(state, loops[index]) for state, loops in self.unset]
+        return Change(self.E[index], unread, unset)
 
     def then(self, later: "Change") -> "Change":
         """This change, and then a later one."""
         E = self.E + later.E
         E += product(later.E[..., : E.shape[-2]], self.E)
-        for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
+        # Of a state that is forgotten, the other entries of its column, or its row, cancel exactly.
+        for state, loops in (*self.unread, *later.unset):
             E[..., state, state] = np.where(loops, -1.0, E[..., state, state])
         return Change(E, self.unread, later.unset)
 
@@ -275,7 +329,12 @@ def _forgotten(E):
 
     Each matrix has its own, since a state may die out in one loop of a batch and not in another.
     """
-    less, dead = -np.eye(E.shape[-1]), E.diagonal(axis1=-2, axis2=-1) == -1
+    less = -np.eye(E.shape[-1])
+    dead = E.diagonal(axis1=-2, axis2=-1) == -1
     columns = np.flatnonzero(dead.any(tuple(range(dead.ndim - 1))))
-    forgotten = [(column, (E[..., column] == less[column]).all(-1)) for column in columns.tolist()]
-    return [(column, loops) for column, loops in forgotten if loops.any()]
+    forgotten = []
+    for column in columns.tolist():
+        loops = (E[..., column] == less[column]).all(-1)
+        if loops.any():
+            forgotten.append((column, loops))
+    return forgotten
