@@ -10,7 +10,8 @@ from scipy.optimize import brentq, minimize_scalar
 import wavesweep
 from wavesweep.engine._monodromy.periodic import in_a_row
 from wavesweep.engine.errors import UsageError
-from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM
+from wavesweep.require import gain_intervals
+from wavesweep.require.disc_panels import BAD, GOOD, OPEN, RIM, along_panels
 from wavesweep.require.long_gain import of_tick, then
 from wavesweep.require.sines import Panel
 
@@ -558,6 +559,35 @@ def test_a_number_that_a_controller_has_at_zero_is_swept_as_any_other():
     sweep = {"along": "Kp", "Kp": {"start": 1, "stop": 60}, "require": bounded("f_h", "x", 0.03)}
     (row,) = wavesweep.stability_region(wavesweep.load(tables | {"sweep": sweep})).itertuples()
     assert (row.certified, row.low, row.high) == (True, 1, 60)
+
+
+def test_values_without_a_loop_leave_the_others_their_maps(monkeypatch):
+    """The filter has a direct term of 1, so that there is no loop at K = -1; of five values both halves have others."""
+    tables = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"K": 0.5},
+        "block": {"p": {"type": "tf", "num": [1, 0], "den": [1, -0.5], "discrete": True}},
+        "wire": {"p.u": "r - K*p.y"},
+        "ports": {"inputs": {"r": "r"}, "outputs": {"y": "p.y"}},
+        "sweep": {"along": "K", "K": {"start": -0.9, "stop": 4}},
+    }
+    judges = []
+
+    def watched(found, *rest):
+        judges.extend(found)
+        return along_panels(found, *rest)
+
+    monkeypatch.setattr(gain_intervals, "along_panels", watched)
+    wavesweep.compile(tables).stable_intervals(require=bounded("r", "y", 2.0))
+    (judge,) = judges
+    column = np.zeros(5, int)
+    p = np.array([0.1, 0.2, -1.0, 0.3, 0.4])
+    maps, _ = judge.maps(column, p)
+    others, _ = judge.maps(column[1:], np.delete(p, 2))
+    for pair, pair_of_others in zip(maps, others, strict=True):
+        for array, array_of_others in zip(pair, pair_of_others, strict=True):
+            assert np.isnan(array[2]).all()
+            assert np.array_equal(np.delete(array, 2, 0), array_of_others)
 
 
 def test_a_drawn_hand_has_a_force_a_position_and_what_it_feels():

@@ -29,14 +29,24 @@ def off_circle(d):
 
 def off_arc(d, arc):
     """Distance of 1 + d from what the map makes of an arc; d: `(n, any)`; arc: its ends (rad), `(n, 2)`."""
-    low, high = np.clip(arc + WIDER * np.array([-1, 1]), 0, np.pi)[:, None, :].transpose(2, 0, 1)
-    distance, circle = np.inf, off_circle(d)
-    for ends in ((low, high), (-high, -low)):
-        z = np.exp(1j * np.array(ends))
-        first, last = (z - TURN) / (1 - np.conj(TURN) * z) / ONE
+    wider = np.clip(arc + WIDER * np.array([-1, 1]), 0, np.pi)
+    low = wider[:, :1]
+    high = wider[:, 1:]
+    circle = off_circle(d)
+    distance = np.inf
+    for start, stop in ((low, high), (-high, -low)):
+        first = _mapped(start)
+        last = _mapped(stop)
         beyond = np.angle((1 + d) / first) % (2 * np.pi) > np.angle(last / first) % (2 * np.pi)
-        distance = np.minimum(distance, np.where(beyond, np.minimum(np.abs(1 + d - first), np.abs(1 + d - last)), circle))
+        of_ends = np.minimum(np.abs(1 + d - first), np.abs(1 + d - last))
+        distance = np.minimum(distance, np.where(beyond, of_ends, circle))
     return distance
+
+
+def _mapped(theta):
+    """Where the map takes angles of the circle, over where it takes z = 1."""
+    z = np.exp(1j * theta)
+    return (z - TURN) / (1 - np.conj(TURN) * z) / ONE
 
 
 def angles_of(d):
@@ -53,39 +63,60 @@ def clear(K, dK, L, dL, rims, inputs, arc):
     any d of the circle. arc: its ends (rad), `(n, 2)`. Without this number, and in vectors V of the eigenvalues and a basis W,
     it is diagonal in the middle, `d_i - d`, or 1 for the inputs, and what is left is dominated by that.
     """
-    N, n = K.shape[-1], K.shape[-1] - inputs
-    states, last = np.arange(N) < n, np.arange(N) >= n
+    N = K.shape[-1]
+    n = N - inputs
+    states = np.arange(N) < n
+    last = ~states
+    rounding = N * ROUNDING  # of complex products of three, one after the other
 
-    def parts(K, L, sizes=False):
-        """P and Q of `P - d Q`, or their sizes."""
-        rate, back, unit = RATE, -np.conj(TURN), 1 - np.conj(TURN)
-        if sizes:
-            rate, back, unit = abs(rate), abs(back), abs(unit)
-        return np.where(last, K, rate * K), states * (unit * L + back * K)
+    def parts(K, L):
+        """P and Q of `P - d Q`."""
+        back = -np.conj(TURN)
+        unit = 1 - np.conj(TURN)
+        return np.where(last, K, RATE * K), states * (unit * L + back * K)
 
-    (P, Q), rounding = parts(K, L), N * ROUNDING  # of complex products of three, one after the other
-    sizes = parts(dK + rounding * np.abs(K), dL + rounding * np.abs(L), sizes=True)
+    def sizes_of_parts(K, L):
+        """Those of their entries, of K and L with entries of these sizes."""
+        back = abs(TURN)
+        unit = abs(1 - TURN)
+        return np.where(last, K, abs(RATE) * K), states * (unit * L + back * K)
+
+    P, Q = parts(K, L)
+    P_error, Q_error = sizes_of_parts(dK + rounding * np.abs(K), dL + rounding * np.abs(L))
     with np.errstate(all="ignore"):
+        # Without the inputs, the eigenvalues and vectors of the states.
         from_u = inverse(P[:, n:, n:])
-        S, T = (pencil[:, :n, :n] - P[:, :n, n:] @ from_u @ pencil[:, n:, :n] for pencil in (P, Q))
+        S = P[:, :n, :n] - P[:, :n, n:] @ from_u @ P[:, n:, :n]
+        T = Q[:, :n, :n] - P[:, :n, n:] @ from_u @ Q[:, n:, :n]
         S = inverse(T) @ S
         fine = np.isfinite(S).all((-1, -2))
         S, units = balance(np.where(fine[:, None, None], S, 0.0), SWEEPS)
         delta, V = _vectors(S)
         V = units[:, :, None] * V
         U = -from_u @ (P[:, n:, :n] @ V - Q[:, n:, :n] @ V * delta[:, None, :])
-        V = np.concatenate([np.concatenate([V, 0 * _t(U)], -1), np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)], -2)
+        of_states = np.concatenate([V, 0 * _t(U)], -1)
+        of_inputs = np.concatenate([U, 0 * from_u + np.eye(inputs)], -1)
+        V = np.concatenate([of_states, of_inputs], -2)
         W = inverse(np.where(last, P, Q @ V))
-        moved = [rim - middle_matrix[:, None] for rim, middle_matrix in zip(rims, (K, L), strict=True)]
-        moved = [
-            np.concatenate(pair, 1) for pair in zip(parts(*moved), parts(*(matrix.conj() for matrix in moved)), strict=True)
-        ]
+
+        # What the vectors leave in the middle, and how much both parts change on the discs.
         d = np.concatenate([delta, np.zeros((len(delta), inputs))], -1)
-        off = W @ P @ V - W @ Q @ V * d[:, None, :] - np.eye(N) * last, W @ Q @ V - np.eye(N) * states
-        F, loss = (
-            SAFE / 2 * np.abs(_between(W, change, V, inputs)).max(1) + np.abs(rounding) + np.abs(W) @ size @ np.abs(V)
-            for change, rounding, size in zip(moved, off, sizes, strict=True)
-        )
+        P_off = W @ P @ V - W @ Q @ V * d[:, None, :] - np.eye(N) * last
+        Q_off = W @ Q @ V - np.eye(N) * states
+        K_rims, L_rims = rims
+        K_moved = K_rims - K[:, None]
+        L_moved = L_rims - L[:, None]
+        P_upper, Q_upper = parts(K_moved, L_moved)
+        P_lower, Q_lower = parts(K_moved.conj(), L_moved.conj())
+        P_moved = np.concatenate([P_upper, P_lower], 1)
+        Q_moved = np.concatenate([Q_upper, Q_lower], 1)
+
+        def bound(moved, off, error):
+            change = SAFE / 2 * np.abs(_between(W, moved, V, inputs)).max(1)
+            return change + np.abs(off) + np.abs(W) @ error @ np.abs(V)
+
+        F = bound(P_moved, P_off, P_error)
+        loss = bound(Q_moved, Q_off, Q_error)
         room = np.where(last, 1.0, off_arc(d, arc))
         size = np.where(last, 2.0, np.abs(d) + room)  # of d where it is nearest
         H = (F + size[:, :, None] * loss) / room[:, :, None]
@@ -99,13 +130,19 @@ def clear(K, dK, L, dL, rims, inputs, arc):
 def _between(W, parts, V, inputs):
     """`W part V` of parts `(n, points, r, r)`, of whose three rows of blocks most numbers change few rows or columns."""
     N = V.shape[-1]
-    n, total = (N - inputs) // 2, 0.0
+    n = (N - inputs) // 2
+    total = 0.0
     for block in (slice(n), slice(n, 2 * n), slice(2 * n, N)):
         nonzero = np.any(parts[..., block, :] != 0, (0, 1))
-        rows, columns = np.arange(N)[block][nonzero.any(1)], np.flatnonzero(nonzero.any(0))
-        factors = W[:, None][..., rows], parts[..., rows[:, None], columns], V[:, None, columns]
-        left, middle, right = map(np.ascontiguousarray, factors)
-        total = total + (left @ (middle @ right) if rows.size <= columns.size else (left @ middle) @ right)
+        rows = np.arange(N)[block][nonzero.any(1)]
+        columns = np.flatnonzero(nonzero.any(0))
+        left = np.ascontiguousarray(W[:, None][..., rows])
+        middle = np.ascontiguousarray(parts[..., rows[:, None], columns])
+        right = np.ascontiguousarray(V[:, None, columns])
+        if rows.size <= columns.size:
+            total = total + left @ (middle @ right)
+        else:
+            total = total + (left @ middle) @ right
     return total
 
 
@@ -113,14 +150,21 @@ def _vectors(S):
     """Eigenvalues and eigenvectors of matrices; of several next to z = 0 or infinity, which may have too few, a Schur basis."""
     from scipy.linalg import schur
 
-    delta, V = (array.astype(complex) for array in np.linalg.eig(S))
+    delta, V = np.linalg.eig(S)
+    delta = delta.astype(complex)
+    V = V.astype(complex)
     for middle in (-TURN, -1 / np.conj(TURN)):
         place = middle * (1 - np.conj(TURN)) / (1 - TURN) - 1
         near = np.abs(delta - place) <= SMALL
+
+        def is_near(d, place=place):
+            return abs(d - place) <= SMALL
+
         for at in np.flatnonzero(near.sum(-1) > 1):
-            T, basis, count = schur(S[at], output="complex", sort=lambda d, place=place: abs(d - place) <= SMALL)
+            T, basis, count = schur(S[at], output="complex", sort=is_near)
             if count == near[at].sum():
-                delta[at, near[at]], V[at][:, near[at]] = np.diagonal(T)[:count], basis[:, :count]
+                delta[at, near[at]] = np.diagonal(T)[:count]
+                V[at][:, near[at]] = basis[:, :count]
     return delta, V
 
 
