@@ -47,51 +47,88 @@ def assumes(spec: Spec, swept: Collection[str] = (), *, nominal: bool = False, r
     it is linear.
     """
     in_run = run or (IN_TIME if nominal else None)  # of the spec's own numbers
-    varied = {} if in_run else {axis.path: _values(axis) for axis in spec.changing}
-    ranges, order = None if in_run else spec.for_all, "in any order"
+    varied = {}
+    ranges = None
+    if not in_run:
+        varied = {axis.path: _values(axis) for axis in spec.changing}
+        ranges = spec.for_all
+    order = "in any order"
     if ranges and ranges.at_random:
         alone = ranges.loss or (spec.drawing and spec.drawing.at_random)
-        order = f"{'' if alone else 'in any order, or '}at random (mean_square)"
+        order = "at random (mean_square)"
+        if not alone:
+            order = f"in any order, or {order}"
     if spec.drawing:
-        said = [*_continuous(spec), *(f"{name_of(path)} is {how} {order}" for path, how in varied.items())]
-        of_run = [in_run.frames, in_run.messages * bool(spec.drawing.senders)] if in_run else []
-        said += of_run if in_run else [*_unknown(spec, swept), *_messages(spec, swept)]
-        if limits := ", ".join(_limits(spec, swept)):
-            said.append(f"kept to its limits, {limits}" if run else f"linear while {limits}; simulate goes beyond")
+        said = [*_continuous(spec)]
+        said += [f"{name_of(path)} is {how} {order}" for path, how in varied.items()]
+        if not in_run:
+            said += _unknown(spec, swept)
+            said += _messages(spec, swept)
+        else:
+            said.append(in_run.frames)
+            if spec.drawing.senders:
+                said.append(in_run.messages)
+        limits = ", ".join(_limits(spec, swept))
+        if limits and run:
+            said.append(f"kept to its limits, {limits}")
+        elif limits:
+            said.append(f"linear while {limits}; simulate goes beyond")
         return "; ".join(filter(None, said))
-    read, values = keys_of_page(spec.values), spec.values
-    varies = bool(varied or (run and run.frames))
-    phrases = [assumption_of_page(values), *_frames_that_vary(spec, varied, read, order, run.frames if run else "")]
+    read = keys_of_page(spec.values)
+    values = spec.values
+    frames = run.frames if run else ""
+    phrases = [assumption_of_page(values)]
+    phrases += _frames_that_vary(spec, varied, read, order, frames)
     phrases += _lost(ranges)
-    if DELAY in read and not varies:
+    if DELAY in read and not (varied or frames):
         phrases.append(_delay(values, swept))
     if VELOCITY in read:
-        phrases.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
-    phrases += [] if in_run else _unknown(spec, swept)
+        exact = values[VELOCITY] == "exact"
+        phrases.append("exact velocity" if exact else "velocity from differences of position")
+    if not in_run:
+        phrases += _unknown(spec, swept)
     phrases += _amplifier(values, swept)
-    by_default = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in {*spec.given, *swept}]
+    assumed = ", ".join(phrases)
+    said_elsewhere = {*spec.given, *swept}
+    deciding = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read]
+    by_default = [path for path in deciding if path not in said_elsewhere]
     if not by_default:
-        return ", ".join(phrases)
-    usual = {INTEGRATION: '"explicit"', DELAY: str(longest_delay(values["rates.ratio"])), VELOCITY: '"difference"'}
-    defaults = f"{FAVOURABLE}{'s' * (len(by_default) > 1)} of {_listed(by_default)}"
-    return f"{', '.join(phrases)}; {defaults}: engines usually have {_listed([usual[path] for path in by_default])}"
+        return assumed
+    usual = {
+        INTEGRATION: '"explicit"',
+        DELAY: str(longest_delay(values["rates.ratio"])),
+        VELOCITY: '"difference"',
+    }
+    plural = "s" if len(by_default) > 1 else ""
+    defaults = f"{FAVOURABLE}{plural} of {_listed(by_default)}"
+    practice = _listed([usual[path] for path in by_default])
+    return f"{assumed}; {defaults}: engines usually have {practice}"
 
 
 def _delay(values: Mapping[str, Any], swept: Collection[str]) -> str:
     """The delay of the environment's results."""
     if DELAY in swept:
         return "delay swept"
-    delay, ratio = values[DELAY], values["rates.ratio"]
-    within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
-    return f"delay of {delay}{within} {'tick' if delay == 1 and not within else 'ticks'}" if delay else "no delay"
+    delay = values[DELAY]
+    if not delay:
+        return "no delay"
+    if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept):
+        ticks = "tick" if delay == 1 else "ticks"
+        return f"delay of {delay} {ticks}"
+    return f"delay of {delay} of {values['rates.ratio']:.6g} ticks"
 
 
 def _amplifier(values: Mapping[str, Any], swept: Collection[str]) -> list[str]:
     """How late the amplifier is, if it is at all."""
-    late, dead = values["device.delay"], values["device.dead_time"]
     if {"device.delay", "device.dead_time"} & set(swept):
         return ["amplifier's delay swept"]
-    times = [f"{late} tick{'s' * (late > 1)}"] * bool(late) + [f"{1e3 * dead:g} ms"] * bool(dead)
+    late = values["device.delay"]
+    dead = values["device.dead_time"]
+    times = []
+    if late:
+        times.append(f"{late} ticks" if late > 1 else f"{late} tick")
+    if dead:
+        times.append(f"{1e3 * dead:g} ms")
     return [f"amplifier late by {' and '.join(times)}"] if times else []
 
 
@@ -102,40 +139,59 @@ def losses(spec: Spec) -> list[str]:
 
 def _lost(asked) -> list[str]:
     """How slow results may be lost by a [for_all], in words."""
-    often = [f"results lost up to {asked.lost} in a row"] if asked and asked.lost else []
-    return often + ([f"results lost with probability {asked.loss:g}"] if asked and asked.loss else [])
+    said = []
+    if asked and asked.lost:
+        said.append(f"results lost up to {asked.lost} in a row")
+    if asked and asked.loss:
+        said.append(f"results lost with probability {asked.loss:g}")
+    return said
 
 
 def of_axes(spec: Spec, axes: Iterable[Axis], table: str) -> str:
     """The spec's own value of each number for which the axes of a table have others, in words."""
     said = []
     for axis in axes:
-        value, unit = spec.own(axis.path), spec.names.keys[axis.path].unit
+        value = spec.own(axis.path)
         if value is None:  # the edge of a band, which the spec does not have
             continue
+        if axis.values == (value,):
+            continue
         inside = value in axis.values if axis.values else axis.start <= value <= axis.stop
-        many = f"{len(axis.values)} values from {axis.start:g} to {axis.stop:g}"
-        values = many if len(axis.values) > LISTED else _values(axis)
-        if axis.values != (value,):
-            shown = f"{axis.name} = {value:g}{f' {unit}' if unit not in ('', '1') else ''}"
-            said.append(f"{shown}, {'of' if inside else 'not in'} {table} {values}")
+        values = _values(axis)
+        if len(axis.values) > LISTED:
+            values = f"{len(axis.values)} values from {axis.start:g} to {axis.stop:g}"
+        among = "of" if inside else "not in"
+        said.append(f"{axis.name} = {value:g}{_unit(spec, axis)}, {among} {table} {values}")
     left_out = len(said) - MOST_AXES
-    return "; ".join(said if left_out < 2 else [*said[:MOST_AXES], f"{left_out} other numbers of {table}"])
+    if left_out >= 2:
+        said[MOST_AXES:] = [f"{left_out} other numbers of {table}"]
+    return "; ".join(said)
 
 
 def _continuous(spec) -> Iterator[str]:
     """Yield which numbers act continuously, between ticks too: the factors of terms by which plants act on each other."""
     ports: dict[str, list[str]] = {}
     for port, terms in spec.drawing.couplings:
-        numbers = [f"{value_of(gain, {}):g}" for _, gain in terms if not any(names_in(gain))]
-        names = [name for _, gain in terms for name, _ in names_in(gain)]
-        for name in dict.fromkeys([*names, *(term for term in numbers if term not in ("1", "-1"))]):
-            ports.setdefault(name, []).append(port)
+        names = []
+        numbers = []
+        for _, gain in terms:
+            names_of_gain = [name for name, _ in names_in(gain)]
+            names += names_of_gain
+            if not names_of_gain:
+                numbers.append(f"{value_of(gain, {}):g}")
+        factors = names + [number for number in numbers if number not in ("1", "-1")]
+        for factor in dict.fromkeys(factors):
+            ports.setdefault(factor, []).append(port)
     acting: dict[str, list[str]] = {}
-    for name, continuous in ports.items():
-        shown = continuous if len(continuous) <= MOST_PORTS else [*continuous[:2], f"{len(continuous) - 2} other wires"]
-        acting.setdefault(_listed(shown), []).append(name)
-    said = [f"{_listed(names)} act{'s' * (len(names) == 1)} continuously in {where}" for where, names in acting.items()]
+    for factor, continuous in ports.items():
+        shown = continuous
+        if len(continuous) > MOST_PORTS:
+            shown = [*continuous[:2], f"{len(continuous) - 2} other wires"]
+        acting.setdefault(_listed(shown), []).append(factor)
+    said = []
+    for where, factors in acting.items():
+        act = "acts" if len(factors) == 1 else "act"
+        said.append(f"{_listed(factors)} {act} continuously in {where}")
     if said:
         yield f"{_listed(said)} ({CONTINUOUS})"
 
@@ -153,15 +209,17 @@ def _frames_that_vary(spec, varied, read, order, of_run) -> Iterator[str]:
     elif "rates.ratio" in varied:
         yield f"frames of {varied['rates.ratio']} ticks {order}"
     if DELAY in read:
-        late = varied.get(DELAY, spec.values[DELAY])
-        in_ticks = f"delay of {late} tick{'s' * (late != 1)}{f' {order}' * (DELAY in varied)}"
-        yield (
-            'results in place with the next frame (delay = "frame")'
-            if spec.delay_of_frame and DELAY not in varied
-            else in_ticks
-        )
+        late = spec.values[DELAY]
+        if DELAY in varied:
+            yield f"delay of {varied[DELAY]} ticks {order}"
+        elif spec.delay_of_frame:
+            yield 'results in place with the next frame (delay = "frame")'
+        else:
+            yield f"delay of {late} tick" if late == 1 else f"delay of {late} ticks"
     if INTEGRATION in read:
-        over = "the time since the last frame" if spec.step == "elapsed" else f"{ratio} ticks, however long a frame is"
+        over = f"{ratio} ticks, however long a frame is"
+        if spec.step == "elapsed":
+            over = "the time since the last frame"
         yield f'integrated over {over} (step = "{spec.step}")'
 
 
@@ -169,38 +227,58 @@ def _unknown(spec, swept) -> Iterator[str]:
     """Yield the numbers of [for_all] that are constant and not known."""
     for axis in spec.for_all.unknown if spec.for_all else ():
         if axis.path not in swept:
-            unit = spec.names.keys[axis.path].unit
-            yield f"{axis.name} {'of' if axis.values else 'from'} {_values(axis)}{f' {unit}' if unit not in ('', '1') else ''}"
+            among = "of" if axis.values else "from"
+            yield f"{axis.name} {among} {_values(axis)}{_unit(spec, axis)}"
 
 
 def _messages(spec, swept) -> Iterator[str]:
     """Yield what the messages of each channel may do; a number of a swept axis is a range."""
-    numbers, axes = scalars(spec.values), [axis for axis in (*spec.sweep, *spec.bode) if axis.path in swept]
+    numbers = scalars(spec.values)
+    axes = [axis for axis in (*spec.sweep, *spec.bode) if axis.path in swept]
 
     def ends(tree):
         """The least and the largest value of a key."""
-        varied = [axis for axis in axes if axis.path in {path_of(name) for name, _ in names_in(tree)}]
-        names, values = (
-            [name_of(axis.path) for axis in varied],
-            [axis.values or (axis.start, axis.stop) for axis in varied],
-        )
-        delays = [float(value_of(tree, numbers | dict(zip(names, place, strict=True)))) for place in product(*values)]
-        return sorted({min(delays), max(delays)})
+        paths = {path_of(name) for name, _ in names_in(tree)}
+        varied = [axis for axis in axes if axis.path in paths]
+        names = [name_of(axis.path) for axis in varied]
+        values_of_each = [axis.values or (axis.start, axis.stop) for axis in varied]
+        found = []
+        for values in product(*values_of_each):
+            at_values = numbers | dict(zip(names, values, strict=True))
+            found.append(float(value_of(tree, at_values)))
+        return sorted({min(found), max(found)})
 
     for block in spec.drawing.channels:
-        late, lost = (ends(dict(block.keys)[key]) for key in ("late", "lost"))
-        said = [f"late by {_most(late)} tick{'s' * (late != [1])}"] * any(late)
-        said += ["lost at random"] if block.loses_at_random else [f"lost {_most(lost)} in a row"] * any(lost)
+        keys = dict(block.keys)
+        late = ends(keys["late"])
+        lost = ends(keys["lost"])
+        said = []
+        if any(late):
+            ticks = "tick" if late == [1] else "ticks"
+            said.append(f"late by {_most(late)} {ticks}")
+        if block.loses_at_random:
+            said.append("lost at random")
+        elif any(lost):
+            said.append(f"lost {_most(lost)} in a row")
         yield f"messages of {block.name} {' or '.join(said) or 'all in time'}"
 
 
 def _most(ends) -> str:
     """The most that there may be, itself a range if a number of it is swept."""
-    return f"{'at most' if len(ends) > 1 else 'up to'} {' to '.join(f'{end:g}' for end in ends)}"
+    words = "at most" if len(ends) > 1 else "up to"
+    span = " to ".join(f"{end:g}" for end in ends)
+    return f"{words} {span}"
 
 
 def _values(axis) -> str:
-    return ", ".join(f"{value:g}" for value in axis.values) if axis.values else f"{axis.start:g} to {axis.stop:g}"
+    if axis.values:
+        return ", ".join(f"{value:g}" for value in axis.values)
+    return f"{axis.start:g} to {axis.stop:g}"
+
+
+def _unit(spec, axis) -> str:
+    unit = spec.names.keys[axis.path].unit
+    return "" if unit in ("", "1") else f" {unit}"
 
 
 def _limits(spec, swept) -> Iterator[str]:
@@ -214,9 +292,12 @@ def _limits(spec, swept) -> Iterator[str]:
     for block in spec.drawing.blocks:
         limits = dict(block.limits)
         if "high" in limits:
-            port, high = f"{block.name}.{'u' if block.type == 'saturation' else 'y'}", shown(limits["high"])
+            limited = "u" if block.type == "saturation" else "y"
+            port = f"{block.name}.{limited}"
+            high = shown(limits["high"])
             low = shown(limits["low"]) if "low" in limits else f"-{high}"
-            yield f"|{port}| <= {high}" if low == f"-{high}" else f"{low} <= {port} <= {high}"
+            symmetric = low == f"-{high}"
+            yield f"|{port}| <= {high}" if symmetric else f"{low} <= {port} <= {high}"
 
 
 def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str]:
@@ -227,13 +308,16 @@ def solved_within_ticks(spec: Spec, swept: Collection[str] = ()) -> Iterator[str
     """
     if not spec.drawing:
         return
-    axes = [axis for axis in (*spec.sweep, *spec.bode) if axis.structural and axis.path in swept]
-    values = [(axis, value) for axis in axes for value in sorted(axis.values)[:MOST_BUILT]]
-    built = [(f" at {axis.name} = {value:g}", {axis.path: value}) for axis, value in values]
+    built = []
+    for axis in (*spec.sweep, *spec.bode):
+        if axis.structural and axis.path in swept:
+            least = sorted(axis.values)[:MOST_BUILT]
+            built += [(f" at {axis.name} = {value:g}", {axis.path: value}) for value in least]
     rings: dict[str, list[str]] = {}
     for at, changed in built or [("", {})]:
         with suppress(WavesweepError):
-            for ring in Loops(spec.drawing, spec.with_values(changed).values).drawn().rings():
+            loop = Loops(spec.drawing, spec.with_values(changed).values)
+            for ring in loop.drawn().rings():
                 rings.setdefault(_listed(ring), []).append(at)
     for ring, places in rings.items():
         reads = "read one another" if " and " in ring else "reads itself"
@@ -248,15 +332,18 @@ def unusual(spec: Spec) -> Iterator[str]:
     """Yield a sentence for each number of the spec that is so far from those of devices that its unit may be wrong."""
     for path, (low, high) in USUAL.items():
         if path in spec.given and not low <= spec.values[path] <= high:
-            unit, value = KEYS[path].unit, spec.values[path]
+            unit = KEYS[path].unit
+            value = spec.values[path]
             yield f"{path} = {value:g} {unit} is unusual (usual: {low:g} to {high:g} {unit}); is it given in {unit}?"
 
 
 def near_rates(spec: Spec) -> Iterator[str]:
     """Yield which slow rates near the spec's own divide the fast one, if that does not: their frames are short."""
     if spec.uneven:
-        fast, ratio = float(spec.values["rates.fast_hz"]), float(spec.values["rates.ratio"])
-        higher, lower = fast / floor(ratio), fast / ceil(ratio)
+        fast = float(spec.values["rates.fast_hz"])
+        ratio = float(spec.values["rates.ratio"])
+        higher = fast / floor(ratio)
+        lower = fast / ceil(ratio)
         repeats = f"{fast / ratio:.6g} Hz does not divide {fast:.6g} Hz, so that all takes several times as long"
         yield f"{repeats}; {higher:.6g} and {lower:.6g} Hz do"
 
@@ -271,9 +358,11 @@ def notices_of(grid: Grid) -> list[str]:
 def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})) -> Iterator[str]:
     """Yield a sentence about the numbers of a preset device that the spec itself gives otherwise; options: other numbers."""
     if spec.preset:
-        used, numbers = {**spec.values, **options}, DEVICES[spec.preset].numbers.items()
-        pairs = [(path, used[path], number.value) for path, number in numbers if path in used]
-        differing = [f"{path} = {value:g} and not {preset:g}" for path, value, preset in pairs if value != preset]
+        used = {**spec.values, **options}
+        differing = []
+        for path, number in DEVICES[spec.preset].numbers.items():
+            if path in used and used[path] != number.value:
+                differing.append(f"{path} = {used[path]:g} and not {number.value:g}")
         if differing:
             yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(differing)}"
 
@@ -282,13 +371,18 @@ def assumed_by(
     specs: Sequence[Spec], swept: Collection[str] = (), *, nominal: bool = False, run: RunWords | None = None
 ) -> str:
     """The sentence of one spec, or those of several, a line each with its name; swept: of any; nominal, run: see `assumes`."""
-    several = len(specs) > 1
-    swept_here = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
-    said = [assumes(spec, axes & {*swept}, nominal=nominal, run=run) for spec, axes in zip(specs, swept_here, strict=True)]
+    said = []
+    for spec in specs:
+        swept_here = set(swept)
+        if len(specs) > 1:
+            swept_here &= {axis.path for axis in (*spec.sweep, *spec.bode)}
+        said.append(assumes(spec, swept_here, nominal=nominal, run=run))
     if len(set(said)) == 1:
         return said[0]
     return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)
 
 
 def _listed(words):
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    if len(words) == 1:
+        return words[0]
+    return f"{', '.join(words[:-1])} and {words[-1]}"
