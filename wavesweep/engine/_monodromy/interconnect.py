@@ -12,21 +12,29 @@ from wavesweep.engine._state_space import StateSpace
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
 
-def _side_by_side(blocks) -> StateSpace:
-    """The matrices of blocks that are not connected."""
-    return StateSpace(*(block_diagonal([getattr(block, matrix) for block in blocks]) for matrix in "EBCD"))
+def _side_by_side(systems) -> StateSpace:
+    """The matrices of systems that are not connected."""
+    return StateSpace(
+        E=block_diagonal([system.E for system in systems]),
+        B=block_diagonal([system.B for system in systems]),
+        C=block_diagonal([system.C for system in systems]),
+        D=block_diagonal([system.D for system in systems]),
+    )
 
 
-def _sizes(blocks) -> StateSpace:
-    """The sizes of the terms of the entries of blocks side by side."""
-    of_blocks = [block.terms or [np.abs(getattr(block, matrix)) for matrix in "EBCD"] for block in blocks]
-    return StateSpace(*(block_diagonal(list(matrices)) for matrices in zip(*of_blocks, strict=True)))
+def _sizes(block) -> StateSpace:
+    """The sizes of the terms of the entries of a block."""
+    if block.terms:
+        return StateSpace(*block.terms)
+    return StateSpace(np.abs(block.E), np.abs(block.B), np.abs(block.C), np.abs(block.D))
 
 
 def _of_one_batch(matrices: list) -> list:
     """Matrices with the batch that they have together, if it has one axis."""
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
-    return [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices] if len(batch) == 1 else matrices
+    if len(batch) != 1:
+        return matrices
+    return [np.broadcast_to(matrix, (*batch, *matrix.shape[-2:])) for matrix in matrices]
 
 
 def connect(
@@ -49,36 +57,68 @@ def connect(
     """
     ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
     system = _side_by_side(blocks)
-    sizes = _sizes(blocks) if terms and blocks else StateSpace(*map(np.abs, system))
+    if terms:
+        sizes = _side_by_side([_sizes(block) for block in blocks])
+    else:
+        sizes = StateSpace(*map(np.abs, system))
     wires = _wires(blocks, ports, sums, inputs, outputs, sizes)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         rows = _Ports(ports, name, wires.K, wires.L, system.C, system.D, sizes[2:])
-        read, external = _times(wires.of_made, system.D) + wires.of_ports, rows.values[..., system.E.shape[-1] :]
-        closed = _closed(system, _times(wires.of_made, system.C), read, wires.of_inputs, rows.values)
-        closed = closed._replace(
-            B=_without_rounding(closed.B, np.abs(system.B) @ np.abs(external)),
-            D=_without_rounding(closed.D, np.abs(wires.of_inputs) + np.abs(read) @ np.abs(external)),
-        )
-        matrices = list(closed)
+        shown = _times(wires.of_made, system.C)
+        read = _times(wires.of_made, system.D) + wires.of_ports
+        closed = _closed(system, shown, read, wires.of_inputs, rows.values)
+        external = np.abs(rows.values[..., system.E.shape[-1] :])
+        terms_of_B = np.abs(system.B) @ external
+        terms_of_D = np.abs(wires.of_inputs) + np.abs(read) @ external
+        matrices = [
+            closed.E,
+            _without_rounding(closed.B, terms_of_B),
+            closed.C,
+            _without_rounding(closed.D, terms_of_D),
+        ]
         if terms:
-            size, of_read = np.abs(wires.of_made), np.abs(wires.of_made) @ sizes.D + np.abs(wires.of_ports)
-            matrices += _closed(sizes, size @ sizes.C, of_read, np.abs(wires.of_inputs), rows.sizes)
-    kind, matrices = np.result_type(float, *matrices), _of_one_batch(matrices)
+            size = np.abs(wires.of_made)
+            of_shown = size @ sizes.C
+            of_read = size @ sizes.D + np.abs(wires.of_ports)
+            matrices += _closed(sizes, of_shown, of_read, np.abs(wires.of_inputs), rows.sizes)
+    kind = np.result_type(float, *matrices)
+    matrices = _of_one_batch(matrices)
+    condition = rows.condition
+    pivot = rows.pivot
+    states = []
     for block in blocks:
-        rows.condition, rows.pivot = rows.condition * block.condition, rows.pivot * block.pivot
-    facts = {"condition": rows.condition, "pivot": rows.pivot, "terms": tuple(matrices[4:]) or None}
-    states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
-    return Block(name, tuple(inputs), tuple(outputs), states, *(m.astype(kind, copy=False) for m in matrices[:4]), **facts)
+        condition = condition * block.condition
+        pivot = pivot * block.pivot
+        states += [f"{block.name}.{state}" for state in block.states]
+    E, B, C, D = (matrix.astype(kind, copy=False) for matrix in matrices[:4])
+    return Block(
+        name,
+        tuple(inputs),
+        tuple(outputs),
+        tuple(states),
+        E,
+        B,
+        C,
+        D,
+        condition=condition,
+        pivot=pivot,
+        terms=tuple(matrices[4:]) or None,
+    )
 
 
 def all_sums(blocks: Sequence[Block], sums: Mapping[str, Mapping[str, object]]) -> dict:
     """Return the sums with those of all ports of the blocks, empty for a port that nothing reaches."""
-    return {f"{block.name}.{port}": {} for block in blocks for port in block.inputs} | dict(sums)
+    of_ports = {}
+    for block in blocks:
+        for port in block.inputs:
+            of_ports[f"{block.name}.{port}"] = {}
+    return of_ports | dict(sums)
 
 
 def _without_rounding(matrix, terms):
     """Return sums of terms, with 0 for rounding: a wall's force may reach the avatar by +1/b and -1/b, which leaves eps/b."""
-    return np.where((np.abs(matrix) <= ROUNDING * terms) & np.isfinite(terms), 0.0, matrix)
+    negligible = np.abs(matrix) <= ROUNDING * terms
+    return np.where(negligible & np.isfinite(terms), 0.0, matrix)
 
 
 class _Wires(NamedTuple):
@@ -97,11 +137,18 @@ def _wires(blocks, ports, sums, inputs, outputs, sizes):
     made = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
     traced: dict = {signal: {signal: 1.0} for signal in (*made, *inputs)}
     wired = [_traced(port, sums, traced) for port in ports]
-    # Of a port itself, not its sum: that may cancel.
-    shown = [{signal: 1.0} if signal in ports else _traced(signal, sums, traced) for signal in outputs]
-    of_made, of_inputs, of_ports = (_matrix(shown, columns) for columns in (made, inputs, ports))
+    shown = []
+    for signal in outputs:
+        if signal in ports:  # itself, not its sum: that may cancel
+            shown.append({signal: 1.0})
+        else:
+            shown.append(_traced(signal, sums, traced))
+    of_made = _matrix(shown, made)
+    of_inputs = _matrix(shown, inputs)
+    of_ports = _matrix(shown, ports)
+    of_read = np.abs(of_made) @ sizes.D + np.abs(of_ports)
     needs = _closure(_somewhere(np.abs(_matrix(wired, made)) @ sizes.D))
-    reads = _somewhere(sizes.B).any(0) | _somewhere(np.abs(of_made) @ sizes.D + np.abs(of_ports)).any(0) | needs.diagonal()
+    reads = _somewhere(sizes.B).any(0) | _somewhere(of_read).any(0) | needs.diagonal()
     used = (reads | reads @ needs).tolist()
     wired = [row if is_used else {} for row, is_used in zip(wired, used, strict=True)]
     return _Wires(_matrix(wired, made), _matrix(wired, inputs), of_made, of_inputs, of_ports)
@@ -115,31 +162,49 @@ class _Ports:
 
     def __init__(self, ports, name, K, L, C, D, sizes):
         self.condition = self.pivot = 1.0
-        through, driven, size = _times(K, D), concatenated((_times(K, C), L), -1), np.abs(K)
-        of_through, of_driven = size @ sizes[1], concatenated((size @ sizes[0], np.abs(L)), -1)
+        size_of_C, size_of_D = sizes
+        size = np.abs(K)
+        through = _times(K, D)
+        driven = concatenated((_times(K, C), L), -1)
+        of_through = size @ size_of_D
+        of_driven = concatenated((size @ size_of_C, np.abs(L)), -1)
         needs = _closure(_somewhere(of_through))
-        batch, kind = np.broadcast_shapes(through.shape[:-2], driven.shape[:-2]), np.result_type(through, driven)
-        self.values, self.sizes = (np.broadcast_to(terms, (*batch, *terms.shape[-2:])).copy() for terms in (driven, of_driven))
-        self.values = self.values.astype(kind, copy=False)
+        batch = np.broadcast_shapes(through.shape[:-2], driven.shape[:-2])
+        shape = (*batch, *driven.shape[-2:])
+        kind = np.result_type(through, driven)
+        self.values = np.broadcast_to(driven, shape).copy().astype(kind, copy=False)
+        self.sizes = np.broadcast_to(of_driven, shape).copy()
         count = (needs | np.eye(len(ports), dtype=bool)).sum(-1)
         for port in np.argsort(count, kind="stable").tolist():  # more than that of each port that it needs
             both = needs[port] & needs[:, port]
-            loop, before = np.flatnonzero(both), np.flatnonzero(needs[port] & ~both)
+            loop = np.flatnonzero(both)
+            before = np.flatnonzero(needs[port] & ~both)
             if not needs[port].any() or (loop.size and loop[0] != port):
                 continue
             rows = loop if loop.size else np.array([port])
-            value = _picked(driven, rows) + _times(_picked(through, rows, before), _picked(self.values, before))
-            of_value = _picked(of_driven, rows) + _picked(of_through, rows, before) @ _picked(self.sizes, before)
+            from_before = _times(_picked(through, rows, before), _picked(self.values, before))
+            of_before = _picked(of_through, rows, before) @ _picked(self.sizes, before)
+            value = _picked(driven, rows) + from_before
+            of_value = _picked(of_driven, rows) + of_before
             if loop.size:
-                inside = _picked(through, rows, rows), _picked(of_through, rows, rows)
-                reached = np.linalg.matrix_power(np.eye(rows.size) + _somewhere(inside[0]), rows.size) > 0
-                inverse, condition, pivot = loop_inverse(*inside, reached, name, [ports[row] for row in rows])
-                right, value = value, inverse @ value
-                if rows.size > 1:  # refined, they are as uncertain as rounding of their equations (R. D. Skeel, 1980)
-                    value = value + inverse @ (right - (value - inside[0] @ value))
-                of_value = np.abs(inverse) @ (np.abs(value) + of_value + inside[1] @ np.abs(value))
-                self.condition, self.pivot = self.condition * condition, self.pivot * pivot
-            self.values[..., rows, :], self.sizes[..., rows, :] = value, of_value
+                inside = _picked(through, rows, rows)
+                of_inside = _picked(of_through, rows, rows)
+                steps = np.linalg.matrix_power(np.eye(rows.size) + _somewhere(inside), rows.size)
+                in_loop = [ports[row] for row in rows]
+                inverse, condition, pivot = loop_inverse(inside, of_inside, steps > 0, name, in_loop)
+                right = value
+                value = inverse @ right
+                # Refined, they are as uncertain as rounding of their equations (R. D. Skeel, 1980).
+                if rows.size > 1:
+                    left = right - (value - inside @ value)
+                    value = value + inverse @ left
+                size_of_value = np.abs(value)
+                of_terms = size_of_value + of_value + of_inside @ size_of_value
+                of_value = np.abs(inverse) @ of_terms
+                self.condition = self.condition * condition
+                self.pivot = self.pivot * pivot
+            self.values[..., rows, :] = value
+            self.sizes[..., rows, :] = of_value
 
 
 def _picked(matrices, rows, columns=slice(None)):
@@ -161,8 +226,14 @@ def _closure(needs):
 def _closed(system, C, read, through, ports):
     """Return the connected blocks; C: how outputs depend on states; read: on ports; through: on the external inputs."""
     n = system.E.shape[-1]
-    x, w = ports[..., :n], ports[..., n:]
-    return StateSpace(system.E + _times(system.B, x), _times(system.B, w), C + _times(read, x), through + _times(read, w))
+    x = ports[..., :n]
+    w = ports[..., n:]
+    return StateSpace(
+        E=system.E + _times(system.B, x),
+        B=_times(system.B, w),
+        C=C + _times(read, x),
+        D=through + _times(read, w),
+    )
 
 
 def _times(A, B):
@@ -170,7 +241,8 @@ def _times(A, B):
     product = A @ B
     if np.isfinite(product).all():
         return product
-    return np.where((A != 0).astype(float) @ (B != 0) > 0, product, 0.0)
+    terms = (A != 0).astype(float) @ (B != 0)
+    return np.where(terms > 0, product, 0.0)
 
 
 def _traced(signal, sums, traced):
@@ -189,11 +261,16 @@ def _traced(signal, sums, traced):
 def _matrix(rows, columns):
     """Return gains `(..., rows, columns)` of rows that have them by column; other columns are left out."""
     at = {column: k for k, column in enumerate(columns)}
-    entries = [(i, at[column], numbers(gain)) for i, row in enumerate(rows) for column, gain in row.items() if column in at]
-    batch = np.broadcast_shapes(*(gain.shape for _, _, gain in entries))
-    out = np.zeros((*batch, len(rows), len(at)), np.result_type(float, *(gain for _, _, gain in entries)))
-    for i, column, gain in entries:
-        out[..., i, column] = gain
+    gains = {}
+    for i, row in enumerate(rows):
+        for column, gain in row.items():
+            if column in at:
+                gains[i, at[column]] = numbers(gain)
+    batch = np.broadcast_shapes(*(gain.shape for gain in gains.values()))
+    kind = np.result_type(float, *gains.values())
+    out = np.zeros((*batch, len(rows), len(at)), kind)
+    for (i, k), gain in gains.items():
+        out[..., i, k] = gain
     return out
 
 
