@@ -32,11 +32,16 @@ def lasting(drift: MarginalModes, ticks_at: Callable[[np.ndarray], Ticks], box: 
 
 def counted_from_rest(E, dE, V, dV, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     """Return changes of the states that are kept, counted from the rest, and bounds on their errors; V, dV: of `shift_of`."""
-    rest, folded = np.array(drift.remaining, int), np.array(drift.varying, int)
-    own, error = (part[..., rest[:, None], rest] for part in (E, dE))
-    if not folded.size:
+    rest = np.array(drift.remaining, int)
+    leads = np.array(drift.varying, int)
+    to_rest = (..., rest[:, None], rest)
+    own = E[to_rest]
+    error = dE[to_rest]
+    if not leads.size:
         return own, error
-    lead, of_lead = (part[..., folded[:, None], rest] for part in (E, dE))
+    to_leads = (..., leads[:, None], rest)
+    lead = E[to_leads]
+    of_lead = dE[to_leads]
     with np.errstate(invalid="ignore"):  # where V is not known
         error = error + np.abs(V) @ of_lead + dV @ (np.abs(lead) + of_lead)
         error = error + 4 * UNIT * (np.abs(own) + np.abs(V) @ np.abs(lead))
@@ -51,19 +56,26 @@ def shift_of(E, dE, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
     NaN if there is no such rest, infinite bounds if it is not known how far V is off. Of complex ticks, or without
     errors, there is no bound.
     """
-    rest, folded = np.array(drift.remaining, int), np.array(drift.varying, int)
-    rows, errors = _rows(E), _rows(dE)
-    if not folded.size:
+    rest = np.array(drift.remaining, int)
+    leads = np.array(drift.varying, int)
+    rows = _rows(E)
+    errors = _rows(dE)
+    if not leads.size:
         nothing = np.zeros((*rows.shape[:-2], rest.size, 0))
         return nothing, nothing
-    M, S, dM, dS = rows[..., rest], rows[..., folded], errors[..., rest], errors[..., folded]
+    M = rows[..., rest]
+    S = rows[..., leads]
+    dM = errors[..., rest]
+    dS = errors[..., leads]
     V = consistent_solution(M, -S)
     if np.iscomplexobj(V) or not errors.any():
         return V, np.zeros(V.shape)
     size = np.abs(M).max(-1, keepdims=True, initial=0)
     weight = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
     with np.errstate(all="ignore"):
-        left = np.abs(M @ V + S) + dM @ np.abs(V) + dS + 2 * V.shape[-2] * UNIT * (np.abs(M) @ np.abs(V) + np.abs(S))
+        terms = np.abs(M) @ np.abs(V) + np.abs(S)
+        rounding = 2 * V.shape[-2] * UNIT * terms
+        left = np.abs(M @ V + S) + dM @ np.abs(V) + dS + rounding
         J = np.linalg.pinv(np.nan_to_num(M * weight))
         N = np.abs(J @ (M * weight) - np.eye(rest.size)) + np.abs(J) @ (dM * weight)
         share = N.sum(-1, keepdims=True).max(-2, keepdims=True)
@@ -75,4 +87,5 @@ def shift_of(E, dE, drift: MarginalModes) -> tuple[np.ndarray, np.ndarray]:
 def _rows(parts):
     """The rows of all kinds of ticks below each other, `(..., rows, n)`."""
     batch = np.broadcast_shapes(*(np.shape(each)[:-2] for each in parts))
-    return np.concatenate([np.broadcast_to(each, (*batch, *each.shape[-2:])) for each in parts], axis=-2)
+    alike = [np.broadcast_to(each, (*batch, *each.shape[-2:])) for each in parts]
+    return np.concatenate(alike, axis=-2)

@@ -59,14 +59,20 @@ class LoopFrames:
     def of(ticks, kept, rows, samples, symbols, follows, drift=None) -> LoopFrames:
         """Return the frames that consist of these ticks. kept: the states without drift. drift: if it depends on numbers."""
         changes = [tick_map.E for tick_map in _closed(ticks, SOME).maps]
-        patterns = [pattern_of(np.array([*row, sample]), changes) for row, sample in zip(rows, samples, strict=True)]
-        kept = np.array(kept) if drift else alive(np.logical_or.reduce(patterns), np.array(kept))
-        rows, samples = tuple(map(tuple, rows)), tuple(samples)
-        rows_with_samples = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
-        acting = [[i for i, kind in enumerate(row) if ticks.maps[kind].inputs] for row in rows_with_samples]
+        rows = tuple(map(tuple, rows))
+        samples = tuple(samples)
+        whole_rows = [(*row, sample) for row, sample in zip(rows, samples, strict=True)]
+        patterns = [pattern_of(np.array(row), changes) for row in whole_rows]
+        kept = np.array(kept)
+        if not drift:
+            kept = alive(np.logical_or.reduce(patterns), kept)
+        acting = []
+        for row in whole_rows:
+            acting.append([i for i, kind in enumerate(row) if ticks.maps[kind].inputs])
         at_once = None
         if not drift and all(len(kinds) <= 1 for kinds in acting):
-            at_once = _AtOnce.of(ticks, rows_with_samples, [(*kinds, -1)[0] for kinds in acting], kept)
+            places = [(*kinds, -1)[0] for kinds in acting]
+            at_once = _AtOnce.of(ticks, whole_rows, places, kept)
         return LoopFrames(ticks, rows, samples, tuple(patterns), kept, symbols, follows, at_once, drift)
 
     def at(self, x: float) -> np.ndarray:
@@ -75,23 +81,31 @@ class LoopFrames:
             return self.at_once.at(x)
         maps = []
         for tick_map in self.ticks.maps:
-            E = tick_map.E + (x / (1 - x * tick_map.D[0, 0])) * (tick_map.B @ tick_map.C) if tick_map.inputs else tick_map.E
+            E = tick_map.E
+            if tick_map.inputs:
+                f = x / (1 - x * tick_map.D[0, 0])
+                E = E + f * (tick_map.B @ tick_map.C)
             maps.append(np.eye(len(E)) + E)
         frames = [_joined(self._ticks(i), maps, _after) for i in range(len(self.rows))]
         if self.drift:
-            changes = np.array(maps) - np.eye(len(maps[0]))
+            identity = np.eye(len(maps[0]))
+            changes = np.array(maps) - identity
             V, dV = shift_of(changes, 0 * changes, self.drift)
-            E, nothing = np.array(frames) - np.eye(len(maps[0])), np.zeros_like(frames)
-            return np.eye(self.kept.size) + counted_from_rest(E, nothing, V, dV, self.drift)[0]
+            E = np.array(frames) - identity
+            counted, _ = counted_from_rest(E, np.zeros_like(E), V, dV, self.drift)
+            return np.eye(self.kept.size) + counted
         return np.array([frame[np.ix_(self.kept, self.kept)] for frame in frames])
 
     def enclosed(self, x: float) -> tuple[np.ndarray, np.ndarray]:
         """See `Family`. Accuracy: to first order in a rounding."""
         maps = _closed(self.ticks, x).maps
-        changes, errors = [tick_map.E for tick_map in maps], [ENTRIES * each.terms[0] for each in maps]
+        changes = [tick_map.E for tick_map in maps]
+        errors = [ENTRIES * tick_map.terms[0] for tick_map in maps]
         n = len(changes[0])
         E, dE = np.empty((2, len(self.rows), n, n))
-        products = {} if self.at_once else {row: _in_a_row(row, changes, errors) for row in {*self.rows}}
+        products = {}
+        if self.at_once is None:
+            products = {row: _in_a_row(row, changes, errors) for row in {*self.rows}}
         for i, (row, sample) in enumerate(zip(self.rows, self.samples, strict=True)):
             if self.at_once is not None:
                 frame, error = self.at_once.enclosed(i, changes, errors)
@@ -100,7 +114,8 @@ class LoopFrames:
             E[i] = np.where(self.patterns[i], frame, -np.eye(n))
             dE[i] = np.where(self.patterns[i], error, 0.0)
         if self.drift:
-            return counted_from_rest(E, dE, *shift_of(np.array(changes), np.array(errors), self.drift), self.drift)
+            V, dV = shift_of(np.array(changes), np.array(errors), self.drift)
+            return counted_from_rest(E, dE, V, dV, self.drift)
         at = np.ix_(self.kept, self.kept)
         return E[:, *at], dE[:, *at]
 
@@ -122,16 +137,26 @@ class LoopFrames:
         direct = np.array([tick_map.D[0, 0] for tick_map in self.ticks.maps if tick_map.inputs])
         through = np.array([low, high])[:, None] * direct
         closing = 1 - through
-        if not ((np.abs(closing) > SOLVABLE * (1 + np.abs(through))).all() and (closing[0] * closing[1] > 0).all()):
+        is_solvable = np.abs(closing) > SOLVABLE * (1 + np.abs(through))
+        has_one_sign = closing[0] * closing[1] > 0
+        if not (is_solvable.all() and has_one_sign.all()):
             return None
-        if low == high or (self.at_once is not None and (direct == direct[:1]).all()):
-            return tuple(map(np.stack, zip(*(self.enclosed(x) for x in dict.fromkeys((low, high))), strict=True)))
-        middle, half = (low + high) / 2, (high - low) / 2
-        (A, dA), (C, dC), (B, dB) = (self.enclosed(x) for x in (low, middle, high))
+        A, dA = self.enclosed(low)
+        if low == high:
+            return A[None], dA[None]
+        B, dB = self.enclosed(high)
+        if self.at_once is not None and (direct == direct[:1]).all():
+            return np.stack([A, B]), np.stack([dA, dB])
+        middle = (low + high) / 2
+        half = (high - low) / 2
+        C, dC = self.enclosed(middle)
         maps = [_enclosure(tick_map, middle, half) for tick_map in self.ticks.maps]
-        rest = [_joined(self._ticks(i), maps, _after).rest[np.ix_(self.kept, self.kept)] for i in range(len(self.rows))]
+        at = np.ix_(self.kept, self.kept)
+        rest = [_joined(self._ticks(i), maps, _after).rest[at] for i in range(len(self.rows))]
         spread = 2.3 * np.array(rest)
-        control, of_control = 2 * C - (A + B) / 2, 2 * dC + (dA + dB) / 2 + MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
+        control = 2 * C - (A + B) / 2
+        rounding = MIDDLE * (np.abs(A) + np.abs(B) + np.abs(C))
+        of_control = 2 * dC + (dA + dB) / 2 + rounding
         return np.stack([A, control, B]), np.stack([dA + spread, of_control + spread, dB + spread])
 
 
@@ -165,32 +190,53 @@ class _AtOnce:
     @staticmethod
     def of(ticks, rows, acting, kept):
         """acting: the index of the tick in which the number acts in each row."""
-        changes, errors = [tick_map.E for tick_map in ticks.maps], [ENTRIES * each.terms[0] for each in ticks.maps]
-        split_rows = [(row[:i], row[i], row[i + 1 :] if i >= 0 else ()) for row, i in zip(rows, acting, strict=True)]
-        products = {row: _in_a_row(row, changes, errors) for first, _, last in split_rows for row in (first, last)}
-        terms, identity = [], np.eye(len(ticks.states))
-        for first, kind, last in split_rows:
-            factor, E = ticks.maps[kind], identity + products[last][0]
-            B, C, D = (
-                (factor.B, factor.C, factor.D)
-                if factor.inputs
-                else (np.zeros((len(E), 1)), np.zeros((1, len(E))), np.zeros((1, 1)))
-            )
-            A, b, c = E @ (identity + factor.E) @ (identity + products[first][0]), E @ B, C @ (identity + products[first][0])
-            terms.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], D[0, 0]))
-        arrays = (np.array(column) for column in zip(*terms, strict=True))
-        before, after = (
-            tuple(products[split_row[at]] if split_row[at] or not at else None for split_row in split_rows) for at in (0, 2)
-        )
-        return _AtOnce(*arrays, tuple(kind for _, kind, _ in split_rows), before, after)
+        changes = [tick_map.E for tick_map in ticks.maps]
+        errors = [ENTRIES * tick_map.terms[0] for tick_map in ticks.maps]
+        n = len(ticks.states)
+        identity = np.eye(n)
+        products = {}
+
+        def product_of(row):
+            if row not in products:
+                products[row] = _in_a_row(row, changes, errors)
+            return products[row]
+
+        kinds = []
+        before = []
+        after = []
+        terms = []
+        for row, i in zip(rows, acting, strict=True):
+            later = row[i + 1 :] if i >= 0 else ()
+            kinds.append(row[i])
+            before.append(product_of(row[:i]))
+            after.append(product_of(later) if later else None)
+            tick = ticks.maps[row[i]]
+            B = np.zeros((n, 1))
+            C = np.zeros((1, n))
+            d = 0.0
+            if tick.inputs:
+                B = tick.B
+                C = tick.C
+                d = tick.D[0, 0]
+            first = identity + before[-1][0]
+            last = identity + product_of(later)[0]
+            A = last @ (identity + tick.E) @ first
+            b = last @ B
+            c = C @ first
+            terms.append((A[np.ix_(kept, kept)], b[kept], c[:, kept], d))
+        A, b, c, d = (np.array(column) for column in zip(*terms, strict=True))
+        return _AtOnce(A, b, c, d, tuple(kinds), tuple(before), tuple(after))
 
     def at(self, x):
         return self.A + (x / (1 - x * self.d))[:, None, None] * (self.b @ self.c)
 
     def enclosed(self, symbol, changes, errors):
         """The frame minus the identity and bounds on its errors, of ticks at a value of the number."""
-        first = both(self.before[symbol], (changes[self.kind[symbol]], errors[self.kind[symbol]]))
-        return first if self.after[symbol] is None else both(first, self.after[symbol])
+        kind = self.kind[symbol]
+        first = both(self.before[symbol], (changes[kind], errors[kind]))
+        if self.after[symbol] is None:
+            return first
+        return both(first, self.after[symbol])
 
 
 def _closed(ticks, x):
@@ -210,7 +256,8 @@ def _in_a_row(row, changes, errors):
 
 def _enclosure(tick, middle, half):
     """A tick for all values of the number from `middle - half` to `middle + half`."""
-    nothing, power = np.zeros_like(tick.E), np.eye(len(tick.E)) + tick.E
+    nothing = np.zeros_like(tick.E)
+    power = np.eye(len(tick.E)) + tick.E
     if not tick.inputs:
         return Polynomials(np.array([power, nothing, nothing]), nothing, 1, 2)
     d = tick.D[0, 0]
@@ -218,9 +265,12 @@ def _enclosure(tick, middle, half):
     # f(p) = p/(1 - d p): its n-th derivative is n! d^(n-1)/(1 - d p)^(n+1).
     closing = 1 - d * middle
     least = abs(closing) - abs(d) * half
-    centre, slope, curve = middle / closing, half / closing**2, d * half**2 / closing**3
+    centre = middle / closing
+    slope = half / closing**2
+    curve = d * half**2 / closing**3
     rest = d**2 * half**3 / least**4
-    return Polynomials(np.array([power + centre * through, slope * through, curve * through]), rest * np.abs(through), 1, 2)
+    terms = np.array([power + centre * through, slope * through, curve * through])
+    return Polynomials(terms, rest * np.abs(through), 1, 2)
 
 
 def _after(first, later):
@@ -231,7 +281,8 @@ def _joined(runs, maps, joined):
     """The product of runs of ticks, `(kind, ticks)`; the powers of a run by repeated squaring."""
     product = None
     for kind, ticks in runs:
-        power, left = maps[kind], ticks
+        power = maps[kind]
+        left = ticks
         while left:
             if left % 2:
                 product = power if product is None else joined(product, power)
