@@ -79,13 +79,15 @@ class MultirateLoop:
     def labels(self) -> dict[str, str]:
         """Readable labels of the states of blocks and of outputs that are held, by their names in `MarginalModes`."""
         readable_labels = {}
-        for block in (scheduled.block for scheduled in self.placed):
+        for scheduled in self.placed:
+            block = scheduled.block
             readable = block.labels or [f"{block.name} {state}" for state in block.states]
-            readable_labels |= {f"{block.name}.{state}": label for state, label in zip(block.states, readable, strict=True)}
+            for state, label in zip(block.states, readable, strict=True):
+                readable_labels[f"{block.name}.{state}"] = label
             alone = len(block.outputs) == 1 and not block.states  # nothing else of it could be meant
-            readable_labels |= {
-                f"{block.name}.{port} held": f"{block.name}{'' if alone else f' {port}'} held" for port in block.outputs
-            }
+            for port in block.outputs:
+                output = block.name if alone else f"{block.name} {port}"
+                readable_labels[f"{block.name}.{port} held"] = f"{output} held"
         return readable_labels
 
     def refuse_wrong_names(self) -> None:
@@ -100,7 +102,8 @@ class MultirateLoop:
     def _wrong_names(self) -> Iterator[tuple[list[str], str]]:
         """Yield the names that are wrong for a reason, perhaps none, and what is expected of them."""
         blocks = [scheduled.block for scheduled in self.placed]
-        names, ports = [block.name for block in blocks], _port_names(blocks, "inputs")
+        names = [block.name for block in blocks]
+        ports = _port_names(blocks, "inputs")
         made = _port_names(blocks, "outputs") | {*self.inputs, *self.sums}
         yield [] if blocks else ["none"], "at least one block"
         yield [name for name in names if names.count(name) > 1], "blocks of different names"
@@ -112,7 +115,8 @@ class MultirateLoop:
 
     def sources(self, signal: str) -> set[str]:
         """The block outputs and inputs from outside that a signal is made of."""
-        ends, open_ = set(), [signal]
+        ends = set()
+        open_ = [signal]
         while open_:
             name = open_.pop()
             if name in self.sums:
@@ -152,15 +156,19 @@ class MultirateLoop:
         direct = np.zeros((len(at), len(at)), bool)
         for name, sources in reads.items():
             direct[at[name], [at[source] for source in sources if source in at]] = True
-        names, (_, label) = [name.rpartition(".")[0] for name in at], connected_components(direct, connection="strong")
-        for ring in (np.flatnonzero(label == number) for number in dict.fromkeys(label.tolist())):
+        names = [name.rpartition(".")[0] for name in at]
+        _, label = connected_components(direct, connection="strong")
+        for number in dict.fromkeys(label.tolist()):
+            ring = np.flatnonzero(label == number)
             if len(ring) > 1 or direct[ring[0], ring[0]]:
                 inside = {names[place] for place in ring}
                 yield [block.name for block in blocks if block.name in inside]
 
     def _direct_reads(self, blocks) -> dict[str, list[str]]:
         """Signal -> the signals that it depends on within a tick in which these blocks run."""
-        reads = {name: [source for source, gain in terms.items() if np.any(gain)] for name, terms in self.sums.items()}
+        reads = {}
+        for name, terms in self.sums.items():
+            reads[name] = [source for source, gain in terms.items() if np.any(gain)]
         for block in blocks:
             direct = block.D.any(axis=tuple(range(block.D.ndim - 2)))
             for port, row in zip(block.outputs, direct, strict=True):
@@ -174,16 +182,23 @@ class MultirateLoop:
         """
         placed = list(self.placed)
         while True:
-            ports = (f"{scheduled.block.name}.{port}" for scheduled in placed for port in scheduled.block.inputs)
-            read = {source.rpartition(".")[0] for signal in (*ports, *watched) for source in self.sources(signal)}
-            read_blocks = [scheduled for scheduled in placed if scheduled.block.name in read or scheduled.block.ring]
-            if len(read_blocks) == len(placed):
-                return self if len(read_blocks) == len(self.placed) else replace(self, placed=tuple(read_blocks))
-            placed = read_blocks
+            ports = _port_names([scheduled.block for scheduled in placed], "inputs")
+            read = set()
+            for signal in (*ports, *watched):
+                read.update(source.rpartition(".")[0] for source in self.sources(signal))
+            remaining = []
+            for scheduled in placed:
+                if scheduled.block.name in read or scheduled.block.ring:
+                    remaining.append(scheduled)
+            if len(remaining) == len(placed):
+                break
+            placed = remaining
+        return self if len(placed) == len(self.placed) else replace(self, placed=tuple(placed))
 
     def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
         """The different sets of blocks (indices) that run in a tick, and the number of the set of each tick of the frame."""
-        sets, set_numbers = _schedule(tuple((scheduled.every, scheduled.phase) for scheduled in self.placed), self.ticks)
+        rhythms = tuple((scheduled.every, scheduled.phase) for scheduled in self.placed)
+        sets, set_numbers = _schedule(rhythms, self.ticks)
         return list(sets), set_numbers
 
     def held(self, watched: Sequence[str] = ()) -> dict[str, list[str]]:
@@ -192,22 +207,25 @@ class MultirateLoop:
         watched: signals that are read in every tick.
         """
         masks = {scheduled.block.name: scheduled.runs(self.ticks) for scheduled in self.placed}
-        readers = [
-            (masks[scheduled.block.name], f"{scheduled.block.name}.{port}")
-            for scheduled in self.placed
-            for port in scheduled.block.inputs
-        ]
-        readers += [(np.ones(self.ticks, bool), signal) for signal in watched]
-        held_ports = {}
+        readers = []
+        for scheduled in self.placed:
+            block = scheduled.block
+            for port in block.inputs:
+                readers.append((masks[block.name], f"{block.name}.{port}"))
+        every_tick = np.ones(self.ticks, bool)
+        for signal in watched:
+            readers.append((every_tick, signal))
+        held_signals = set()
         for mask, signal in readers:
             for source in self.sources(signal):
-                name, _, port = source.rpartition(".")
+                name = source.rpartition(".")[0]
                 if name in masks and np.any(mask & ~masks[name]):
-                    held_ports.setdefault(name, {})[port] = None
-        return {
-            scheduled.block.name: [port for port in scheduled.block.outputs if port in held_ports.get(scheduled.block.name, {})]
-            for scheduled in self.placed
-        }
+                    held_signals.add(source)
+        held_ports = {}
+        for scheduled in self.placed:
+            block = scheduled.block
+            held_ports[block.name] = [port for port in block.outputs if f"{block.name}.{port}" in held_signals]
+        return held_ports
 
 
 @lru_cache(maxsize=64)
@@ -226,7 +244,8 @@ def _port_names(blocks, side):
 
 def _comes_back(name, sums):
     """Whether a junction is a part of itself, through junctions alone."""
-    visited, open_ = set(), list(sums[name])
+    visited = set()
+    open_ = list(sums[name])
     while open_:
         source = open_.pop()
         if source == name:
