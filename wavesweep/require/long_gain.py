@@ -123,24 +123,32 @@ class LongGain(BoundedGain):
         """By how much what comes of a constant input, and what goes to a constant output, differ from the level at rest."""
         ticks, kinds, _ = self._ticks(column, p)
         ticks = [tuple(matrix for matrix, _ in each) for each in ticks]
-        still, w = -self.changes(column, p), len(kinds) ** -0.5
+        still = -self.changes(column, p)
+        w = len(kinds) ** -0.5
         driven = np.zeros_like(ticks[0][1])
-        for e, b, _, _ in (ticks[kind] for kind in kinds):
+        for kind in kinds:
+            e, b, _, _ = ticks[kind]
             driven = driven + e @ driven + b * w
-        x, outputs = solve(still, driven), []
-        for e, b, c, d in (ticks[kind] for kind in kinds):
+        x = solve(still, driven)
+        outputs = []
+        for kind in kinds:
+            e, b, c, d = ticks[kind]
             outputs.append((c @ x + d * w)[:, 0, 0])
             x = x + e @ x + b * w
         seen = np.zeros_like(ticks[0][2])
-        for e, _, c, _ in (ticks[kind] for kind in reversed(kinds)):
+        for kind in reversed(kinds):
+            e, _, c, _ = ticks[kind]
             seen = seen + seen @ e + c * w
-        l, inputs = _t(solve(_t(still), _t(seen))), []
-        for e, b, c, d in (ticks[kind] for kind in reversed(kinds)):
+        l = _t(solve(_t(still), _t(seen)))
+        inputs = []
+        for kind in reversed(kinds):
+            e, b, c, d = ticks[kind]
             inputs.append((l @ b + d * w)[:, 0, 0])
             l = l + l @ e + c * w
         outputs = np.array(outputs)
+        inputs = np.array(inputs)
         signed = np.copysign(self.level, outputs.sum(0)) * w
-        return np.maximum(np.abs(outputs - signed).max(0), np.abs(np.array(inputs) - signed).max(0))
+        return np.maximum(np.abs(outputs - signed).max(0), np.abs(inputs - signed).max(0))
 
     def worst(self, column, p):
         """As that of `BoundedGain`."""
@@ -150,8 +158,9 @@ class LongGain(BoundedGain):
         arc = self.arc[np.full(p.size, column)]
         _, d = clear(K, dK, L, dL, (K[:, None], L[:, None]), 0, arc)
         value, theta = _least(frame, np.arange(p.size), d, arc)
-        most = value.argmin(-1)[:, None]
-        return on_circle(np.take_along_axis(theta, most, 1)[:, 0]), -np.take_along_axis(value, most, 1)[:, 0]
+        loop = np.arange(p.size)
+        lowest = value.argmin(-1)
+        return on_circle(theta[loop, lowest]), -value[loop, lowest]
 
     def _ticks(self, column, p):
         """E less identity, B, C and D of each kind of tick, in even units, the kinds, and pivots, `(points, k)`."""
@@ -185,30 +194,37 @@ class LongGain(BoundedGain):
             return tuple(map(np.concatenate, zip(*parts, strict=True)))
 
     def _labelled(self, level, column, low, high, bounds):
-        middle, half = (low + high) / 2, (high - low) / 2
-        p = middle[:, None] + 2 * half[:, None] * np.append(0.0, RIM)
-        frame, pivots = self._frame(level, np.repeat(column, p.shape[1]), p.ravel(), p.shape[1])
-        judged = (middle - 2 * half >= bounds[0][column]) & (middle + 2 * half <= bounds[1][column])
+        middle = (low + high) / 2
+        radius = high - low  # twice that of the panel
+        p = middle[:, None] + radius[:, None] * np.append(0.0, RIM)
+        points = p.shape[1]
+        frame, pivots = self._frame(level, np.repeat(column, points), p.ravel(), points)
+        judged = (middle - radius >= bounds[0][column]) & (middle + radius <= bounds[1][column])
         judged &= ~poles_inside(pivots.reshape(*p.shape, -1))
-        singular = ~np.isfinite(frame.below) | poles_inside(np.stack(frame.pivots, -1).reshape(*p.shape, -1))
+        eliminated = np.stack(frame.pivots, -1).reshape(*p.shape, -1)
+        singular = ~np.isfinite(frame.below) | poles_inside(eliminated)
         judged &= ~singular
         pencil = [each.reshape(*p.shape, *each.shape[1:]) for each in _pencil(frame)]
-        judged &= np.logical_and.reduce([np.isfinite(each).all((1, 2, 3)) for each in pencil])
-        label, at = np.full(column.size, OPEN), np.flatnonzero(judged)
+        for array in pencil:
+            judged &= np.isfinite(array).all((1, 2, 3))
+        label = np.full(column.size, OPEN)
+        at = np.flatnonzero(judged)
         if not at.size:
             return label, singular
+
         K, dK, L, dL = (each[at] for each in pencil)
         parts = K[:, 0].real, dK[:, 0], L[:, 0].real, dL[:, 0]
         arc = self.arc[self.columns[column[at]]]
         inside, d = clear(*parts, (K[:, 1:], L[:, 1:]), 0, arc)
         value, theta = _least(frame, at, d, arc)
         label[at[inside & (value.max(-1) > SURE)]] = GOOD
-        worst = value.argmin(-1)
+        lowest = value.argmin(-1)
         at_one = np.flatnonzero(value.min(-1) < -SURE)
         if at_one.size:
-            z = theta[at_one, worst[at_one]]
+            z = theta[at_one, lowest[at_one]]
             parts = [each[at_one] for each in parts]
-            alone, _ = clear(*parts, (K[at_one, 1:], L[at_one, 1:]), 0, np.stack([z, z], -1))
+            rims = K[at_one, 1:], L[at_one, 1:]
+            alone, _ = clear(*parts, rims, 0, np.stack([z, z], -1))
             label[at[at_one[alone]]] = BAD
         return label, singular
 
@@ -224,19 +240,38 @@ def _in_even_units(ticks):
     units = balance(sizes, SWEEPS)[1][0]
     u = units[:n] / units[n]
     v = u[:, None]
-    return [(tuple(x * u / v for x in e), tuple(x / v for x in b), tuple(x * u for x in c), d) for e, b, c, d in ticks]
+    in_units = []
+    for (e, de), (b, db), (c, dc), d in ticks:
+        in_units.append(((e * u / v, de * u / v), (b / v, db / v), (c * u, dc * u), d))
+    return in_units
 
 
 def _pencil(frame):
     """N - L and its error, and L and its error, of frames."""
-    (E, dE), (G, dG), (Q, dQ) = frame.E, frame.G, frame.Q
+    E, dE = frame.E
+    G, dG = frame.G
+    Q, dQ = frame.Q
     n = E.shape[-1]
-    K, L = np.zeros((2, len(E), 2 * n, 2 * n), E.dtype)
-    dK, dL = np.zeros((2, len(E), 2 * n, 2 * n))
-    K[:, :n, :n], K[:, :n, n:], K[:, n:, :n], K[:, n:, n:] = E, -G, -Q, -_t(E)
-    dK[:, :n, :n], dK[:, :n, n:], dK[:, n:, :n], dK[:, n:, n:] = dE, dG, dQ, _t(dE)
-    L[:, :n, :n], L[:, :n, n:], L[:, n:, n:] = np.eye(n), G, np.eye(n) + _t(E)
-    dL[:, :n, n:], dL[:, n:, n:] = dG, _t(dE)
+    shape = len(E), 2 * n, 2 * n
+    x = slice(n)
+    l = slice(n, None)
+    K = np.zeros(shape, E.dtype)
+    K[:, x, x] = E
+    K[:, x, l] = -G
+    K[:, l, x] = -Q
+    K[:, l, l] = -_t(E)
+    dK = np.zeros(shape)
+    dK[:, x, x] = dE
+    dK[:, x, l] = dG
+    dK[:, l, x] = dQ
+    dK[:, l, l] = _t(dE)
+    L = np.zeros(shape, E.dtype)
+    L[:, x, x] = np.eye(n)
+    L[:, x, l] = G
+    L[:, l, l] = np.eye(n) + _t(E)
+    dL = np.zeros(shape)
+    dL[:, x, l] = dG
+    dL[:, l, l] = _t(dE)
     return K, dK, L, dL + ROUNDING * np.abs(L)
 
 
@@ -248,21 +283,32 @@ def _least(frame, panels, d, arc):
     """
     off = off_arc(d, arc)
     nearest = np.argsort(off, -1)[:, :ANGLES]
-    d, off = (np.take_along_axis(each, nearest, -1) for each in (d, off))
-    first, last = arc[:, :1], arc[:, 1:]
+    d = np.take_along_axis(d, nearest, -1)
+    off = np.take_along_axis(off, nearest, -1)
+    first = arc[:, :1]
+    last = arc[:, 1:]
     near = with_middles(np.clip(np.where(off <= NEAR, angles_of(d), np.nan), first, last))
-    theta = np.concatenate([np.where(np.isnan(near), first, np.clip(near, first, last)), first + (last - first) * FIXED], -1)
-    E, G, Q = (matrix[panels * frame.points].real for matrix, _ in frame[:3])
-    n, units = E.shape[-1], _units(G, Q)
-    u, v = units[:, None, :], units[:, :, None]
-    E, G, Q = E * u / v, G / (u * v), Q * u * v
+    near = np.where(np.isnan(near), first, np.clip(near, first, last))
+    theta = np.concatenate([near, first + (last - first) * FIXED], -1)
+
+    E, G, Q = (matrix[panels * frame.points].real for matrix, _ in (frame.E, frame.G, frame.Q))
+    n = E.shape[-1]
+    units = _units(G, Q)
+    u = units[:, None, :]
+    v = units[:, :, None]
+    E = E * u / v
+    G = G / (u * v)
+    Q = Q * u * v
     moved = E[:, None] - on_circle(theta)[..., None, None] * np.eye(n)
     form = np.zeros((*theta.shape, 2 * n, 2 * n), complex)
-    form[..., :n, :n], form[..., n:, n:] = -G[:, None], Q[:, None]
-    form[..., :n, n:], form[..., n:, :n] = moved, _t(moved).conj()
+    form[..., :n, :n] = -G[:, None]
+    form[..., :n, n:] = moved
+    form[..., n:, :n] = _t(moved).conj()
+    form[..., n:, n:] = Q[:, None]
     values = np.linalg.eigvalsh(np.where(np.isfinite(form), form, 0.0))
-    least = np.clip(n - np.nan_to_num(frame.below[panels]), 0, 2 * n - 1).astype(int)
-    least = np.take_along_axis(values, np.broadcast_to(least[:, None, None], (*theta.shape, 1)), -1)[..., 0]
+    negative = n - np.nan_to_num(frame.below[panels])
+    least = np.clip(negative, 0, 2 * n - 1).astype(int)
+    least = values[np.arange(len(values)), :, least]
     return least / np.maximum(np.abs(values).max(-1), 1e-300), theta
 
 
