@@ -45,16 +45,18 @@ def margins(spec: Spec, cut: str = "") -> Table:
     from wavesweep.margins.lifted_margins import margins_of
     from wavesweep.program.analyses.assumptions import over_preset
 
-    started, cut = time.perf_counter(), cut or next(iter(cuts_of(spec)), "")
+    started = time.perf_counter()
+    cut = cut or next(iter(cuts_of(spec)), "")
     loop = broken_at(spec, cut)
     margins_found, doubt = margins_of(loop)
     if not margins_found:
         reason = f"not known to be ({words([doubt])[0]})" if doubt else "not"
         raise UsageError(f"margins: expected a loop that is stable, found one that is {reason}; wavesweep check judges it")
-    columns = _columns(
-        cut, margins_found, np.array([margin.bound for margin in margins_found]), lines_at(spec, cut, loop, margins_found)
-    )
-    methods, notices = {"margins": METHOD}, [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
+    bound = np.array([margin.bound for margin in margins_found])
+    hz = lines_at(spec, cut, loop, margins_found)
+    columns = _columns(cut, margins_found, bound, hz)
+    methods = {"margins": METHOD}
+    notices = [f"{axis.name} is not swept here, {held(spec, axis.path)}" for axis in spec.sweep]
     if spec.for_all:
         from wavesweep.margins.box_margins import METHOD_FOR_ALL, margins_for_all, refused
 
@@ -87,9 +89,11 @@ def _columns(cut: str, found: Sequence[Any], bound: np.ndarray, hz: np.ndarray) 
 
 def _with_those_for_all(own: Columns, cut: str, found: Sequence[Any]) -> Columns:
     """The rows of the spec's own numbers and, behind them, those of [for_all], with the columns of these."""
-    both = joined([own, _columns(cut, found, np.zeros(len(found)), np.full(len(found), np.nan))])
+    of_all = _columns(cut, found, np.zeros(len(found)), np.full(len(found), np.nan))
+    both = joined([own, of_all])
     rows = len(own["cut"])
-    none, refuted = np.full(rows, np.nan), np.array([margin.refuted for margin in found])
+    none = np.full(rows, np.nan)
+    refuted = np.array([margin.refuted for margin in found])
     down = np.array([margin.name == "gain_down" for margin in found])
     return {
         **both,
@@ -106,24 +110,34 @@ def _numbers(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
 
     def rows(of: str, *more: str) -> Numbers:
         names = ("value", "unit", "omega", "doubt", "limited", "hz", *more)
-        rows_of = {name: columns[name][whose == of].tolist() for name in ("margin", *names)}
-        return {margin: {name: plain(rows_of[name][at]) for name in names} for at, margin in enumerate(rows_of["margin"])}
+        numbers = {}
+        for row in np.flatnonzero(whose == of):
+            numbers[columns["margin"][row]] = {name: plain(columns[name][row]) for name in names}
+        return numbers
 
     doubts = counted_doubts(columns["doubt"])
     tally = {"rows": len(whose), "doubts": doubts}
-    tally |= {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1), "margins": rows("spec")}
-    of_all = rows("for_all", "fails_below", "fails_from", "settled", "counterexample") if "guarantee" in columns else {}
-    return tally | ({"for_all": of_all} if of_all else {})
+    tally |= {"cut": facts["cut"], "period_s": facts["period_s"], "times": facts.get("times", 1)}
+    tally["margins"] = rows("spec")
+    if "guarantee" in columns:
+        of_all = rows("for_all", "fails_below", "fails_from", "settled", "counterexample")
+        if of_all:
+            tally["for_all"] = of_all
+    return tally
 
 
 def _lines(found: Numbers) -> Iterator[Line]:
-    times, period = found["times"], f"{1e3 * found['period_s']:.6g} ms"
-    once = f"broken at {found['cut']}, once in {period}"
-    all_of = {2: "both", 3: "all three", 4: "all four"}.get(times, f"all {times}")
-    several = f"broken at {found['cut']}, which runs {times} times per {period}; a margin is for one factor on {all_of} values"
-    yield once if times == 1 else several, False
+    times = found["times"]
+    period = f"{1e3 * found['period_s']:.6g} ms"
+    if times == 1:
+        yield f"broken at {found['cut']}, once in {period}", False
+    else:
+        runs = f"broken at {found['cut']}, which runs {times} times per {period}"
+        all_of = {2: "both", 3: "all three", 4: "all four"}.get(times, f"all {times}")
+        yield f"{runs}; a margin is for one factor on {all_of} values", False
     for name, margin in found["margins"].items():
-        omega, hz = margin["omega"], margin["hz"]
+        omega = margin["omega"]
+        hz = margin["hz"]
         if hz is None:
             at = ""
         elif isclose(2 * pi * hz, omega, rel_tol=1e-6, abs_tol=1e-9):
@@ -140,7 +154,8 @@ def _lines(found: Numbers) -> Iterator[Line]:
             yield f"nothing: not stable with {unstable['counterexample']}", True
             return
         for name, margin in of_all.items():
-            below, end = margin["fails_below"], margin["fails_from"]
+            below = margin["fails_below"]
+            end = margin["fails_from"]
             refuted = ""
             if below is not None:
                 refuted = f"below {rounded_down(below)}"
