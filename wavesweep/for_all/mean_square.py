@@ -63,7 +63,9 @@ class Losses:
         """The probability that the burst goes on like this, and then that of what happens to the message."""
         changes = self.ends if before else self.begins
         lost = self.inside if after else self.outside
-        return changes if before != after else 1 - changes, lost if late is LOST else 1 - lost
+        of_burst = changes if before != after else 1 - changes
+        of_message = lost if late is LOST else 1 - lost
+        return of_burst, of_message
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,8 +101,11 @@ class Chances:
 
     def probable(self, low: float, high: float) -> tuple[float, float]:
         """The part of an interval in which all probabilities are at least 0 and at most 1."""
-        first, slope = self.factors[..., 0].ravel(), np.diff(self.factors).ravel()
-        first, slope = first[slope != 0], slope[slope != 0]
+        first = self.factors[..., 0].ravel()
+        slope = np.diff(self.factors).ravel()
+        moves = slope != 0
+        first = first[moves]
+        slope = slope[moves]
         ends = np.sort([-first / slope, (1 - first) / slope], axis=0)
         return float(ends[0].max(initial=low)) + 0.0, float(ends[1].min(initial=high))
 
@@ -110,13 +115,23 @@ class Chances:
 
     def proves(self, P: np.ndarray, low: float, high: float) -> bool:
         """Whether these forms are proved to decay on average for all numbers from low to high."""
-        points = (
-            self.family.hull(low, high) if self.in_matrices else tuple(matrices[None] for matrices in self.family.enclosed(0.0))
-        )
+        points = self._hull(low, high)
         if points is None:
             return False
         weights = self.weights(low, high)
-        return all(shrink_on_average(Norms(P, self.graph), row, *pair) for row in weights for pair in zip(*points, strict=True))
+        norms = Norms(P, self.graph)
+        for weight in weights:
+            for E, dE in zip(*points, strict=True):
+                if not shrink_on_average(norms, weight, E, dE):
+                    return False
+        return True
+
+    def _hull(self, low, high):
+        """Control points of the matrices from low to high, and bounds on their errors; or None."""
+        if self.in_matrices:
+            return self.family.hull(low, high)
+        E, dE = self.family.enclosed(0.0)
+        return E[None], dE[None]
 
     def operator(self, x: float) -> np.ndarray:
         """What becomes of second moments at x, as a matrix for vectors of their entries."""
@@ -144,12 +159,16 @@ class Chances:
         approximate inverse C of `m - L` that is so if the spectral radius of `|1 - C (m - L)| + |C D| + |C| errors` is below 1
         (S. M. Rump, Verification methods, Acta Numerica 19, 2010). m is half-way to the next real eigenvalue, but at least 1.
         """
-        if (enclosed := self._enclosed(low, high)) is None:
+        enclosed = self._enclosed(low, high)
+        if enclosed is None:
             return False
-        (value, slope, off), identity = enclosed, np.eye(len(enclosed[0]))
+        value, slope, off = enclosed
+        identity = np.eye(len(value))
         eigenvalues = np.linalg.eigvals(value)
-        *_, next_, radius = np.sort(np.append(eigenvalues.real[np.abs(eigenvalues.imag) < 1e-9 * np.abs(eigenvalues)], [0, 0]))
-        m, rounding = (radius + max(next_, 1.0)) / 2, 4 * len(identity) * np.finfo(float).eps
+        is_real = np.abs(eigenvalues.imag) < 1e-9 * np.abs(eigenvalues)
+        *_, next_, radius = np.sort(np.append(eigenvalues.real[is_real], [0, 0]))
+        m = (radius + max(next_, 1.0)) / 2
+        rounding = 4 * len(identity) * np.finfo(float).eps
         middle = self._enclosed((low + high) / 2, (low + high) / 2)
         if radius <= 1 or middle is None or not _grow(middle[0] / m, middle[2] / m):
             return False
@@ -163,21 +182,31 @@ class Chances:
 
     def _enclosed(self, low, high):
         """The operator from low to high as `L + s D` and bounds on the rest, s from -1 to 1; None if it is not known."""
-        points = (
-            self.family.hull(low, high) if self.in_matrices else tuple(matrices[None] for matrices in self.family.enclosed(0.0))
-        )
+        points = self._hull(low, high)
         if points is None:
             return None
-        (A, D, rest), (w, v, change) = map(_line, (points[0] + np.eye(points[0].shape[-1]), self.weights(low, high)))
-        A_size, moved, off = np.abs(A), np.abs(D), rest + points[1].max(0)
-        acting, larger = _acting(A), _acting(A_size + moved + off)
+        E, dE = points
+        A, D, rest = _line(E + np.eye(E.shape[-1]))
+        w, v, change = _line(self.weights(low, high))
+        A_size = np.abs(A)
+        moved = np.abs(D)
+        off = rest + dE.max(0)
+        acting = _acting(A)
+        larger = _acting(A_size + moved + off)
         slope = _acting(A + D) - acting - _acting(D)
         error = larger - _acting(A_size + moved) + _acting(moved) + ROUNDING * larger
-        w, v, change = (factor[:, None, None] for factor in (w, v, change))
-        acting, slope, error, larger = (array[self.graph.symbol] for array in (acting, slope, error, larger))
+        w = w[:, None, None]
+        v = v[:, None, None]
+        change = change[:, None, None]
+        of_edges = self.graph.symbol
+        acting = acting[of_edges]
+        slope = slope[of_edges]
+        error = error[of_edges]
+        larger = larger[of_edges]
         rest = w * error + change * larger + np.abs(v) * (larger - np.abs(acting))
-        summands = w * acting, w * slope + v * acting, rest
-        return tuple(_summed(summand, self.graph) for summand in summands)
+        L = _summed(w * acting, self.graph)
+        D = _summed(w * slope + v * acting, self.graph)
+        return L, D, _summed(rest, self.graph)
 
     def forms(self, x: float, size: np.ndarray) -> np.ndarray:
         """Forms that decay at x, on average by the squares of the states over their sizes, NaN where there are none."""
@@ -185,9 +214,11 @@ class Chances:
 
     def sizes(self, x: float) -> np.ndarray:
         """Sizes of the states, `(n,)`, in whose units second moments under noise and forms have similar entries."""
-        size, operator = np.ones(self.family.kept.size), self.operator(x)
+        size = np.ones(self.family.kept.size)
+        operator = self.operator(x)
         for _ in range(SIZING):
-            moments, forms = self._solved(operator, size**2), self._solved(operator.T, size**-2.0)
+            moments = self._solved(operator, size**2)
+            forms = self._solved(operator.T, size**-2.0)
             with np.errstate(all="ignore"):  # next to where moments do not decay rounding makes them negative
                 size = (np.diagonal(moments.sum(0)) / np.diagonal(forms.sum(0))) ** 0.25
         return size
@@ -211,7 +242,8 @@ def operator_of(A: np.ndarray, graph: Graph, weight: np.ndarray) -> np.ndarray:
 
 
 def _summed(parts, graph):
-    size, nodes = parts.shape[-1], graph.nodes
+    size = parts.shape[-1]
+    nodes = graph.nodes
     total = np.zeros((nodes, size, nodes, size))
     np.add.at(total, (graph.target, slice(None), graph.source), parts)
     return total.reshape(nodes * size, nodes * size)
@@ -229,7 +261,8 @@ def _line(points):
     n = len(points) - 1
     if not n:
         return points[0], 0 * points[0], 0 * points[0]
-    middle, slope = (points[-1] + points[0]) / 2, (points[-1] - points[0]) / 2
+    middle = (points[-1] + points[0]) / 2
+    slope = (points[-1] - points[0]) / 2
     line = middle + np.multiply.outer(np.linspace(-1, 1, n + 1), slope)
     return middle, slope, np.abs(points - line).max(0)
 
@@ -416,9 +449,10 @@ def _factors(losses, changes, late):
 
 def decays(loop: Chances) -> str:
     """Whether second moments decay: "proved", "refuted" or "unknown"."""
-    if loop.decays(0.0):
-        return "proved" if loop.proves(loop.forms(0.0, loop.sizes(0.0)), 0.0, 0.0) else "unknown"
-    return "refuted" if loop.refuted(0.0) else "unknown"
+    if not loop.decays(0.0):
+        return "refuted" if loop.refuted(0.0) else "unknown"
+    P = loop.forms(0.0, loop.sizes(0.0))
+    return "proved" if loop.proves(P, 0.0, 0.0) else "unknown"
 
 
 def brackets_on_average(loop: Chances, limits: tuple[float, float], tolerance: float = 0.01) -> list[Bracket]:
@@ -428,9 +462,12 @@ def brackets_on_average(loop: Chances, limits: tuple[float, float], tolerance: f
     refuted. Intervals are searched in plain doubles: one that is much narrower than a panel of `_zeros` may be missed.
     """
     limits = loop.probable(*limits)
-    return [
-        row for stretch in parts_that_decay(loop, *limits) if (row := _bracket(loop, stretch, limits, tolerance)).low < row.high
-    ]
+    rows = []
+    for stretch in parts_that_decay(loop, *limits):
+        row = _bracket(loop, stretch, limits, tolerance)
+        if row.low < row.high:
+            rows.append(row)
+    return rows
 
 
 def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float, float]]:
@@ -445,18 +482,27 @@ def parts_that_decay(loop: Chances, low: float, high: float) -> list[tuple[float
         operator = loop.operator(x)
         return np.linalg.slogdet(np.eye(len(operator)) - operator)
 
-    edges = [low, *(x for x in sorted(_zeros(distance, low, high)) if low < x < high), high]
+    zeros = sorted(_zeros(distance, low, high))
+    edges = [low, *(x for x in zeros if low < x < high), high]
     middles = [(first + second) / 2 for first, second in pairwise(edges)]
-    stable, stretches = [loop.decays(x) for x in middles], []
+    stable = [loop.decays(x) for x in middles]
+    stretches = []
     for i, inside in enumerate(stable):
         if inside and stretches and stretches[-1][1] == edges[i] and loop.decays(edges[i]):
             stretches[-1] = stretches[-1][0], edges[i + 1]
         elif inside:
             stretches.append((edges[i], edges[i + 1]))
     outside = [x for x, inside in zip(middles, stable, strict=True) if not inside]
-    return [
-        tuple(end if end in (low, high) else _polished(loop, stretch, end, outside) for end in stretch) for stretch in stretches
-    ]
+    polished = []
+    for stretch in stretches:
+        ends = []
+        for end in stretch:
+            if end in (low, high):
+                ends.append(end)
+            else:
+                ends.append(_polished(loop, stretch, end, outside))
+        polished.append(tuple(ends))
+    return polished
 
 
 def grows_everywhere(loop: Chances, low: float, high: float) -> bool:
@@ -485,7 +531,10 @@ def nearest_growing(loop: Chances, start: float, limit: float, scanned: int = SC
         return np.nan, ()
     for _ in range(BISECTIONS if inside != outside else 0):
         middle = (inside + outside) / 2
-        inside, outside = (middle, outside) if loop.decays(middle) else (inside, middle)
+        if loop.decays(middle):
+            inside = middle
+        else:
+            outside = middle
     beyond = (outside + step * np.sign(limit - start) * max(abs(outside), 1e-6 * abs(limit - start)) for step in BEYOND)
     fails = next((float(x) for x in beyond if loop.refuted(x)), np.nan)
     return fails, () if np.isnan(fails) else (0,)
@@ -497,7 +546,10 @@ def _polished(loop, part, end, outside):
     beyond = min((x for x in outside if (x - end) * (end - inside) > 0), key=lambda x: abs(x - end), default=end)
     for _ in range(BISECTIONS):
         middle = (inside + beyond) / 2
-        inside, beyond = (middle, beyond) if loop.decays(middle) else (inside, middle)
+        if loop.decays(middle):
+            inside = middle
+        else:
+            beyond = middle
     return inside
 
 
