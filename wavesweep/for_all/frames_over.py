@@ -75,7 +75,8 @@ class FramesOver:
         except UnresolvedError as error:
             if error.number is None:
                 return int(np.argmax(np.ptp(cell, 0)))
-            return error.number
+            wide = np.flatnonzero(cell[0] < cell[1])
+            return int(wide[error.number])
 
     def unresolved(self, cell: np.ndarray) -> np.ndarray:
         """Return how much of what is left out of blocks and gains in a cell is due to each of its wide sides, `(sides,)`,

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wavesweep.engine.sets import LEAST, Polynomials, monomials
+from wavesweep.engine.sets import LEAST, UNIT, Polynomials, monomials
 from wavesweep.for_all.average import OnAverage, forms_of_one, forms_on_average
 from wavesweep.for_all.norm_check import shrink_over
 from wavesweep.for_all.norms import CALLS, Centre, find_norms, recentred, sloped
@@ -140,7 +140,9 @@ def _tried(frames, part, follows, work, narrow, words):
         around, A = part.known
         half = (around[1] - around[0])[wide] / 2
         middle = (box.mean(0) - around.mean(0))[wide] / half
-        A = A.within(middle, (box[1] - box[0])[wide] / 2 / half)
+        # Both middles are rounded: the part is taken wider by that, so that its ends are within.
+        rounding = 4 * UNIT * (1 + np.abs(around[:, wide]).max(0) / half)
+        A = A.within(middle, (box[1] - box[0])[wide] / 2 / half + rounding)
     rule = (follows.graph, follows.weight) if isinstance(follows, OnAverage) else follows
     try:
         found, spent = _forms(A, rule, part.start, work, words)

@@ -150,6 +150,29 @@ def test_exponentials_enclose_those_of_all_members(size):
         ).all()
 
 
+def test_exponentials_of_long_chains_enclose_their_smallest_entries():
+    """From state to state along a chain of 17 an entry is the term 15 of the series, and no other."""
+    chain = 0.2 * np.eye(17, k=1)
+    found = Polynomials.constant(chain, 1, 2).exponential()
+    with mpmath.workdps(40):
+        exact = mpmath.expm(mpmath.matrix(chain.tolist()))
+        for at in range(17):
+            assert abs(exact[0, at] - found.terms[0, 0, at]) <= found.rest[0, at]
+    assert (found.rest[np.tril_indices(17, -1)] == 0).all()  # nothing goes back along the chain
+
+
+def test_products_count_the_rounding_of_what_they_leave_out():
+    """The highest power of one times terms of half a rounding of the other: sums over the degrees lose these."""
+    one = Polynomials(np.zeros((11, 1, 1)), np.zeros((1, 1)), 1, 10)
+    one.terms[10] = 1.0
+    two = Polynomials(np.full((11, 1, 1), 0.9 * taylor_models.UNIT), np.zeros((1, 1)), 1, 10)
+    two.terms[0] = 1.0
+    exact = sum(map(Fraction, one.terms.ravel().tolist())) * sum(map(Fraction, two.terms.ravel().tolist()))
+    for found in (one @ two, one.entrywise(two)):
+        of_terms = sum(map(Fraction, found.terms.ravel().tolist()))
+        assert abs(exact - of_terms) <= Fraction(float(found.rest[0, 0]))
+
+
 def test_inverses_enclose_those_of_all_members_and_are_refused_where_one_may_be_singular():
     rng = np.random.default_rng(6)
     A = random_matrix(rng) + Polynomials.constant(np.diag([1.0, -2.0, 3.0]), 2, 4)

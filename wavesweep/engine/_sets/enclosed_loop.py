@@ -98,16 +98,13 @@ class EnclosedLoop:
         """Return the blocks and the gains of the wires in a cell `(2, sides)`.
 
         known: blocks in this cell, of loops with the same values and sides; those that are the same here are taken from there.
-        Errors: UnresolvedError if the cell is too wide for a bound; its number is the index of a side.
+        Errors: UnresolvedError if the cell is too wide for a bound; its number is that of one of the sides that are wide.
         """
         if self.last is not None and np.array_equal(self.last[0], cell):
             return self.last[1]
         wide = np.flatnonzero(cell[0] < cell[1])
         with ctx.workprec(BITS):
-            try:
-                model = _Evaluation(self, cell, wide, {} if known is None else known).model()
-            except UnresolvedError as error:
-                raise UnresolvedError(None if error.number is None else int(wide[error.number])) from None
+            model = _Evaluation(self, cell, wide, {} if known is None else known).model()
         self.last = cell, model
         return model
 

@@ -24,6 +24,7 @@ LEAST = 1e-300  # added to what is rounded outward: nothing underflows
 TERMS = 12  # of the series of an exponential
 NOTHING = 1e-15  # an exponential that is smaller need not be known
 BLOCK = 4  # of that series: powers above this one are products of its own
+OF_SUMS = 1e-9  # relative: more than the rounding of some products of matrices without signs
 SMALL = 0.25  # norm of a matrix, up to which that series is summed
 SHRINKS = 0.9  # norm up to which a geometric series of matrices is summed
 BALANCED = 6  # sweeps of balancing
@@ -386,7 +387,8 @@ class Polynomials:
 
     def _product(self, other, multiply, summed):
         one, two = self.sizes, other.sizes
-        roundings = 2 * (summed + min(one.present.sum(), two.present.sum())) * UNIT  # no more terms make one of the product
+        # No more terms make one of the product; `above` is a difference of sums over the degrees.
+        roundings = 2 * (summed + min(one.present.sum(), two.present.sum()) + self.order) * UNIT
         rest = multiply(self.rest, two.whole + other.rest) + multiply(one.whole, other.rest + roundings * two.whole)
         if one.present[1:].any() and two.present[1:].any():
             rest = rest + multiply(one.by_degree[1:], two.above[self.order - 1 :: -1]).sum(0)
@@ -451,7 +453,7 @@ class Polynomials:
         """`exp(A)` of one square matrix: a series for `A/2^k`, then k squarings.
 
         In units of powers of 2 in which rows and columns are alike. What the series leaves out is at most
-        `X^13 (I + 2 X)/13!`, entry by entry, for the sizes X of the entries, whose norm is at most 1/4.
+        `X^13 (I - X)^-1/13!`, entry by entry, for the sizes X of the entries, whose norm is at most 1/4.
         """
         n = len(self.rest)
         if not np.isfinite(self.whole).all():
@@ -474,7 +476,7 @@ class Polynomials:
             if begin:
                 total = total @ largest
         size = scaled.whole
-        left_out = np.linalg.matrix_power(size, TERMS + 1) @ (np.eye(n) + 2 * size) / factorial(TERMS + 1)
+        left_out = np.linalg.matrix_power(size, TERMS + 1) @ _series_of(size) / factorial(TERMS + 1)
         total = self._like(total.terms, total.rest + left_out)
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(halvings):
@@ -519,6 +521,24 @@ def _combined(matrices, factors):
         terms += factor * each.terms
         rest += factor * (each.rest + roundings * each.whole)
     return Polynomials(terms, rest, matrices[0].numbers, matrices[0].order)
+
+
+def _series_of(X: np.ndarray) -> np.ndarray:
+    """Bounds on the entries of `(I - X)^-1 = I + X + X^2 + ...`, for X >= 0 whose rows add up to 1/4 at most.
+
+    Entry (i, j) is the weight of all walks from i to j. Those of fewer than N >= n steps are added up.
+    A longer one is a walk of N steps and a further one, which is a path of fewer than n steps with
+    walks that return to each of its at most n states: the weights of these add up to 4/3 at most. So
+    the rest is at most `(4/3)^n X^N (I + ... + X^(N-1))`.
+    """
+    n = len(X)
+    total = np.eye(n)
+    power = X
+    for _ in range(max(1, (n - 1).bit_length())):
+        total = total + power @ total
+        power = power @ power
+    rest = (4 / 3) ** n * power @ total
+    return (total + rest) * (1 + OF_SUMS)
 
 
 def _units(size):
